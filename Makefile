@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: MIT
+# `make run` and `make test` are the two commands. Each brings what it needs (tools/setup.sh); `make help` lists the others.
+
+# What to run: a scene, and further arguments for tandem.
+SCENE ?= rolling_disk
+ARGS  ?=
+# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those).
+ARCH  ?= -march=native
+RELEASE = --profile release --flag "$(ARCH)"
+FPM     = .venv/bin/fpm
+# Parts of the tests, all if empty: tools/verify.py --list
+PARTS ?=
+
+export ARCH
+# The systems are small: threads inside BLAS cost more than they bring.
+export OPENBLAS_NUM_THREADS ?= 1
+# A git hook exports these; fpm's calls of git would follow them into another repository.
+unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
+
+.PHONY: help setup build run test clean
+.DEFAULT_GOAL := help
+
+run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
+	@build/tandem run $(SCENE) $(ARGS)
+
+test: ## all that verifies the project; the last line is "N passed, N failed" (PARTS='lint python' for some)
+	@tools/setup.sh test
+	@python3 tools/verify.py $(PARTS)
+
+build: setup ## the release binary, left at build/tandem
+	@$(FPM) run tandem $(RELEASE) --runner install -- build/tandem
+
+setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
+	@tools/setup.sh
+
+clean: ## remove all that was built
+	@rm -rf build
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14

@@ -1,0 +1,131 @@
+! SPDX-License-Identifier: MIT
+!> Checks that a model is complete: sizes that can be, required procedures present, lists of the right length.
+module tandem_model_check
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_model, only: model_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
+    use tandem_kinds, only: wp
+    use tandem_status, only: status_invalid_model
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none
+    private
+
+    public :: check_model
+
+contains
+
+    !> Refuse a model that cannot be simulated; the message names what is missing.
+    subroutine check_model(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_sizes(model, error)
+        if (.not. allocated(error)) call check_procedures(model, error)
+        if (.not. allocated(error)) call check_lists(model, error)
+        if (.not. allocated(error)) call check_breakpoints(model, error)
+    end subroutine check_model
+
+    subroutine check_sizes(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        if (model%n < 1) then
+            call refuse('n = '//to_text(model%n)//' coordinates', 'a model has at least one', error)
+        else if (model%n_holonomic < 0 .or. model%n_nonholonomic < 0) then
+            call refuse('n_holonomic = '//to_text(model%n_holonomic)//' and n_nonholonomic = '// &
+                to_text(model%n_nonholonomic), 'numbers of constraints are not negative', error)
+        else if (model%n_constraints() > model%n) then
+            call refuse(to_text(model%n_holonomic)//' holonomic and '//to_text(model%n_nonholonomic)// &
+                ' nonholonomic constraints on '//to_text(model%n)//' coordinates', &
+                'there are at most as many constraints as coordinates', error)
+        end if
+    end subroutine check_sizes
+
+    subroutine check_procedures(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        if (model%provides /= 0 .and. .not. associated(model%evaluate)) then
+            call refuse('provides is set, but the procedure evaluate is missing', 'associate it', error)
+            return
+        end if
+        associate (holonomic => model%n_holonomic > 0, nonholonomic => model%n_nonholonomic > 0)
+            call require(holonomic, need_phi, associated(model%holonomic), 'holonomic')
+            call require(holonomic, need_jacobian, associated(model%holonomic_jacobian), 'holonomic_jacobian')
+            call require(nonholonomic, need_jacobian, associated(model%nonholonomic_jacobian), 'nonholonomic_jacobian')
+            call require(holonomic .or. nonholonomic, need_gamma, associated(model%constraint_acceleration), &
+                'constraint_acceleration')
+            call require(.true., need_mass, associated(model%mass_matrix), 'mass_matrix')
+            if (allocated(error)) return
+            if (associated(model%holonomic_rate) .and. .not. holonomic) &
+                call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
+            if (associated(model%nonholonomic_rhs) .and. .not. nonholonomic) &
+                call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
+        end associate
+
+    contains
+
+        subroutine require(needed, bit, has_procedure, name)
+            logical, intent(in) :: needed, has_procedure
+            integer, intent(in) :: bit
+            character(len=*), intent(in) :: name
+
+            if (allocated(error) .or. .not. needed .or. has_procedure .or. iand(model%provides, bit) /= 0) return
+            call refuse('the procedure '//name//' is missing', 'associate it, or let evaluate provide it', error)
+        end subroutine require
+    end subroutine check_procedures
+
+    subroutine check_lists(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        if (allocated(model%coordinate_name)) &
+            call check_length('coordinate_name', size(model%coordinate_name), model%n)
+        if (allocated(model%coordinate_unit)) &
+            call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
+        if (allocated(model%holonomic_name)) &
+            call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
+        if (allocated(model%nonholonomic_name)) &
+            call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
+        if (allocated(model%coordinate_scale)) then
+            call check_length('coordinate_scale', size(model%coordinate_scale), model%n)
+            if (allocated(error)) return
+            if (.not. all(model%coordinate_scale > 0.0_wp .and. ieee_is_finite(model%coordinate_scale))) &
+                call refuse('an entry of coordinate_scale is not positive and finite', 'give typical magnitudes', error)
+        end if
+
+    contains
+
+        subroutine check_length(name, found, expected)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: found, expected
+
+            if (allocated(error) .or. found == expected) return
+            call refuse(name//' has '//to_text(found)//' entries instead of '//to_text(expected), 'give one each', error)
+        end subroutine check_length
+    end subroutine check_lists
+
+    subroutine check_breakpoints(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+        integer :: n
+
+        if (allocated(model%nu_jumps)) then
+            n = 0
+            if (allocated(model%breakpoints)) n = size(model%breakpoints)
+            if (size(model%nu_jumps) /= n) call refuse('nu_jumps has '//to_text(size(model%nu_jumps))// &
+                ' entries instead of '//to_text(n), 'give one a breakpoint', error)
+        end if
+        if (allocated(error) .or. .not. allocated(model%breakpoints)) return
+        n = size(model%breakpoints)
+        if (.not. all(ieee_is_finite(model%breakpoints)) .or. any(model%breakpoints(2:) <= model%breakpoints(:n - 1))) &
+            call refuse('the breakpoints do not ascend', 'sort them, each once', error)
+    end subroutine check_breakpoints
+
+    subroutine refuse(problem, advice, error)
+        character(len=*), intent(in) :: problem, advice
+        type(error_type), allocatable, intent(out) :: error
+
+        call set_error(error, status_invalid_model, problem, advice)
+    end subroutine refuse
+end module tandem_model_check

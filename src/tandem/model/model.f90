@@ -1,0 +1,204 @@
+! SPDX-License-Identifier: MIT
+!> The model: sizes, names and procedure pointers. A scene extends `model_type` with its parameters and associates the
+!> procedures that it has; an unassociated pointer means that the scene has no such term.
+!>
+!> Every procedure is a subroutine whose last argument is a status: 0 fine, > 0 this point cannot be evaluated (a smaller
+!> step may help), < 0 stop. The passed object is `intent(inout)`, so that a model may keep intermediate results; one model
+!> instance belongs to one simulation. Associate module procedures only: a pointer to an internal procedure needs a
+!> trampoline on the stack, which crashes where the stack is not executable.
+!>
+!> Source of the equations: E. J. Haug, An index 0 differential-algebraic equation formulation for multibody dynamics:
+!> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
+module tandem_model
+    use tandem_kinds, only: wp
+    use tandem_model_terms, only: terms_type
+    implicit none
+    private
+
+    public :: model_type, label_length
+    public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
+    public :: energy_of_motion, energy_of_position, evaluate_interface
+
+    !> Length of a coordinate's, unit's or constraint row's name.
+    integer, parameter :: label_length = 32
+
+    type :: model_type
+        !> The model's name in reports and files.
+        character(len=:), allocatable :: name
+        !> Number of generalized coordinates.
+        integer :: n = 0
+        !> Number of holonomic constraints Phi(t, q) = 0.
+        integer :: n_holonomic = 0
+        !> Number of nonholonomic constraints E(t, q) qd = e(t, q).
+        integer :: n_nonholonomic = 0
+        !> True where M does not depend on q: it is then evaluated once.
+        logical :: constant_mass = .false.
+        !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
+        character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
+        !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
+        real(wp), allocatable :: coordinate_scale(:)
+        !> Names of the constraint rows (nh) and (nd); defaults holonomic 1, ..., nonholonomic 1, ...
+        character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
+        !> Ascending times at which a function of time has a kink or a jump: steps end there exactly.
+        real(wp), allocatable :: breakpoints(:)
+        !> Whether nu jumps at each breakpoint, so that qd must jump with it; default false.
+        logical, allocatable :: nu_jumps(:)
+        !> Which smooth piece is current, 1 before the first breakpoint; set by the simulation. Procedures look at this
+        !> and never compare t with a breakpoint.
+        integer :: segment = 1
+
+        !> Phi(t, q) (nh); required where nh > 0.
+        procedure(vector_of_position), pointer :: holonomic => null()
+        !> Phi_q(t, q) (nh, n); required where nh > 0.
+        procedure(matrix_of_position), pointer :: holonomic_jacobian => null()
+        !> Phi_t(t, q) (nh); only where Phi depends on time.
+        procedure(vector_of_position), pointer :: holonomic_rate => null()
+        !> E(t, q) (nd, n); required where nd > 0.
+        procedure(matrix_of_position), pointer :: nonholonomic_jacobian => null()
+        !> e(t, q) (nd); only where e is not zero.
+        procedure(vector_of_position), pointer :: nonholonomic_rhs => null()
+        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); required where there are constraints.
+        procedure(vector_of_motion), pointer :: constraint_acceleration => null()
+        !> M(q) (n, n), symmetric; required.
+        procedure(mass_interface), pointer :: mass_matrix => null()
+        !> S(q, qd) (n); only where there is one.
+        procedure(inertia_interface), pointer :: inertia_force => null()
+        !> Q_A(t, q, qd) (n); only where there is one.
+        procedure(vector_of_motion), pointer :: applied_force => null()
+        !> T(q, qd) for reports; default qd' M qd / 2.
+        procedure(energy_of_motion), pointer :: kinetic_energy => null()
+        !> V(t, q) for reports.
+        procedure(energy_of_position), pointer :: potential_energy => null()
+        !> Any set of terms at one point in one call, for models that share work between them; preferred to the single
+        !> procedures for the terms in `provides`.
+        procedure(evaluate_interface), pointer :: evaluate => null()
+        !> The terms that `evaluate` gives, a sum of need bits (see `tandem_model_terms`). A term that is neither in
+        !> `provides` nor has a procedure of its own is zero.
+        integer :: provides = 0
+    contains
+        procedure :: n_constraints
+        procedure :: row_name
+    end type model_type
+
+    abstract interface
+        !> A vector that depends on time and position.
+        subroutine vector_of_position(self, t, q, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            !> Time.
+            real(wp), intent(in) :: t
+            !> Coordinates (n).
+            real(wp), intent(in) :: q(:)
+            !> The vector, all of it.
+            real(wp), intent(out) :: value(:)
+            !> 0 fine, > 0 cannot be evaluated here, < 0 stop.
+            integer, intent(out) :: stat
+        end subroutine vector_of_position
+
+        !> A matrix that depends on time and position: one row a constraint, one column a coordinate.
+        subroutine matrix_of_position(self, t, q, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:)
+            !> The matrix, zeros included.
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine matrix_of_position
+
+        !> A vector that depends on time, position and velocity.
+        subroutine vector_of_motion(self, t, q, qd, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates (n), velocities (n).
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:)
+            integer, intent(out) :: stat
+        end subroutine vector_of_motion
+
+        !> The mass matrix.
+        subroutine mass_interface(self, q, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: q(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine mass_interface
+
+        !> The inertia force, without the time.
+        subroutine inertia_interface(self, q, qd, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: q(:), qd(:)
+            real(wp), intent(out) :: value(:)
+            integer, intent(out) :: stat
+        end subroutine inertia_interface
+
+        !> An energy that depends on the velocity.
+        subroutine energy_of_motion(self, q, qd, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: q(:), qd(:)
+            real(wp), intent(out) :: value
+            integer, intent(out) :: stat
+        end subroutine energy_of_motion
+
+        !> An energy that depends on the position.
+        subroutine energy_of_position(self, t, q, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:)
+            real(wp), intent(out) :: value
+            integer, intent(out) :: stat
+        end subroutine energy_of_position
+
+        !> Several terms at once.
+        subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
+            import :: model_type, wp, terms_type
+            class(model_type), intent(inout) :: self
+            !> The terms wanted, a sum of need bits; only those in `provides` are asked for.
+            integer, intent(in) :: need
+            !> qd is meaningful only where gamma or force are asked for.
+            real(wp), intent(in) :: t, q(:), qd(:)
+            !> The wanted terms are set, zeros included; the others are left alone.
+            type(terms_type), intent(inout) :: terms
+            integer, intent(out) :: stat
+        end subroutine evaluate_interface
+    end interface
+
+contains
+
+    !> nh + nd, the number of rows of C.
+    pure integer function n_constraints(self)
+        class(model_type), intent(in) :: self
+
+        n_constraints = self%n_holonomic + self%n_nonholonomic
+    end function n_constraints
+
+    !> The name of a row of C.
+    pure function row_name(self, row) result(name)
+        class(model_type), intent(in) :: self
+        !> Row of C, holonomic rows first.
+        integer, intent(in) :: row
+        character(len=:), allocatable :: name
+        character(len=12) :: number
+        integer :: i
+
+        i = row
+        if (i <= self%n_holonomic) then
+            if (allocated(self%holonomic_name)) then
+                name = trim(self%holonomic_name(i))
+                return
+            end if
+            name = 'holonomic '
+        else
+            i = i - self%n_holonomic
+            if (allocated(self%nonholonomic_name)) then
+                name = trim(self%nonholonomic_name(i))
+                return
+            end if
+            name = 'nonholonomic '
+        end if
+        write (number, '(i0)') i
+        name = name//trim(number)
+    end function row_name
+end module tandem_model

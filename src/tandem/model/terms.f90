@@ -1,0 +1,67 @@
+! SPDX-License-Identifier: MIT
+!> The terms of the equations of motion at one point (t, q, qd), and the bits that name them in a need mask.
+module tandem_model_terms
+    use tandem_kinds, only: wp
+    implicit none
+    private
+
+    public :: terms_type, n_terms, term_name
+    public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
+
+    !> Phi(t, q), the holonomic constraints (1).
+    integer, parameter :: need_phi = 1
+    !> C(t, q) = [Phi_q; E] (3), holonomic rows first.
+    integer, parameter :: need_jacobian = 2
+    !> nu(t, q) = [-Phi_t; e], the right side of the velocity constraints (6).
+    integer, parameter :: need_nu = 4
+    !> gamma(t, q, qd) of the acceleration constraints C qdd = -gamma (7), (8).
+    integer, parameter :: need_gamma = 8
+    !> M(q), the mass matrix (35).
+    integer, parameter :: need_mass = 16
+    !> S(q, qd) + Q_A(t, q, qd), inertia and applied forces (35).
+    integer, parameter :: need_force = 32
+
+    !> How many terms there are; term i has the bit 2**(i - 1).
+    integer, parameter :: n_terms = 6
+    !> The terms' names in reports, in the order of their bits.
+    character(len=12), parameter :: term_name(n_terms) = &
+        [character(len=12) :: 'phi', 'jacobian', 'nu', 'gamma', 'mass', 'force']
+
+    !> Values of the terms. A term that the model does not have stays zero.
+    type :: terms_type
+        !> Phi (nh).
+        real(wp), allocatable :: phi(:)
+        !> C (nh + nd, n).
+        real(wp), allocatable :: jacobian(:, :)
+        !> nu (nh + nd).
+        real(wp), allocatable :: nu(:)
+        !> gamma (nh + nd).
+        real(wp), allocatable :: gamma(:)
+        !> M (n, n).
+        real(wp), allocatable :: mass(:, :)
+        !> S + Q_A (n).
+        real(wp), allocatable :: force(:)
+    contains
+        procedure :: allocate => allocate_terms
+    end type terms_type
+
+contains
+
+    !> Allocate every term with zeros.
+    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic)
+        class(terms_type), intent(inout) :: self
+        !> Numbers of coordinates, holonomic and nonholonomic constraints.
+        integer, intent(in) :: n, n_holonomic, n_nonholonomic
+        integer :: m
+
+        m = n_holonomic + n_nonholonomic
+        self%phi = spread(0.0_wp, 1, n_holonomic)
+        self%nu = spread(0.0_wp, 1, m)
+        self%gamma = spread(0.0_wp, 1, m)
+        self%force = spread(0.0_wp, 1, n)
+        if (allocated(self%jacobian)) deallocate (self%jacobian)
+        allocate (self%jacobian(m, n), source=0.0_wp)
+        if (allocated(self%mass)) deallocate (self%mass)
+        allocate (self%mass(n, n), source=0.0_wp)
+    end subroutine allocate_terms
+end module tandem_model_terms

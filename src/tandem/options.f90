@@ -1,0 +1,146 @@
+! SPDX-License-Identifier: MIT
+!> What a user may choose about a run, with its defaults and its checks.
+module tandem_options
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none
+    private
+
+    public :: options_type, chart_policies, refresh_modes
+
+    !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
+    character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
+    !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).
+    character(len=6), parameter :: refresh_modes(2) = [character(len=6) :: 'factor', 'refine']
+
+    type :: options_type
+        !> Name of the stepper, see `stepper_names` in `tandem_stepper_factory`.
+        character(len=16) :: stepper = 'rk4'
+        !> Step size h of fixed steps, in units of time.
+        real(wp) :: step = 1.0e-3_wp
+        !> One of `chart_policies`.
+        character(len=10) :: chart = 'every_step'
+        !> One of `refresh_modes`.
+        character(len=6) :: refresh = 'factor'
+        !> Largest constraint error on the natural scale of its row, at all three levels.
+        real(wp) :: constraint_tolerance = 1.0e-12_wp
+        !> Tolerance of the position iteration (17); 0 stands for `constraint_tolerance`.
+        real(wp) :: utol = 0.0_wp
+        !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
+        real(wp) :: btol = 0.0_wp
+        !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
+        real(wp) :: htol = 0.0_wp
+        !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit.
+        real(wp) :: v_limit = 0.0_wp
+        !> `paper` policy: a new chart when |w|_2 passes this; 0 means no limit.
+        real(wp) :: w_limit = 0.0_wp
+        !> `adaptive` policy: a new chart when |D|_2 or |Fbar|_2, the secants of the angles to the tangent spaces, pass this.
+        real(wp) :: secant_limit = 1.5_wp
+        !> Largest violation of the constraints by the start, on the natural scale; smaller ones are removed.
+        real(wp) :: start_tolerance = 1.0e-8_wp
+        !> Most steps of one run.
+        integer :: max_steps = huge(1)
+    contains
+        procedure :: check
+        procedure :: position_tolerance
+        procedure :: b_tolerance
+        procedure :: h_tolerance
+    end type options_type
+
+contains
+
+    !> Refuse values that cannot be; the message names the option.
+    subroutine check(self, error)
+        class(options_type), intent(in) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. any(self%chart == chart_policies)) then
+            call set_error(error, status_invalid_option, 'chart = "'//trim(self%chart)//'" is unknown', &
+                'use every_step, adaptive or paper')
+        else if (.not. any(self%refresh == refresh_modes)) then
+            call set_error(error, status_invalid_option, 'refresh = "'//trim(self%refresh)//'" is unknown', &
+                'use factor or refine')
+        else if (self%max_steps < 1) then
+            call set_error(error, status_invalid_option, 'max_steps = '//to_text(self%max_steps)//' must be at least 1')
+        end if
+        if (allocated(error)) return
+        call check_positive('step', self%step, error)
+        if (allocated(error)) return
+        call check_limit('v_limit', self%v_limit, error)
+        if (allocated(error)) return
+        call check_limit('w_limit', self%w_limit, error)
+        if (allocated(error)) return
+        call check_tolerance('constraint_tolerance', self%constraint_tolerance, error)
+        if (allocated(error)) return
+        call check_tolerance('utol', self%position_tolerance(), error)
+        if (allocated(error)) return
+        call check_tolerance('btol', self%b_tolerance(), error)
+        if (allocated(error)) return
+        call check_tolerance('htol', self%h_tolerance(), error)
+        if (allocated(error)) return
+        call check_tolerance('start_tolerance', self%start_tolerance, error)
+        if (allocated(error)) return
+        if (.not. self%secant_limit > 1.0_wp) then
+            call set_error(error, status_invalid_option, 'secant_limit = '//to_text(self%secant_limit)//' must be above 1')
+        end if
+    end subroutine check
+
+    !> utol, or what stands for it.
+    pure real(wp) function position_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        position_tolerance = merge(self%constraint_tolerance, self%utol, is_unset(self%utol))
+    end function position_tolerance
+
+    !> Btol, or what stands for it.
+    pure real(wp) function b_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        b_tolerance = merge(self%constraint_tolerance, self%btol, is_unset(self%btol))
+    end function b_tolerance
+
+    !> Htol, or what stands for it.
+    pure real(wp) function h_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        h_tolerance = merge(self%constraint_tolerance, self%htol, is_unset(self%htol))
+    end function h_tolerance
+
+    !> Whether a tolerance was left at the zero that stands for another.
+    pure elemental logical function is_unset(value)
+        real(wp), intent(in) :: value
+
+        is_unset = .not. (value < 0.0_wp .or. value > 0.0_wp)
+    end function is_unset
+
+    subroutine check_positive(name, value, error)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+        type(error_type), allocatable, intent(out) :: error
+
+        if (value > 0.0_wp .and. ieee_is_finite(value)) return
+        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must be positive and finite')
+    end subroutine check_positive
+
+    subroutine check_limit(name, value, error)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+        type(error_type), allocatable, intent(out) :: error
+
+        if (value >= 0.0_wp .and. ieee_is_finite(value)) return
+        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must be positive, or 0 for no limit')
+    end subroutine check_limit
+
+    !> A tolerance must be resolvable in double precision and must mean something.
+    subroutine check_tolerance(name, value, error)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: smallest = 1.0e-15_wp, largest = 1.0e-2_wp
+
+        if (value >= smallest .and. value <= largest) return
+        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must lie between 1e-15 and 1e-2')
+    end subroutine check_tolerance
+end module tandem_options

@@ -1,0 +1,125 @@
+! SPDX-License-Identifier: MIT
+!> Euler parameters p = (e0, e) and the matrices of their calculus. Everything holds for every p, not only for unit ones.
+!> Source: Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989; Serban and Haug, 1998,
+!> doi 10.1080/08905459808945425; section 5 of the method's description in doc/theory.md.
+module tandem_rigid_euler_parameters
+    use tandem_kinds, only: wp
+    implicit none
+    private
+
+    public :: rotation, e_matrix, g_matrix, b_matrix, skew
+    public :: g_product, g_transposed_product, b_product
+
+contains
+
+    !> A(p) = E G' = (e0^2 - e'e) I + 2 e e' + 2 e0 ~e, from the body's frame to the global one (3, 3).
+    pure function rotation(p) result(a)
+        real(wp), intent(in) :: p(4)
+        real(wp) :: a(3, 3)
+        real(wp) :: d
+
+        d = p(1)**2 - p(2)**2 - p(3)**2 - p(4)**2
+        a(1, 1) = d + 2*p(2)*p(2)
+        a(2, 1) = 2*(p(3)*p(2) + p(1)*p(4))
+        a(3, 1) = 2*(p(4)*p(2) - p(1)*p(3))
+        a(1, 2) = 2*(p(2)*p(3) - p(1)*p(4))
+        a(2, 2) = d + 2*p(3)*p(3)
+        a(3, 2) = 2*(p(4)*p(3) + p(1)*p(2))
+        a(1, 3) = 2*(p(2)*p(4) + p(1)*p(3))
+        a(2, 3) = 2*(p(3)*p(4) - p(1)*p(2))
+        a(3, 3) = d + 2*p(4)*p(4)
+    end function rotation
+
+    !> E(p) = [-e, e0 I + ~e] (3, 4).
+    pure function e_matrix(p) result(e)
+        real(wp), intent(in) :: p(4)
+        real(wp) :: e(3, 4)
+
+        e(:, 1) = -p(2:4)
+        e(:, 2) = [p(1), p(4), -p(3)]
+        e(:, 3) = [-p(4), p(1), p(2)]
+        e(:, 4) = [p(3), -p(2), p(1)]
+    end function e_matrix
+
+    !> G(p) = [-e, e0 I - ~e] (3, 4); the angular velocity in the body's frame is 2 G pd.
+    pure function g_matrix(p) result(g)
+        real(wp), intent(in) :: p(4)
+        real(wp) :: g(3, 4)
+
+        g(:, 1) = -p(2:4)
+        g(:, 2) = [p(1), -p(4), p(3)]
+        g(:, 3) = [p(4), p(1), -p(2)]
+        g(:, 4) = [-p(3), p(2), p(1)]
+    end function g_matrix
+
+    !> B(p, a) = (A(p) a)_p = 2 [(e0 I + ~e) a, e a' - (e0 I + ~e) ~a] (3, 4). B is linear in p and in a, and
+    !> B(p, a) x = B(x, a) p.
+    pure function b_matrix(p, a) result(b)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: b(3, 4)
+        real(wp) :: d(3), s
+
+        ! d = (e0 I + ~e) a; s = e'a. The last three columns are 2 (e a' - e0 ~a - ~e ~a), ~e ~a = a e' - (e'a) I.
+        d(1) = p(1)*a(1) + p(3)*a(3) - p(4)*a(2)
+        d(2) = p(1)*a(2) + p(4)*a(1) - p(2)*a(3)
+        d(3) = p(1)*a(3) + p(2)*a(2) - p(3)*a(1)
+        s = p(2)*a(1) + p(3)*a(2) + p(4)*a(3)
+        b(:, 1) = 2*d
+        b(1, 2) = 2*s
+        b(2, 2) = 2*(p(3)*a(1) - a(2)*p(2) - p(1)*a(3))
+        b(3, 2) = 2*(p(4)*a(1) - a(3)*p(2) + p(1)*a(2))
+        b(1, 3) = 2*(p(2)*a(2) - a(1)*p(3) + p(1)*a(3))
+        b(2, 3) = 2*s
+        b(3, 3) = 2*(p(4)*a(2) - a(3)*p(3) - p(1)*a(1))
+        b(1, 4) = 2*(p(2)*a(3) - a(1)*p(4) - p(1)*a(2))
+        b(2, 4) = 2*(p(3)*a(3) - a(2)*p(4) + p(1)*a(1))
+        b(3, 4) = 2*s
+    end function b_matrix
+
+    !> G(p) x (3), without the matrix.
+    pure function g_product(p, x) result(y)
+        real(wp), intent(in) :: p(4), x(4)
+        real(wp) :: y(3)
+
+        y(1) = -p(2)*x(1) + p(1)*x(2) + p(4)*x(3) - p(3)*x(4)
+        y(2) = -p(3)*x(1) - p(4)*x(2) + p(1)*x(3) + p(2)*x(4)
+        y(3) = -p(4)*x(1) + p(3)*x(2) - p(2)*x(3) + p(1)*x(4)
+    end function g_product
+
+    !> G(p)' a (4), without the matrix.
+    pure function g_transposed_product(p, a) result(y)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: y(4)
+
+        y(1) = -p(2)*a(1) - p(3)*a(2) - p(4)*a(3)
+        y(2) = p(1)*a(1) - p(4)*a(2) + p(3)*a(3)
+        y(3) = p(4)*a(1) + p(1)*a(2) - p(2)*a(3)
+        y(4) = -p(3)*a(1) + p(2)*a(2) + p(1)*a(3)
+    end function g_transposed_product
+
+    !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
+    pure function b_product(p, a, x) result(y)
+        real(wp), intent(in) :: p(4), a(3), x(4)
+        real(wp) :: y(3)
+        real(wp) :: d, pa, xa
+
+        ! A(p) a = (e0^2 - e'e) a + 2 e (e'a) + 2 e0 e x a, polarised in p and x.
+        d = p(1)*x(1) - p(2)*x(2) - p(3)*x(3) - p(4)*x(4)
+        pa = p(2)*a(1) + p(3)*a(2) + p(4)*a(3)
+        xa = x(2)*a(1) + x(3)*a(2) + x(4)*a(3)
+        y(1) = d*a(1) + p(2)*xa + x(2)*pa + p(1)*(x(3)*a(3) - x(4)*a(2)) + x(1)*(p(3)*a(3) - p(4)*a(2))
+        y(2) = d*a(2) + p(3)*xa + x(3)*pa + p(1)*(x(4)*a(1) - x(2)*a(3)) + x(1)*(p(4)*a(1) - p(2)*a(3))
+        y(3) = d*a(3) + p(4)*xa + x(4)*pa + p(1)*(x(2)*a(2) - x(3)*a(1)) + x(1)*(p(2)*a(2) - p(3)*a(1))
+        y = 2*y
+    end function b_product
+
+    !> ~a, the matrix of the cross product: ~a b = a x b (3, 3).
+    pure function skew(a) result(s)
+        real(wp), intent(in) :: a(3)
+        real(wp) :: s(3, 3)
+
+        s(:, 1) = [0.0_wp, a(3), -a(2)]
+        s(:, 2) = [-a(3), 0.0_wp, a(1)]
+        s(:, 3) = [a(2), -a(1), 0.0_wp]
+    end function skew
+end module tandem_rigid_euler_parameters

@@ -1,0 +1,497 @@
+! SPDX-License-Identifier: MIT
+!> A simulation: a model, a chart, a stepper, the current state, and the loop that joins them.
+!>
+!> The object can be stepped from outside (`step`) or run (`integrate`). It holds everything that the integration remembers;
+!> the model is the caller's and must outlive it. Two simulations never share anything.
+module tandem_simulation
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: long, wp
+    use tandem_model, only: model_type
+    use tandem_model_check, only: check_model
+    use tandem_options, only: options_type
+    use tandem_simulate_statistics, only: by_breakpoint, by_d, by_fbar, by_start, by_step, by_v, by_w, statistics_type
+    use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
+        status_invalid_option, status_ok, status_singular_mass, status_rank_deficient, status_step_limit, &
+        status_step_underflow, status_of
+    use tandem_stepper, only: stepper_type
+    use tandem_stepper_factory, only: new_stepper, stepper_names
+    use tandem_stepper_state, only: state_type
+    use tandem_tangent_chart, only: chart_type, health_type
+    use tandem_tangent_counts, only: counts_type
+    use tandem_tangent_dense, only: dense_chart_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none
+    private
+
+    public :: simulation_type, observer_type
+    public :: at_start, at_step, at_end
+
+    !> When an observer is called: with the start, after an accepted step, with the last state of a run (also a failed one).
+    integer, parameter :: at_start = 0, at_step = 1, at_end = 2
+
+    !> Somebody who looks at the motion as it goes, to write it or to draw it.
+    type, abstract :: observer_type
+    contains
+        procedure(observe_interface), deferred :: observe
+    end type observer_type
+
+    type :: simulation_type
+        !> The current state; all three constraint levels hold.
+        type(state_type) :: state
+        !> The model, the caller's.
+        class(model_type), pointer :: model => null()
+        !> What was asked for.
+        type(options_type) :: options
+        !> Number of the current step on the grid of fixed steps: a step that was cut at a breakpoint does not count.
+        integer(long) :: grid_steps = 0
+        !> True where the current state lies on that grid.
+        logical :: on_grid = .true.
+        !> Size of the last step.
+        real(wp) :: last_step = 0.0_wp
+        !> Position, velocity and acceleration error of the current state, on the natural scale of each row.
+        real(wp) :: errors(3) = 0.0_wp
+        class(chart_type), allocatable, private :: chart
+        class(stepper_type), allocatable, private :: stepper
+        type(state_type), private :: next
+        type(statistics_type), private :: tally
+        real(wp), private :: t_start = 0.0_wp
+        logical, private :: chart_is_current = .false.
+    contains
+        procedure :: initialize
+        procedure :: step
+        procedure :: integrate
+        procedure :: statistics
+        procedure :: multipliers
+        procedure :: kinetic_energy
+        procedure :: potential_energy
+        procedure, private :: accept_start
+        procedure, private :: next_time
+        procedure, private :: renew_chart
+        procedure, private :: renew_by_policy
+        procedure, private :: cross_breakpoint
+        procedure, private :: measure_errors
+        procedure, private :: fail
+    end type simulation_type
+
+    abstract interface
+        !> Look at `simulation`, whose state is accepted. An error ends the run with that error.
+        subroutine observe_interface(self, simulation, occasion, error)
+            import :: observer_type, simulation_type, error_type
+            class(observer_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+            !> `at_start`, `at_step` or `at_end`.
+            integer, intent(in) :: occasion
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine observe_interface
+    end interface
+
+contains
+
+    !> Set up a run that starts from (t, q, qd). Errors: invalid_model, invalid_option, inconsistent_start, rank_deficient,
+    !> singular_mass, callback_failed, not_finite.
+    subroutine initialize(self, model, options, t, q, qd, error)
+        class(simulation_type), intent(inout) :: self
+        !> The model; it must outlive the simulation and serves only this one.
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        !> Start time, coordinates (n) and velocities (n).
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_model(model, error)
+        if (allocated(error)) return
+        call options%check(error)
+        if (allocated(error)) return
+        if (size(q) /= model%n .or. size(qd) /= model%n) then
+            call set_error(error, status_invalid_option, 'q0 and qd0 have '//to_text(size(q))//' and '// &
+                to_text(size(qd))//' entries, the model has n = '//to_text(model%n), 'give n entries each')
+            return
+        end if
+        if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
+            call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
+            return
+        end if
+        call new_stepper(options%stepper, self%stepper)
+        if (.not. allocated(self%stepper)) then
+            call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" is unknown', &
+                'use '//names_in_a_row(stepper_names))
+            return
+        end if
+        self%model => model
+        self%options = options
+        self%tally = statistics_type()
+        self%grid_steps = 0
+        self%on_grid = .true.
+        self%last_step = 0.0_wp
+        self%t_start = t
+        self%chart_is_current = .false.
+        if (allocated(self%chart)) deallocate (self%chart)
+        allocate (dense_chart_type :: self%chart)
+        call self%chart%initialize(model, options, error)
+        if (allocated(error)) return
+        call self%stepper%initialize(model%n)
+        call self%state%allocate(model%n)
+        call self%next%allocate(model%n)
+        self%state%t = t
+        self%state%q = q
+        self%state%qd = qd
+        model%segment = 1
+        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        call self%accept_start(error)
+    end subroutine initialize
+
+    !> Check the start against the constraints, remove what little it is off, and complete it.
+    subroutine accept_start(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        character(len=12), parameter :: level(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
+        integer :: rows(3), stat, i
+
+        associate (state => self%state, chart => self%chart)
+            self%next%q = state%q
+            self%next%qd = state%qd
+            call chart%renew(state%t, state%q, state%qd, stat)
+            if (stat == status_ok) then
+                call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            end if
+            if (stat /= status_ok) then
+                call self%fail(stat, 'at the start', error)
+                return
+            end if
+            do i = 1, 2
+                if (self%errors(i) <= self%options%start_tolerance) cycle
+                call set_error(error, status_inconsistent_start, 'the start violates the '//trim(level(i))// &
+                    ' constraint "'//self%model%row_name(rows(i))//'" by '//to_text(self%errors(i))// &
+                    ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')')
+                return
+            end do
+            if (any(self%errors(1:2) > self%options%constraint_tolerance)) then
+                state%dq = 0.0_wp
+                state%dqd = 0.0_wp
+                call chart%restore_position(state%t, state%dq, self%next%q, stat)
+                if (stat == status_ok) &
+                    call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+                if (stat /= status_ok) then
+                    call self%fail(stat, 'at the start', error)
+                    return
+                end if
+                self%tally%start_moved_q = maxval(abs(self%next%q - state%q))
+                self%tally%start_moved_qd = maxval(abs(self%next%qd - state%qd))
+                state%q = self%next%q
+                state%qd = self%next%qd
+            end if
+            call self%renew_chart(by_start, error)
+            if (allocated(error)) return
+            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'at the start', error)
+                return
+            end if
+            call self%measure_errors(error)
+        end associate
+    end subroutine accept_start
+
+    !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
+    subroutine step(self, t_limit, error)
+        class(simulation_type), intent(inout) :: self
+        !> The step ends here at the latest; must lie after the current time.
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable, intent(out) :: error
+        logical :: ends_on_grid, ends_at_breakpoint
+        real(wp) :: h
+        integer :: stat
+
+        if (self%tally%steps >= self%options%max_steps) then
+            call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
+                to_text(self%state%t))
+            return
+        end if
+        call self%next_time(t_limit, self%next%t, ends_on_grid, ends_at_breakpoint)
+        h = self%next%t - self%state%t
+        if (.not. h > 0.0_wp) then
+            call set_error(error, status_step_underflow, 'from t = '//to_text(self%state%t)//' with step '// &
+                to_text(self%options%step)//' towards '//to_text(t_limit))
+            return
+        end if
+        call self%renew_by_policy(error)
+        if (allocated(error)) return
+        call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+        if (stat /= status_ok) then
+            call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
+            return
+        end if
+        self%state = self%next
+        self%last_step = h
+        self%chart_is_current = .false.
+        self%tally%steps = self%tally%steps + 1
+        self%on_grid = ends_on_grid
+        if (ends_on_grid) self%grid_steps = self%grid_steps + 1
+        call self%measure_errors(error)
+        if (allocated(error)) return
+        if (ends_at_breakpoint) call self%cross_breakpoint(error)
+    end subroutine step
+
+    !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
+    subroutine integrate(self, t_end, error, observer)
+        class(simulation_type), intent(inout) :: self
+        !> End of the run; must lie after the current time.
+        real(wp), intent(in) :: t_end
+        type(error_type), allocatable, intent(out) :: error
+        !> Called at the start, after every step and at the end.
+        class(observer_type), intent(inout), optional :: observer
+        type(error_type), allocatable :: observer_error
+        integer(long) :: clock_start, clock_end, clock_rate
+        real(wp) :: cpu_start, cpu_end
+
+        if (.not. (t_end > self%state%t .and. ieee_is_finite(t_end))) then
+            call set_error(error, status_invalid_option, 'the end time '//to_text(t_end)// &
+                ' must be finite and after the current time '//to_text(self%state%t), 'choose a later end')
+            return
+        end if
+        call system_clock(clock_start, clock_rate)
+        call cpu_time(cpu_start)
+        if (present(observer)) call observer%observe(self, at_start, error)
+        do while (self%state%t < t_end .and. .not. allocated(error))
+            call self%step(t_end, error)
+            if (allocated(error)) exit
+            if (present(observer)) call observer%observe(self, at_step, error)
+        end do
+        call cpu_time(cpu_end)
+        call system_clock(clock_end)
+        self%tally%cpu_seconds = self%tally%cpu_seconds + (cpu_end - cpu_start)
+        self%tally%wall_seconds = self%tally%wall_seconds + real(clock_end - clock_start, wp)/real(clock_rate, wp)
+        if (present(observer)) then
+            call observer%observe(self, at_end, observer_error)
+            if (allocated(observer_error) .and. .not. allocated(error)) call move_alloc(observer_error, error)
+        end if
+    end subroutine integrate
+
+    !> What the run has cost and how wrong it was, so far.
+    function statistics(self) result(statistics_)
+        class(simulation_type), intent(in) :: self
+        type(statistics_type) :: statistics_
+
+        statistics_ = self%tally
+        if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
+    end function statistics
+
+    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35).
+    subroutine multipliers(self, lambda)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: lambda(:)
+
+        call self%chart%multipliers(self%state%qdd, lambda)
+    end subroutine multipliers
+
+    !> The kinetic energy at the current state.
+    subroutine kinetic_energy(self, energy, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: energy
+        !> The status of the model's own procedure, 0 where it has none.
+        integer, intent(out) :: stat
+
+        self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
+        stat = status_ok
+        if (associated(self%model%kinetic_energy)) then
+            call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
+        else
+            call self%chart%kinetic_energy(self%state%qd, energy)
+        end if
+    end subroutine kinetic_energy
+
+    !> The potential energy at the current state; only where the model has one.
+    subroutine potential_energy(self, energy, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: energy
+        !> The status of the model's procedure.
+        integer, intent(out) :: stat
+
+        self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
+        call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
+    end subroutine potential_energy
+
+    !> Where the next step ends: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
+    subroutine next_time(self, t_limit, t, ends_on_grid, ends_at_breakpoint)
+        class(simulation_type), intent(in) :: self
+        real(wp), intent(in) :: t_limit
+        real(wp), intent(out) :: t
+        logical, intent(out) :: ends_on_grid, ends_at_breakpoint
+        real(wp) :: stop_at, sliver
+
+        t = self%t_start + real(self%grid_steps + 1, wp)*self%options%step
+        ends_on_grid = .true.
+        ends_at_breakpoint = .false.
+        stop_at = t_limit
+        if (allocated(self%model%breakpoints)) then
+            if (self%model%segment <= size(self%model%breakpoints)) then
+                ends_at_breakpoint = self%model%breakpoints(self%model%segment) <= t_limit
+                if (ends_at_breakpoint) stop_at = self%model%breakpoints(self%model%segment)
+            end if
+        end if
+        ! A rest too short to matter is merged with the step before it.
+        sliver = max(1.0e-6_wp*self%options%step, 4.0_wp*spacing(abs(stop_at)))
+        if (t >= stop_at - sliver) then
+            ends_on_grid = t <= stop_at + sliver
+            t = stop_at
+        else
+            ends_at_breakpoint = .false.
+        end if
+    end subroutine next_time
+
+    !> Make the current state the origin of a new chart and count the reason.
+    subroutine renew_chart(self, reason, error)
+        class(simulation_type), intent(inout) :: self
+        !> One of the reasons of `tandem_simulate_statistics`.
+        integer, intent(in) :: reason
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (stat /= status_ok) then
+            call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
+            return
+        end if
+        self%state%dq = 0.0_wp
+        self%state%dqd = 0.0_wp
+        self%chart_is_current = .true.
+        self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
+        self%tally%charts = self%tally%charts + 1
+    end subroutine renew_chart
+
+    !> Make a new chart before the step where the policy wants one.
+    subroutine renew_by_policy(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        type(health_type) :: health
+        integer :: stat
+
+        if (self%chart_is_current) return
+        associate (options => self%options)
+            if (options%chart == 'every_step') then
+                call self%renew_chart(by_step, error)
+                return
+            end if
+            call self%chart%measure_health(self%state%q, self%state%qd, health)
+            if (options%chart == 'adaptive') then
+                if (.not. health%d <= options%secant_limit) then
+                    call self%renew_chart(by_d, error)
+                else if (.not. health%fbar <= options%secant_limit) then
+                    call self%renew_chart(by_fbar, error)
+                end if
+            else
+                if (options%v_limit > 0.0_wp .and. health%v > options%v_limit) then
+                    call self%renew_chart(by_v, error)
+                else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
+                    call self%renew_chart(by_w, error)
+                end if
+            end if
+        end associate
+        if (allocated(error) .or. self%chart_is_current) return
+        call self%chart%refresh(stat)
+        if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+    end subroutine renew_by_policy
+
+    !> Enter the next segment: where nu jumps, qd jumps with it; the chart and the acceleration are made anew.
+    subroutine cross_breakpoint(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        logical :: jumps
+        integer :: stat
+
+        associate (model => self%model, state => self%state)
+            jumps = .false.
+            if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
+            model%segment = model%segment + 1
+            call self%chart%forget()
+            stat = status_ok
+            if (jumps) then
+                self%next%qd = state%qd
+                call self%chart%project_velocity(state%t, state%q, state%qd, stat)
+                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%next%qd)))
+            end if
+            if (stat == status_ok) then
+                call self%renew_chart(by_breakpoint, error)
+                if (allocated(error)) return
+                call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            end if
+            if (stat /= status_ok) then
+                call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
+                return
+            end if
+            call self%measure_errors(error)
+        end associate
+    end subroutine cross_breakpoint
+
+    !> The constraint errors of the current state; with `factor` they must be within the tolerance.
+    subroutine measure_errors(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        character(len=12), parameter :: level(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
+        integer :: rows(3), stat, i
+
+        associate (state => self%state, tally => self%tally)
+            call self%chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'at t = '//to_text(state%t), error)
+                return
+            end if
+            tally%position_error = max(tally%position_error, self%errors(1))
+            tally%velocity_error = max(tally%velocity_error, self%errors(2))
+            tally%acceleration_error = max(tally%acceleration_error, self%errors(3))
+            ! The paper's own iterations hold what their tolerances give, which the report shows.
+            if (self%options%refresh == 'refine') return
+            do i = 1, 3
+                if (self%errors(i) <= max(self%options%constraint_tolerance, &
+                    merge(self%options%position_tolerance(), 0.0_wp, i == 1))) cycle
+                call set_error(error, status_constraints_not_held, 'the '//trim(level(i))//' constraint "'// &
+                    self%model%row_name(rows(i))//'" is off by '//to_text(self%errors(i))// &
+                    ' of its natural scale at t = '//to_text(state%t)//' (allowed: '// &
+                    to_text(self%options%constraint_tolerance)//')')
+                return
+            end do
+        end associate
+    end subroutine measure_errors
+
+    !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
+    subroutine fail(self, stat, where_, error)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: stat
+        !> The place in words.
+        character(len=*), intent(in) :: where_
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: message
+
+        message = trim(adjustl(meaning(stat)))//' '//where_
+        if (self%chart%failed_row > 0) then
+            message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
+            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) &
+                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+        end if
+        if (stat == status_callback_failed .and. allocated(self%chart%failed_term)) &
+            message = message//', term '//self%chart%failed_term
+        call set_error(error, stat, message)
+    end subroutine fail
+
+    !> The meaning of a status code.
+    pure function meaning(stat) result(text)
+        use tandem_status, only: status_type
+        integer, intent(in) :: stat
+        character(len=:), allocatable :: text
+        type(status_type) :: row
+
+        row = status_of(stat)
+        text = trim(row%meaning)
+    end function meaning
+
+    !> Names joined by commas.
+    pure function names_in_a_row(names) result(text)
+        character(len=*), intent(in) :: names(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = trim(names(1))
+        do i = 2, size(names)
+            text = text//', '//trim(names(i))
+        end do
+    end function names_in_a_row
+end module tandem_simulation

@@ -1,0 +1,37 @@
+! SPDX-License-Identifier: MIT
+!> What a run cost and how wrong it was: the chart's counters, the steps, and the largest errors over all of them.
+module tandem_simulate_statistics
+    use tandem_kinds, only: long, wp
+    use tandem_tangent_counts, only: counts_type
+    implicit none
+    private
+
+    public :: statistics_type, n_reasons, reason_name
+    public :: by_start, by_step, by_v, by_w, by_d, by_fbar, by_breakpoint
+
+    !> The reasons for a new chart, indices of `charts_by`: the start, the policy of every step, the limits on |v|_2, |w|_2,
+    !> |D|_2 and |Fbar|_2, a breakpoint.
+    integer, parameter :: by_start = 1, by_step = 2, by_v = 3, by_w = 4, by_d = 5, by_fbar = 6, by_breakpoint = 7
+    !> How many reasons there are.
+    integer, parameter :: n_reasons = 7
+    !> Their names in reports.
+    character(len=12), parameter :: reason_name(n_reasons) = &
+        [character(len=12) :: 'start', 'every step', '|v|', '|w|', '|D|', '|Fbar|', 'breakpoint']
+
+    type, extends(counts_type) :: statistics_type
+        !> Accepted and rejected steps.
+        integer(long) :: steps = 0, rejected = 0
+        !> Charts, the initial one counted.
+        integer(long) :: charts = 0
+        !> Why charts were made, see `reason_name`.
+        integer(long) :: charts_by(n_reasons) = 0
+        !> Largest constraint errors over all accepted steps, on the natural scale of each row.
+        real(wp) :: position_error = 0.0_wp, velocity_error = 0.0_wp, acceleration_error = 0.0_wp
+        !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
+        real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
+        !> Largest jump of qd at a breakpoint, max-norm.
+        real(wp) :: velocity_jump = 0.0_wp
+        !> Seconds spent in `integrate`, observers included.
+        real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
+    end type statistics_type
+end module tandem_simulate_statistics

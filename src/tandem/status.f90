@@ -1,0 +1,117 @@
+! SPDX-License-Identifier: MIT
+!> The one table of outcomes: name, code, meaning, and what to do about it. Zero is success; every failure is negative.
+!> Codes are part of the interface and are never reused.
+module tandem_status
+    implicit none
+    private
+
+    public :: status_type, status_of, status_name, is_input_error
+    public :: status_ok, status_invalid_option, status_invalid_model, status_inconsistent_start
+    public :: status_rank_deficient, status_singular_mass, status_callback_failed, status_not_evaluable
+    public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
+    public :: status_step_underflow, status_step_limit, status_output_failed
+
+    integer, parameter :: status_ok = 0
+    integer, parameter :: status_invalid_option = -1
+    integer, parameter :: status_invalid_model = -2
+    integer, parameter :: status_inconsistent_start = -3
+    integer, parameter :: status_rank_deficient = -4
+    integer, parameter :: status_singular_mass = -5
+    integer, parameter :: status_callback_failed = -6
+    integer, parameter :: status_not_evaluable = -7
+    integer, parameter :: status_not_finite = -8
+    integer, parameter :: status_position_diverged = -9
+    integer, parameter :: status_chart_left = -10
+    integer, parameter :: status_constraints_not_held = -11
+    integer, parameter :: status_step_underflow = -12
+    integer, parameter :: status_step_limit = -13
+    integer, parameter :: status_output_failed = -14
+
+    !> One row of the table.
+    type :: status_type
+        !> The code that procedures return.
+        integer :: code
+        !> The name that reports and files show.
+        character(len=24) :: name
+        !> True where the input is at fault, before any step was taken (exit code 2 on the command line).
+        logical :: input
+        !> What it means.
+        character(len=96) :: meaning
+        !> What to do.
+        character(len=128) :: advice
+    end type status_type
+
+    type(status_type), parameter :: table(15) = [ &
+        status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
+        status_type(status_invalid_option, 'invalid_option', .true., &
+            'an option has a value that cannot be', 'correct the option that the message names'), &
+        status_type(status_invalid_model, 'invalid_model', .true., &
+            'the model lacks a procedure or its sizes cannot be', 'complete the model as the message says'), &
+        status_type(status_inconsistent_start, 'inconsistent_start', .true., &
+            'the start violates the constraints', 'give q0 and qd0 that satisfy the constraint row that the message names'), &
+        status_type(status_rank_deficient, 'rank_deficient', .false., &
+            'constraint rows depend on each other', 'remove the row that the message names, or the state where it degenerates'), &
+        status_type(status_singular_mass, 'singular_mass', .false., &
+            'the mass matrix is not positive definite on the null space of the constraints', &
+            'give every free direction a mass, and check the sign and symmetry of M'), &
+        status_type(status_callback_failed, 'callback_failed', .false., &
+            'a model procedure asked to stop', 'see why the procedure that the message names returned a negative status'), &
+        status_type(status_not_evaluable, 'not_evaluable', .false., &
+            'a model procedure could not be evaluated at a point of the step', 'take a smaller step'), &
+        status_type(status_not_finite, 'not_finite', .false., &
+            'a NaN or an infinity came out of a model procedure or out of the step', &
+            'take a smaller step; if it persists, check the model procedures there'), &
+        status_type(status_position_diverged, 'position_diverged', .false., &
+            'the iteration for the position constraints did not converge', &
+            'take a smaller step, or renew the chart more often'), &
+        status_type(status_chart_left, 'chart_left', .false., &
+            'the step left the domain of its chart', 'take a smaller step, or renew the chart more often'), &
+        status_type(status_constraints_not_held, 'constraints_not_held', .false., &
+            'a constraint error exceeds its tolerance at an accepted step', &
+            'loosen constraint_tolerance, or remove the near-redundancy of the constraints'), &
+        status_type(status_step_underflow, 'step_underflow', .false., &
+            'the step no longer changes the time', 'take a larger step or a shorter span'), &
+        status_type(status_step_limit, 'step_limit', .false., &
+            'max_steps were taken before the end', 'raise max_steps, or take larger steps'), &
+        status_type(status_output_failed, 'output_failed', .false., &
+            'the results could not be written', 'check the disk and the path of the output file')]
+
+contains
+
+    !> The table's row of a code; the row of `status_ok` with name `unknown` for a code that is not in it.
+    pure function status_of(code) result(row)
+        !> A status code.
+        integer, intent(in) :: code
+        type(status_type) :: row
+        integer :: i
+
+        do i = 1, size(table)
+            if (table(i)%code == code) then
+                row = table(i)
+                return
+            end if
+        end do
+        row = status_type(code, 'unknown', .false., 'a code that this version does not know', 'report it')
+    end function status_of
+
+    !> The name of a code.
+    pure function status_name(code) result(name)
+        !> A status code.
+        integer, intent(in) :: code
+        character(len=:), allocatable :: name
+        type(status_type) :: row
+
+        row = status_of(code)
+        name = trim(row%name)
+    end function status_name
+
+    !> Whether a code says that the input was wrong.
+    pure logical function is_input_error(code)
+        !> A status code.
+        integer, intent(in) :: code
+        type(status_type) :: row
+
+        row = status_of(code)
+        is_input_error = row%input
+    end function is_input_error
+end module tandem_status

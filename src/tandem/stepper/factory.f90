@@ -1,0 +1,27 @@
+! SPDX-License-Identifier: MIT
+!> Steppers by name.
+module tandem_stepper_factory
+    use tandem_stepper, only: stepper_type
+    use tandem_stepper_rk4, only: rk4_type
+    implicit none
+    private
+
+    public :: new_stepper, stepper_names
+
+    !> Every name that `new_stepper` knows.
+    character(len=16), parameter :: stepper_names(1) = [character(len=16) :: 'rk4']
+
+contains
+
+    !> Allocate the stepper of a name; left unallocated where the name is unknown.
+    subroutine new_stepper(name, stepper)
+        !> One of `stepper_names`.
+        character(len=*), intent(in) :: name
+        class(stepper_type), allocatable, intent(out) :: stepper
+
+        select case (name)
+        case ('rk4')
+            allocate (rk4_type :: stepper)
+        end select
+    end subroutine new_stepper
+end module tandem_stepper_factory

@@ -1,0 +1,35 @@
+! SPDX-License-Identifier: MIT
+!> The state of the motion at one time.
+module tandem_stepper_state
+    use tandem_kinds, only: wp
+    implicit none
+    private
+
+    public :: state_type
+
+    type :: state_type
+        !> Time.
+        real(wp) :: t = 0.0_wp
+        !> Coordinates, velocities and accelerations (n); all three constraint levels hold.
+        real(wp), allocatable :: q(:), qd(:), qdd(:)
+        !> Position and velocity increments since the chart's origin (n), in the chart's own coordinates.
+        real(wp), allocatable :: dq(:), dqd(:)
+    contains
+        procedure :: allocate => allocate_state
+    end type state_type
+
+contains
+
+    !> Allocate for n coordinates, all zero.
+    pure subroutine allocate_state(self, n)
+        class(state_type), intent(inout) :: self
+        !> Number of coordinates.
+        integer, intent(in) :: n
+
+        self%q = spread(0.0_wp, 1, n)
+        self%qd = self%q
+        self%qdd = self%q
+        self%dq = self%q
+        self%dqd = self%q
+    end subroutine allocate_state
+end module tandem_stepper_state

@@ -1,0 +1,61 @@
+! SPDX-License-Identifier: MIT
+!> What joins the steppers: a one-step method on a chart. It knows t, h, increments and the chart's contract, nothing else.
+module tandem_stepper
+    use tandem_tangent_chart, only: chart_type
+    use tandem_kinds, only: wp
+    use tandem_stepper_state, only: state_type
+    implicit none
+    private
+
+    public :: stepper_type, properties_type
+
+    !> What a method is.
+    type :: properties_type
+        !> Name in options and reports.
+        character(len=16) :: name = ''
+        !> Classical order and number of stages.
+        integer :: order = 0, stages = 0
+        !> True where stages are implicit.
+        logical :: implicit = .false.
+        !> Stability in a word, and where the coefficients come from.
+        character(len=48) :: stability = ''
+        character(len=96) :: source = ''
+    end type properties_type
+
+    type, abstract :: stepper_type
+    contains
+        procedure(properties_interface), deferred, nopass :: properties
+        procedure(initialize_interface), deferred :: initialize
+        procedure(advance_interface), deferred :: advance
+    end type stepper_type
+
+    abstract interface
+        !> What the method is.
+        pure function properties_interface() result(properties)
+            import :: properties_type
+            type(properties_type) :: properties
+        end function properties_interface
+
+        !> Allocate the stages for n coordinates, once.
+        subroutine initialize_interface(self, n)
+            import :: stepper_type
+            class(stepper_type), intent(inout) :: self
+            !> Number of coordinates.
+            integer, intent(in) :: n
+        end subroutine initialize_interface
+
+        !> One step from `state` to `next`. `state` must be complete (qdd included) and stays as it is.
+        subroutine advance_interface(self, chart, state, h, next, stat)
+            import :: stepper_type, chart_type, state_type, wp
+            class(stepper_type), intent(inout) :: self
+            class(chart_type), intent(inout) :: chart
+            type(state_type), intent(in) :: state
+            !> Step size.
+            real(wp), intent(in) :: h
+            !> The state at next%t, which the caller sets (state%t + h up to rounding); complete where stat = 0.
+            type(state_type), intent(inout) :: next
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine advance_interface
+    end interface
+end module tandem_stepper

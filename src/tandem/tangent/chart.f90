@@ -1,0 +1,167 @@
+! SPDX-License-Identifier: MIT
+!> The chart's contract: what steppers and the simulation may ask of local coordinates on the constraint manifold.
+!>
+!> A stepper integrates increments from the chart's origin and asks the chart for the points that belong to them. It never
+!> sees a constraint or a basis. The order of the calls at a stage is fixed: `restore_position`, `restore_velocity`,
+!> `solve_dynamics`, all at the same time; each may use what the one before has evaluated.
+module tandem_tangent_chart
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_options, only: options_type
+    use tandem_tangent_counts, only: counts_type
+    implicit none
+    private
+
+    public :: chart_type, health_type
+
+    !> How far a point is from the chart's origin, and how well the chart still serves there.
+    type :: health_type
+        !> |v|_2 and |w|_2, in scaled coordinates.
+        real(wp) :: v = 0.0_wp, w = 0.0_wp
+        !> |D|_2 and |Fbar|_2: 1 at the origin, then the secant of the angle between the tangent spaces.
+        real(wp) :: d = 1.0_wp, fbar = 1.0_wp
+    end type health_type
+
+    type, abstract :: chart_type
+        !> What the chart has done.
+        type(counts_type) :: counts
+        !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
+        integer :: failed_row = 0
+        real(wp) :: failed_value = 0.0_wp
+        !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
+        character(len=:), allocatable :: failed_term
+    contains
+        procedure(initialize_interface), deferred :: initialize
+        procedure(renew_interface), deferred :: renew
+        procedure(refresh_interface), deferred :: refresh
+        procedure(forget_interface), deferred :: forget
+        procedure(restore_position_interface), deferred :: restore_position
+        procedure(restore_velocity_interface), deferred :: restore_velocity
+        procedure(solve_dynamics_interface), deferred :: solve_dynamics
+        procedure(multipliers_interface), deferred :: multipliers
+        procedure(project_velocity_interface), deferred :: project_velocity
+        procedure(errors_interface), deferred :: constraint_errors
+        procedure(health_interface), deferred :: measure_health
+        procedure(energy_interface), deferred :: kinetic_energy
+    end type chart_type
+
+    abstract interface
+        !> Attach the model and allocate the work space, once.
+        subroutine initialize_interface(self, model, options, error)
+            import :: chart_type, model_type, options_type, error_type
+            class(chart_type), intent(inout) :: self
+            !> The model; it must outlive the chart.
+            class(model_type), intent(inout), target :: model
+            type(options_type), intent(in) :: options
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine initialize_interface
+
+        !> Make (t, q, qd) the chart's origin; the increments there are zero.
+        subroutine renew_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            !> Time, coordinates (n) and velocities (n) that satisfy the constraints.
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine renew_interface
+
+        !> Bring what is kept from step to step to the last point; called before a step on an old chart.
+        subroutine refresh_interface(self, stat)
+            import :: chart_type
+            class(chart_type), intent(inout) :: self
+            integer, intent(out) :: stat
+        end subroutine refresh_interface
+
+        !> Forget what was evaluated at the last point, because the model has changed there (a new segment).
+        subroutine forget_interface(self)
+            import :: chart_type
+            class(chart_type), intent(inout) :: self
+        end subroutine forget_interface
+
+        !> The point q(t) of the manifold that belongs to a position increment: Phi(t, q) = 0 (14).
+        subroutine restore_position_interface(self, t, increment, q, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Position increment (n).
+            real(wp), intent(in), contiguous :: increment(:)
+            real(wp), intent(out), contiguous :: q(:)
+            integer, intent(out) :: stat
+        end subroutine restore_position_interface
+
+        !> The velocity at (t, q) that belongs to a velocity increment: C qd = nu (6).
+        subroutine restore_velocity_interface(self, t, q, increment, qd, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            !> Time and coordinates (n) from `restore_position`.
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            !> Velocity increment (n).
+            real(wp), intent(in), contiguous :: increment(:)
+            real(wp), intent(out), contiguous :: qd(:)
+            integer, intent(out) :: stat
+        end subroutine restore_velocity_interface
+
+        !> The acceleration at (t, q, qd): C qdd = -gamma and the equations of motion (35).
+        subroutine solve_dynamics_interface(self, t, q, qd, qdd, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            !> Time, coordinates (n) and velocities (n) from the calls before.
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(out), contiguous :: qdd(:)
+            integer, intent(out) :: stat
+        end subroutine solve_dynamics_interface
+
+        !> The multipliers lambda (nh + nd) of the last point of `solve_dynamics`.
+        subroutine multipliers_interface(self, qdd, lambda)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            !> The acceleration (n) from `solve_dynamics`.
+            real(wp), intent(in), contiguous :: qdd(:)
+            real(wp), intent(out), contiguous :: lambda(:)
+        end subroutine multipliers_interface
+
+        !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q): what an impact-free jump of nu does.
+        subroutine project_velocity_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(inout), contiguous :: qd(:)
+            integer, intent(out) :: stat
+        end subroutine project_velocity_interface
+
+        !> The constraint errors at the last point of `solve_dynamics`, max-norms on the natural scale of each row.
+        subroutine errors_interface(self, t, q, qd, qdd, errors, rows, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            !> Position, velocity and acceleration error.
+            real(wp), intent(out) :: errors(3)
+            !> The row of C where each is attained, 0 where there is none.
+            integer, intent(out) :: rows(3)
+            integer, intent(out) :: stat
+        end subroutine errors_interface
+
+        !> How the chart stands at the last point of `solve_dynamics`.
+        subroutine health_interface(self, q, qd, health)
+            import :: chart_type, health_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            type(health_type), intent(out) :: health
+        end subroutine health_interface
+
+        !> The kinetic energy qd' M qd / 2 at the last point of `solve_dynamics`.
+        subroutine energy_interface(self, qd, energy)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in), contiguous :: qd(:)
+            real(wp), intent(out) :: energy
+        end subroutine energy_interface
+    end interface
+end module tandem_tangent_chart

@@ -1,0 +1,6 @@
+program main
+    use testdrive, only: error_type
+    use tandem, only: wp
+    implicit none
+    print *, wp
+end program main

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""The readers of tools/verify.py: each failure that they must not overlook."""
+
+import importlib.util
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+ROOT = Path(__file__).resolve().parents[2]
+spec = importlib.util.spec_from_file_location("verify", ROOT / "tools" / "verify.py")
+verify = importlib.util.module_from_spec(spec)
+sys.modules["verify"] = verify
+spec.loader.exec_module(verify)
+
+STARTING = "  Starting one ... (1/2)"
+PASSED = "       ... one [PASSED]"
+
+
+class Readers(unittest.TestCase):
+    def assert_counts(self, count, passed, failed, skipped=0):
+        self.assertEqual((count.passed, count.failed, count.skipped), (passed, failed, skipped), count.notes)
+
+    def test_test_drive(self):
+        lines = [
+            STARTING,
+            PASSED,
+            "  Starting two ... (2/2)",
+            "       ... two [FAILED]",
+            "  Message: off by 1",
+            "  at t = 3",
+        ]
+        count = verify.test_drive(lines)
+        self.assert_counts(count, 1, 1)
+        self.assertEqual(count.notes, ["two [FAILED]", "  Message: off by 1", "  at t = 3"])
+
+    def test_test_drive_verdicts(self):
+        verdicts = ["PASSED", "FAILED", "SKIPPED", "EXPECTED FAIL", "UNEXPECTED PASS"]
+        self.assert_counts(verify.test_drive([f"       ... {n} [{v}]" for n, v in enumerate(verdicts)]), 2, 2, 1)
+
+    def test_test_that_crashes(self):
+        count = verify.test_drive([STARTING, PASSED, "  Starting two ... (2/2)", "Program received signal SIGSEGV"])
+        self.assert_counts(count, 1, 1)
+        self.assertEqual(count.notes, ["two [did not end]", "  Program received signal SIGSEGV"])
+
+    def test_array_temporary(self):
+        def warned(place):
+            return [f"At line 7 of file {place}", "Fortran runtime warning: An array temporary was created"]
+
+        quiet = warned("test/test_x.f90") + warned("build/dependencies/toml-f/src/tomlf.f90")
+        self.assert_counts(verify.test_drive_checked([STARTING, PASSED, *quiet]), 2, 0)
+        count = verify.test_drive_checked([STARTING, *2 * warned("././src/tandem/x.f90"), PASSED])
+        self.assert_counts(count, 1, 1)
+        self.assertEqual(count.notes[1], "  src/tandem/x.f90:7: An array temporary was created (2 times)")
+
+    def test_compiler(self):
+        compiled = [f" + gfortran -c ././{file}   -Wall -o x.o" for file in verify.own_sources()]
+        theirs = ["build/dependencies/x/src/x.f90:1:2:", "Warning: unused"]
+        self.assert_counts(verify.compiler(compiled + theirs), 2, 0)
+        ours = ["././src/tandem/x.f90:3:4:", "", "    3 | x", "      | 1", "Warning: Unused variable [-Wunused]"]
+        count = verify.compiler(compiled + ours)
+        self.assert_counts(count, 1, 1)
+        self.assertEqual(count.notes[1], "  src/tandem/x.f90:3: Warning: Unused variable [-Wunused]")
+        self.assert_counts(verify.compiler([*compiled, "/usr/bin/ld: warning: x.o: requires executable stack"]), 1, 1)
+        self.assert_counts(verify.compiler(compiled[1:]), 1, 1)
+
+    def test_unittest(self):
+        self.assert_counts(verify.unittest_text(["Ran 3 tests in 0.1s", "", "OK"]), 3, 0)
+        self.assert_counts(verify.unittest_text(["Ran 3 tests in 0.1s", "", "OK (skipped=1)"]), 2, 0, 1)
+        text = ["=" * 70, "FAIL: x", "Ran 5 tests in 0.1s", "", "FAILED (failures=1, errors=1, skipped=1)"]
+        self.assert_counts(verify.unittest_text(text), 2, 2, 1)
+        self.assert_counts(verify.unittest_text(["Ran 2 tests in 0s", "", "FAILED (unexpected successes=1)"]), 1, 1)
+
+    def test_ok_lines(self):
+        count = verify.ok_lines(["ok one", "building", "not ok two", "expected 3, got 4"])
+        self.assert_counts(count, 1, 1)
+        self.assertEqual(count.notes, ["not ok two", "expected 3, got 4"])
+
+
+class Runs(unittest.TestCase):
+    def count(self, script, reader=verify.ok_lines, **options):
+        with tempfile.TemporaryDirectory() as logs, mock.patch.object(verify, "LOGS", Path(logs)):
+            count = verify.run(verify.Part("part", ["sh", "-c", script], reader, **options))
+        return count.passed, count.failed
+
+    def test_passes(self):
+        self.assertEqual(self.count("echo ok one"), (1, 0))
+        self.assertEqual(self.count("true", verify.one_test), (1, 0))
+
+    def test_failure_that_no_test_shows(self):
+        self.assertEqual(self.count("echo ok one; exit 3"), (1, 1))
+        self.assertEqual(self.count("exit 3", verify.one_test), (0, 1))
+        self.assertEqual(self.count("echo ok one; kill -SEGV $$"), (1, 1))
+
+    def test_no_test(self):
+        self.assertEqual(self.count("echo nothing"), (0, 1))
+
+    def test_hang(self):
+        self.assertEqual(self.count("echo ok one; sleep 60", minutes=0.002), (1, 1))
+
+    def test_command_not_found(self):
+        part = verify.Part("part", ["/nonexistent"], verify.one_test)
+        with tempfile.TemporaryDirectory() as logs, mock.patch.object(verify, "LOGS", Path(logs)):
+            self.assertEqual(verify.run(part).failed, 1)
+
+
+if __name__ == "__main__":
+    unittest.main()

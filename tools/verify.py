@@ -1,0 +1,347 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Runs everything that verifies the project, part by part, and closes with the line "N passed, N failed".
+
+Usage: tools/verify.py [PART...]        without a name, all parts; `make test` does that after its set-up
+       tools/verify.py --list
+
+Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
+from running. A part whose command fails, hangs, or runs no test counts as a failure. What a part printed is in
+build/verify/PART.log. The exit code is 1 if anything failed.
+"""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LOGS = ROOT / "build" / "verify"
+STRICT = ROOT / "build" / "strict"
+FPM = str(ROOT / ".venv" / "bin" / "fpm")
+PYTHON = str(ROOT / ".venv" / "bin" / "python")
+FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
+
+SOURCES = ["src", "io/src", "app", "test", "example"]
+STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument"
+RELEASE = ["--profile", "release", "--flag", os.environ.get("ARCH", "-march=native")]
+
+
+@dataclass
+class Count:
+    """What a reader found: how many tests, and what to tell about those that failed."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+    notes: list = field(default_factory=list)
+
+    def check(self, name, problems):
+        """Count one test: it passes if there are no problems."""
+        if problems:
+            self.failed += 1
+            self.notes += [f"{name}:", *(f"  {problem}" for problem in problems)]
+        else:
+            self.passed += 1
+
+
+# --- the readers: from the lines that a command prints to a Count -----------------------------------------------------
+
+
+def one_test(lines):
+    """The command as a whole is the test: it passes if its exit code is 0."""
+    for _ in lines:
+        pass
+    return Count(passed=1)
+
+
+def test_drive(lines):
+    """The output of test-drive: 'Starting NAME ... (1/5)', later '... NAME [PASSED]', then perhaps a message."""
+    count = Count()
+    running = []
+    since = []
+    telling = False
+    for line in lines:
+        since.append(line)
+        start = re.match(r"\s*Starting (\S+) \.\.\. \(\d+/\d+\)", line)
+        end = re.match(r"\s*\.\.\. (\S+) \[([A-Z ]+)\]", line)
+        if start:
+            running.append(start[1])
+            since.clear()
+            telling = False
+        elif end:
+            name, verdict = end.groups()
+            if name in running:
+                running.remove(name)
+            telling = verdict in ("FAILED", "UNEXPECTED PASS")
+            if verdict in ("PASSED", "EXPECTED FAIL"):
+                count.passed += 1
+            elif verdict == "SKIPPED":
+                count.skipped += 1
+            else:
+                count.failed += 1
+                count.notes.append(f"{name} [{verdict}]")
+        elif telling:
+            count.notes.append("  " + line.strip())
+    for name in running:
+        count.failed += 1
+        count.notes.append(f"{name} [did not end]")
+    if running:
+        count.notes += [f"  {line}" for line in since[-30:]]
+    return count
+
+
+def test_drive_checked(lines):
+    """As test_drive, and one test more: the checked build reports no array temporary in what we ship."""
+    places = {}
+
+    def watched():
+        place = None
+        for line in lines:
+            at = re.match(r"At line (\d+) of file (\S+)", line)
+            if at:
+                place = f"{os.path.normpath(at[2])}:{at[1]}"
+            elif place and "array temporary" in line:
+                if place.startswith(("src/", "io/", "app/")):
+                    times, _ = places.get(place, (0, ""))
+                    places[place] = times + 1, line.split("warning:")[-1].strip()
+                place = None
+            yield line
+
+    count = test_drive(watched())
+    if count.passed + count.failed > 0:
+        told = [f"{place}: {text} ({times} times)" for place, (times, text) in sorted(places.items())]
+        count.check("array temporaries at run time", told)
+    return count
+
+
+def compiler(lines):
+    """The output of a verbose build: no warning from our own sources, and every one of them was compiled."""
+    place = None
+    compiled = set()
+    warnings = {}
+    for line in lines:
+        command = re.search(r"\+ \S+ .*?-c (\S+)", line)
+        at = re.match(r"(\S+\.[fF]90):(\d+):(\d+):", line)
+        if command:
+            compiled.add(os.path.normpath(command[1]))
+        elif at:
+            place = os.path.normpath(at[1]), at[2]
+        elif re.match(r"(Warning|Error|Fatal Error):", line) and place:
+            if is_ours(place[0]):
+                warnings[f"{place[0]}:{place[1]}: {line.strip()}"] = None
+            place = None
+        elif re.search(r"\bld: warning:", line):
+            warnings[line.strip()] = None
+    count = Count()
+    count.check("compiler warnings", list(warnings))
+    count.check("sources that no target of fpm.toml compiles", sorted(own_sources() - compiled))
+    return count
+
+
+def unittest_text(lines):
+    """The output of Python's unittest: 'FAIL: NAME' with its traceback, 'Ran N tests', 'FAILED (errors=1)'."""
+    count = Count()
+    ran = 0
+    telling = False
+    for line in lines:
+        telling = telling or line.startswith("=" * 70)
+        if telling:
+            count.notes.append(line)
+        total = re.match(r"Ran (\d+) test", line)
+        if total:
+            ran = int(total[1])
+        elif re.match(r"(OK|FAILED)\b", line):
+            number = {key: int(value) for key, value in re.findall(r"(\w[\w ]*)=(\d+)", line)}
+            count.failed = sum(number.get(key, 0) for key in ("failures", "errors", "unexpected successes"))
+            count.skipped = number.get("skipped", 0)
+    count.passed = max(0, ran - count.failed - count.skipped)
+    return count
+
+
+def ok_lines(lines):
+    """Lines 'ok NAME' and 'not ok NAME', each a test; other lines that follow a 'not ok' tell about it."""
+    count = Count()
+    telling = False
+    for line in lines:
+        verdict = re.match(r"(not )?ok\b", line)
+        if verdict:
+            telling = bool(verdict[1])
+            count.failed += telling
+            count.passed += not telling
+        if telling:
+            count.notes.append(line)
+    return count
+
+
+# --- what the strict build needs --------------------------------------------------------------------------------------
+
+
+def is_ours(path):
+    return path.startswith(tuple(folder + "/" for folder in SOURCES))
+
+
+def own_sources():
+    """Our Fortran sources, less those of the small projects that stand below with a manifest of their own."""
+    found = set()
+    for folder in SOURCES:
+        for directory, below, files in os.walk(ROOT / folder):
+            below[:] = [name for name in below if not Path(directory, name, "fpm.toml").exists()]
+            found.update(
+                os.path.relpath(Path(directory, file), ROOT) for file in files if file.endswith((".f90", ".F90"))
+            )
+    return found
+
+
+def copy_sources():
+    """Lay the project anew in a place of its own: the compiler warns only of what it compiles."""
+    shutil.rmtree(STRICT, ignore_errors=True)
+    STRICT.mkdir(parents=True)
+    shutil.copy(ROOT / "fpm.toml", STRICT)
+    for folder in ("src", "io", "app", "test", "example"):
+        if (ROOT / folder).exists():
+            shutil.copytree(ROOT / folder, STRICT / folder, symlinks=True, ignore=shutil.ignore_patterns("build"))
+    shutil.copytree(ROOT / "build" / "dependencies", STRICT / "build" / "dependencies", symlinks=True)
+
+
+# --- the parts, in their order ----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Part:
+    name: str
+    command: list
+    reader: callable
+    prepare: callable = None
+    folder: Path = ROOT
+    minutes: float = 20
+
+
+PARTS = [
+    Part(
+        "strict",
+        [FPM, "build", "--tests", "--no-prune", "--verbose", "--flag", STRICT_FLAGS],
+        compiler,
+        copy_sources,
+        STRICT,
+    ),
+    Part("build", ["make", "--no-print-directory", "build"], one_test),
+    Part("release", [FPM, "test", *RELEASE], test_drive),
+    Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked),
+    Part("lint", [FORTITUDE, "check", *(folder for folder in SOURCES if (ROOT / folder).exists())], one_test),
+    Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
+    Part("examples", ["tools/check_examples.sh"], ok_lines),
+]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def run(part):
+    """Run one part: its Count, after the rules that hold for all of them."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    last = []
+    hung = threading.Event()
+    try:
+        if part.prepare:
+            part.prepare()
+        process = subprocess.Popen(
+            part.command,
+            cwd=part.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+        )
+    except OSError as error:
+        return Count(failed=1, notes=[f"cannot run {part.command[0]}: {error}"])
+
+    def stop():
+        hung.set()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+    def lines():
+        with process.stdout, open(LOGS / f"{part.name}.log", "w", encoding="utf-8") as log:
+            for line in process.stdout:
+                log.write(line)
+                line = re.sub(r"\x1b\[[0-9;]*m", "", line.rstrip("\n"))
+                last.append(line)
+                del last[:-20]
+                yield line
+
+    timer = threading.Timer(60 * part.minutes, stop)
+    timer.start()
+    try:
+        count = part.reader(lines())
+        code = process.wait()
+    except BaseException:
+        stop()
+        raise
+    finally:
+        timer.cancel()
+    if hung.is_set():
+        count.failed += 1
+        count.notes.append(f"stopped after {part.minutes:g} minutes; its last lines:")
+        count.notes += last
+    elif code != 0 and count.failed == 0:
+        # The exit code knows of a failure that no test was counted for.
+        count.failed = 1
+        count.passed = 0 if part.reader is one_test else count.passed
+        count.notes.append(f"ended with exit code {code}; its last lines:")
+        count.notes += last
+    elif count.passed + count.failed == 0:
+        count.failed = 1
+        count.notes.append("ran no test; its last lines:")
+        count.notes += last
+    return count
+
+
+def main(names):
+    known = [part.name for part in PARTS]
+    if names == ["--list"]:
+        print("\n".join(known))
+        return 0
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        print(f"verify: no part {', '.join(unknown)}; there are {', '.join(known)}", file=sys.stderr)
+        return 2
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for name in [
+        name for name in os.environ if name.startswith("GIT_") and name.endswith(("DIR", "TREE", "FILE", "DIRECTORY"))
+    ]:
+        del os.environ[name]
+    total = Count()
+    for part in PARTS:
+        if names and part.name not in names:
+            continue
+        print(f"{part.name:10}", end="", flush=True)
+        start = time.monotonic()
+        count = run(part)
+        skipped = f", {count.skipped} skipped" if count.skipped else ""
+        print(f"{count.passed:5} passed, {count.failed} failed{skipped}  ({time.monotonic() - start:.1f} s)")
+        if count.failed:
+            for note in count.notes[:80]:
+                print(f"    {note}")
+            print(f"    (all of its output: {(LOGS / part.name).relative_to(ROOT)}.log)", flush=True)
+        total.passed += count.passed
+        total.failed += count.failed
+        total.skipped += count.skipped
+    print(f"\n{total.passed} passed, {total.failed} failed" + (f", {total.skipped} skipped" if total.skipped else ""))
+    return 1 if total.failed else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(130)
