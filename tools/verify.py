@@ -122,6 +122,13 @@ def test_drive_checked(lines):
     return count
 
 
+def linter(lines):
+    """The concise output of fortitude: 'FILE:LINE:COLUMN: RULE what it is'."""
+    count = Count()
+    count.check("rules broken", [line for line in lines if re.match(r"\S+:\d+:\d+: ", line)])
+    return count
+
+
 def compiler(lines):
     """The output of a verbose build: no warning from our own sources, and every one of them was compiled."""
     place = None
@@ -235,7 +242,7 @@ PARTS = [
     Part("build", ["make", "--no-print-directory", "build"], one_test),
     Part("release", [FPM, "test", *RELEASE], test_drive),
     Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked),
-    Part("lint", [FORTITUDE, "check", *(folder for folder in SOURCES if (ROOT / folder).exists())], one_test),
+    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES], linter),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
 ]

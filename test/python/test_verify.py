@@ -54,6 +54,10 @@ class Readers(unittest.TestCase):
         self.assert_counts(count, 1, 1)
         self.assertEqual(count.notes[1], "  src/tandem/x.f90:7: An array temporary was created (2 times)")
 
+    def test_linter(self):
+        self.assert_counts(verify.linter(["All checks passed!"]), 1, 0)
+        self.assert_counts(verify.linter(["src/x.f90:3:4: C001 no", "Number of diagnostics: 1"]), 0, 1)
+
     def test_compiler(self):
         compiled = [f" + gfortran -c ././{file}   -Wall -o x.o" for file in verify.own_sources()]
         theirs = ["build/dependencies/x/src/x.f90:1:2:", "Warning: unused"]

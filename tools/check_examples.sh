@@ -1,0 +1,106 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
+# Checks the examples: what the documents quote is what the files hold, each example runs and is as exact as it should
+# be, and a project outside the checkout that depends on tandem builds without HDF5, TOML and a network.
+#
+# Usage: tools/check_examples.sh
+#
+# Prints "... NAME [PASSED]" or "... NAME [FAILED]" for each check, and after a failure what was wrong.
+# Exit code 1 if anything failed.
+set -uo pipefail
+cd "$(dirname "$0")/.." || exit 1
+unset GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
+export LC_ALL=C.UTF-8 OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
+
+fpm=$PWD/.venv/bin/fpm
+[ -x "$fpm" ] || fpm=$(command -v fpm) || { echo "no fpm: run \`make setup\`" >&2; exit 1; }
+release=(--profile release --flag "${ARCH--march=native}")
+tmp=$(mktemp -d) || exit 1
+trap 'rm -rf "$tmp"' EXIT
+failures=0
+
+check() { # NAME COMMAND...: passes if the command succeeds; what it prints tells why it did not
+    local name=$1
+    shift
+    if "$@" >"$tmp/told" 2>&1; then
+        echo "... $name [PASSED]"
+    else
+        echo "... $name [FAILED]"
+        tail -n 20 "$tmp/told"
+        failures=$((failures + 1))
+    fi
+}
+
+quotes() { # DOCUMENT FILE: is the file, word for word, one of the document's Fortran blocks?
+    awk -v file="$2" '
+        BEGIN { while ((getline line < file) > 0) wanted = wanted line "\n" }
+        /^```fortran$/ { inside = 1; block = ""; next }
+        /^```$/ && inside { inside = 0; if (block == wanted) found = 1; next }
+        inside { block = block $0 "\n" }
+        END { exit !(found && wanted != "") }' "$1" || { echo "no Fortran block of $1 is the text of $2"; return 1; }
+}
+
+error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
+    awk -v limit="$1" '
+        $1 == "error:" { found = 1; value = $2 }
+        END { print found ? "error " value ", allowed " limit : "no line \"error: NUMBER\""; exit !(found && value + 0 == value && value < limit) }
+        ' "$2"
+}
+
+# --- 1. what the documents quote -----------------------------------------------------------------------------------
+
+check readme-quotes-the-skate quotes README.md example/skate.f90
+check scene-guide-quotes-the-pendulum quotes doc/scene.md example/dependent/src/pendulum.f90
+check scene-guide-quotes-the-program quotes doc/scene.md example/dependent/app/main.f90
+
+# --- 2. the example of the README ----------------------------------------------------------------------------------
+
+run_skate() { "$fpm" run --example skate "${release[@]}" >"$tmp/skate.log" 2>&1 || { cat "$tmp/skate.log"; return 1; }; }
+check skate-runs run_skate
+check skate-agrees-with-its-closed-form error_below 1e-9 "$tmp/skate.log"
+
+# --- 3. a project that depends on tandem ---------------------------------------------------------------------------
+
+copy_outside() { # the files of the checkout, without anything that set-up or a build made
+    git ls-files -z --cached --others --exclude-standard | tar --null --ignore-failed-read -T - -cf - |
+        tar -C "$tmp/copy" -xf - && [ -f "$tmp/copy/example/dependent/fpm.toml" ]
+}
+
+build_dependent() { # git may fetch nothing, and pkg-config finds nothing
+    local strict="-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument"
+    (
+        cd "$tmp/copy/example/dependent" &&
+            env -u PKG_CONFIG_PATH PKG_CONFIG_LIBDIR="$tmp/none" GIT_ALLOW_PROTOCOL=none GIT_TERMINAL_PROMPT=0 \
+                "$fpm" build --verbose --flag "$strict"
+    ) >"$tmp/build.log" 2>&1 || { cat "$tmp/build.log"; return 1; }
+}
+
+no_warning() { # from the project's own sources; those of tandem stand above it
+    ! grep -nE '^(\./)*(app|src)/[^:]*:[0-9]+:[0-9]+:' "$tmp/build.log"
+}
+
+find_binary() { binary=$(find "$tmp/copy/example/dependent/build" -path '*/app/*' -type f -perm -u+x | head -n 1) && [ -n "$binary" ]; }
+
+nothing_else_compiled() { # no file, library or folder of HDF5, toml-f or test-drive in the commands of the build
+    ! grep -niE 'hdf5|toml-?f|test-?drive' "$tmp/build.log" && [ -z "$(ls "$tmp/copy/example/dependent/build/dependencies" 2>/dev/null)" ]
+}
+
+nothing_else_linked() { # nor in the binary
+    find_binary || { echo "there is no binary"; return 1; }
+    { ldd "$binary" && nm "$binary"; } >"$tmp/symbols" || return 1
+    grep -q tandem "$tmp/symbols" || { echo "nm shows no symbol of tandem"; return 1; }
+    ! grep -iE 'h5[a-z]+_f|hdf5|tomlf|testdrive' "$tmp/symbols"
+}
+
+run_dependent() { find_binary && "$binary" >"$tmp/pendulum.log" 2>&1 || { cat "$tmp/pendulum.log"; return 1; }; }
+
+mkdir "$tmp/copy"
+check dependent-is-copied copy_outside
+check dependent-builds-without-network build_dependent
+check dependent-compiles-without-warning no_warning
+check dependent-compiles-neither-hdf5-nor-toml nothing_else_compiled
+check dependent-links-neither-hdf5-nor-toml nothing_else_linked
+check dependent-runs run_dependent
+check dependent-agrees-with-its-closed-form error_below 1e-9 "$tmp/pendulum.log"
+
+[ "$failures" = 0 ]
