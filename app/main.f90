@@ -1,8 +1,33 @@
-program main
-    use tandem, only: wp
-    use tandem_io, only: h5open_f
+! SPDX-License-Identifier: MIT
+!> tandem on the command line: finds the subcommand and leaves the rest to it.
+!> Exit codes: 0 done, 1 the run failed, 2 the input was wrong.
+program tandem_program
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem_app_arguments, only: arguments_type, read_arguments
+    use tandem_app_help, only: help, refuse_command
+    use tandem_app_list, only: list
+    use tandem_app_run, only: run
+    use tandem_app_show, only: show
+    use tandem_io, only: tandem_version
     implicit none
-    integer :: ierr
-    call h5open_f(ierr)
-    print *, 'tandem', wp, ierr
-end program main
+    type(arguments_type) :: arguments
+    integer :: code
+
+    arguments = read_arguments()
+    select case (arguments%command)
+    case ('', 'help', '--help', '-h')
+        call help(code)
+    case ('--version', 'version')
+        write (output_unit, '(a)') 'tandem '//tandem_version
+        code = 0
+    case ('list')
+        call list(arguments, code)
+    case ('show')
+        call show(arguments, code)
+    case ('run')
+        call run(arguments, code)
+    case default
+        call refuse_command(arguments%command, code)
+    end select
+    stop code, quiet=.true.
+end program tandem_program

@@ -4,11 +4,14 @@ module tandem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
+    use tandem_model_derivatives, only: derivative_name, derivatives_type, n_derivatives, need_acceleration_q, &
+        need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, &
         terms_type
     use tandem_models_articulated_vehicle, only: articulated_vehicle_type
+    use tandem_models_motorcycle, only: motorcycle_type
     use tandem_models_rolling_disk, only: rolling_disk_type
-    use tandem_options, only: chart_policies, options_type, refresh_modes
+    use tandem_options, only: basis_methods, chart_policies, options_type, refresh_modes
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
     use tandem_simulation, only: at_end, at_start, at_step, observer_type, simulation_type
     use tandem_status, only: is_input_error, status_name, status_ok, status_output_failed
@@ -21,9 +24,11 @@ module tandem
     public :: error_type, set_error, to_text, is_input_error, status_name, status_ok, status_output_failed
     public :: model_type, label_length, terms_type, n_terms, term_name
     public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
-    public :: options_type, chart_policies, refresh_modes
+    public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
+    public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
+    public :: options_type, basis_methods, chart_policies, refresh_modes
     public :: simulation_type, observer_type, at_start, at_step, at_end
     public :: statistics_type, n_reasons, reason_name
     public :: properties_type, new_stepper, stepper_names
-    public :: articulated_vehicle_type, rolling_disk_type
+    public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

@@ -5,7 +5,7 @@
 #
 # Usage: tools/check_examples.sh
 #
-# Prints "... NAME [PASSED]" or "... NAME [FAILED]" for each check, and after a failure what was wrong.
+# Prints "ok NAME" or "not ok NAME" for each check, and after a failure what was wrong; tools/verify.py counts them.
 # Exit code 1 if anything failed.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
@@ -23,9 +23,9 @@ check() { # NAME COMMAND...: passes if the command succeeds; what it prints tell
     local name=$1
     shift
     if "$@" >"$tmp/told" 2>&1; then
-        echo "... $name [PASSED]"
+        echo "ok $name"
     else
-        echo "... $name [FAILED]"
+        echo "not ok $name"
         tail -n 20 "$tmp/told"
         failures=$((failures + 1))
     fi

@@ -12,9 +12,10 @@ import argparse
 
 import h5py
 import matplotlib
+import numpy as np
 
 matplotlib.use("Agg")
-from matplotlib import pyplot as plt  # noqa: E402
+from matplotlib import pyplot as plt
 
 
 def text(value):
@@ -53,11 +54,14 @@ def main():
             parser.error(f"there is no coordinate {name}; there are {', '.join(names)}")
 
     plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", width_ratios=[1, 1.25])
-    left.plot(coordinates[x][0], coordinates[y][0], linewidth=1)
-    left.plot(coordinates[x][0][0], coordinates[y][0][0], "o", markersize=4, color="black")
-    left.annotate("start", (coordinates[x][0][0], coordinates[y][0][0]), xytext=(5, 5), textcoords="offset points")
-    left.set_aspect("equal", adjustable="datalim")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", width_ratios=[1, 1.8])
+    track_x, track_y = coordinates[x][0], coordinates[y][0]
+    left.plot(track_x, track_y, linewidth=1)
+    left.plot(track_x[0], track_y[0], "o", markersize=4, color="black")
+    left.annotate("start", (track_x[0], track_y[0]), xytext=(5, 5), textcoords="offset points")
+    width, height = np.ptp(track_x), np.ptp(track_y)
+    if max(width, height) < 5 * min(width, height):
+        left.set_aspect("equal")
     left.set(xlabel=label(x, coordinates[x][1]), ylabel=label(y, coordinates[y][1]), title="track")
     right.plot(time, coordinates[z][0], linewidth=1)
     right.set(xlabel="time [s]", ylabel=label(z, coordinates[z][1]), title=f"{z} against time", xlim=(time[0], time[-1]))

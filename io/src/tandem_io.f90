@@ -1,9 +1,18 @@
 ! SPDX-License-Identifier: MIT
 !> The public face of tandem-io: re-exports only.
 module tandem_io
-    use hdf5, only: h5open_f
-    use tomlf, only: toml_table
+    use tandem_io_output_fields, only: default_fields, field_names, output_type
+    use tandem_io_output_observers, only: observer_list_type
+    use tandem_io_output_trajectory, only: energy_type, trajectory_type
+    use tandem_io_scene, only: read_scene, scene_type
+    use tandem_io_scene_registry, only: model_names
+    use tandem_io_scene_shipped, only: find_scene, shipped_scenes
+    use tandem_io_scene_text, only: nearest, to_toml
+    use tandem_io_version, only: format_version, tandem_version
     implicit none
     private
-    public :: h5open_f, toml_table
+
+    public :: scene_type, read_scene, find_scene, shipped_scenes, model_names, nearest, to_toml
+    public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
+    public :: tandem_version, format_version
 end module tandem_io

@@ -8,12 +8,18 @@ module tandem_options
     implicit none
     private
 
-    public :: options_type, chart_policies, refresh_modes
+    public :: options_type, chart_policies, refresh_modes, basis_methods
 
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).
     character(len=6), parameter :: refresh_modes(2) = [character(len=6) :: 'factor', 'refine']
+
+    !> Where the bases V, U, W, X come from: pivoted QR, or the paper's singular value decompositions.
+    character(len=3), parameter :: basis_methods(2) = [character(len=3) :: 'qr', 'svd']
+
+    !> A tolerance below this is lost in rounding.
+    real(wp), parameter :: smallest_tolerance = 1.0e-15_wp
 
     type :: options_type
         !> Name of the stepper, see `stepper_names` in `tandem_stepper_factory`.
@@ -24,6 +30,8 @@ module tandem_options
         character(len=10) :: chart = 'every_step'
         !> One of `refresh_modes`.
         character(len=6) :: refresh = 'factor'
+        !> One of `basis_methods`.
+        character(len=3) :: basis = 'qr'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 stands for `constraint_tolerance`.
@@ -32,10 +40,17 @@ module tandem_options
         real(wp) :: btol = 0.0_wp
         !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
+        !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
+        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`: what is left at every stage adds up.
+        real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit.
         real(wp) :: v_limit = 0.0_wp
         !> `paper` policy: a new chart when |w|_2 passes this; 0 means no limit.
         real(wp) :: w_limit = 0.0_wp
+        !> `paper` policy: a new chart when the condition number of (38) passes this; 0 means no limit.
+        real(wp) :: condition_limit = 0.0_wp
+        !> `paper` policy: a new chart when the iteration for u, B or H took more corrections than this; 0 means no limit.
+        integer :: iteration_limit = 0
         !> `adaptive` policy: a new chart when |D|_2 or |Fbar|_2, the secants of the angles to the tangent spaces, pass this.
         real(wp) :: secant_limit = 1.5_wp
         !> Largest violation of the constraints by the start, on the natural scale; smaller ones are removed.
@@ -47,6 +62,7 @@ module tandem_options
         procedure :: position_tolerance
         procedure :: b_tolerance
         procedure :: h_tolerance
+        procedure :: newton_tolerance
     end type options_type
 
 contains
@@ -62,6 +78,8 @@ contains
         else if (.not. any(self%refresh == refresh_modes)) then
             call set_error(error, status_invalid_option, 'refresh = "'//trim(self%refresh)//'" is unknown', &
                 'use factor or refine')
+        else if (.not. any(self%basis == basis_methods)) then
+            call set_error(error, status_invalid_option, 'basis = "'//trim(self%basis)//'" is unknown', 'use qr or svd')
         else if (self%max_steps < 1) then
             call set_error(error, status_invalid_option, 'max_steps = '//to_text(self%max_steps)//' must be at least 1')
         end if
@@ -80,6 +98,15 @@ contains
         if (allocated(error)) return
         call check_tolerance('htol', self%h_tolerance(), error)
         if (allocated(error)) return
+        call check_tolerance('intol', self%newton_tolerance(), error)
+        if (allocated(error)) return
+        call check_limit('condition_limit', self%condition_limit, error)
+        if (allocated(error)) return
+        if (self%iteration_limit < 0) then
+            call set_error(error, status_invalid_option, 'iteration_limit = '//to_text(self%iteration_limit)// &
+                ' must be positive, or 0 for no limit')
+            return
+        end if
         call check_tolerance('start_tolerance', self%start_tolerance, error)
         if (allocated(error)) return
         if (.not. self%secant_limit > 1.0_wp) then
@@ -107,6 +134,13 @@ contains
 
         h_tolerance = merge(self%constraint_tolerance, self%htol, is_unset(self%htol))
     end function h_tolerance
+
+    !> intol, or what stands for it.
+    pure real(wp) function newton_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        newton_tolerance = merge(max(0.01_wp*self%constraint_tolerance, smallest_tolerance), self%intol, is_unset(self%intol))
+    end function newton_tolerance
 
     !> Whether a tolerance was left at the zero that stands for another.
     pure elemental logical function is_unset(value)
@@ -138,9 +172,9 @@ contains
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: smallest = 1.0e-15_wp, largest = 1.0e-2_wp
+        real(wp), parameter :: largest = 1.0e-2_wp
 
-        if (value >= smallest .and. value <= largest) return
+        if (value >= smallest_tolerance .and. value <= largest) return
         call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must lie between 1e-15 and 1e-2')
     end subroutine check_tolerance
 end module tandem_options

@@ -9,7 +9,7 @@ module tandem_status
     public :: status_ok, status_invalid_option, status_invalid_model, status_inconsistent_start
     public :: status_rank_deficient, status_singular_mass, status_callback_failed, status_not_evaluable
     public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
-    public :: status_step_underflow, status_step_limit, status_output_failed
+    public :: status_step_underflow, status_step_limit, status_output_failed, status_newton_failed
 
     integer, parameter :: status_ok = 0
     integer, parameter :: status_invalid_option = -1
@@ -26,6 +26,7 @@ module tandem_status
     integer, parameter :: status_step_underflow = -12
     integer, parameter :: status_step_limit = -13
     integer, parameter :: status_output_failed = -14
+    integer, parameter :: status_newton_failed = -15
 
     !> One row of the table.
     type :: status_type
@@ -41,7 +42,7 @@ module tandem_status
         character(len=128) :: advice
     end type status_type
 
-    type(status_type), parameter :: table(15) = [ &
+    type(status_type), parameter :: table(16) = [ &
         status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
         status_type(status_invalid_option, 'invalid_option', .true., &
             'an option has a value that cannot be', 'correct the option that the message names'), &
@@ -74,7 +75,10 @@ module tandem_status
         status_type(status_step_limit, 'step_limit', .false., &
             'max_steps were taken before the end', 'raise max_steps, or take larger steps'), &
         status_type(status_output_failed, 'output_failed', .false., &
-            'the results could not be written', 'check the disk and the path of the output file')]
+            'the results could not be written', 'check the disk and the path of the output file'), &
+        status_type(status_newton_failed, 'newton_failed', .false., &
+            'the iteration for an implicit stage did not converge', &
+            'take a smaller step; check the derivatives of the model')]
 
 contains
 

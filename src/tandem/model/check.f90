@@ -3,7 +3,7 @@
 module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
-    use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
+    use tandem_model_terms, only: need_jacobian, need_mass, need_phi
     use tandem_kinds, only: wp
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -49,12 +49,14 @@ contains
             call refuse('provides is set, but the procedure evaluate is missing', 'associate it', error)
             return
         end if
+        if (model%provides_derivatives /= 0 .and. .not. associated(model%evaluate_derivatives)) then
+            call refuse('provides_derivatives is set, but the procedure evaluate_derivatives is missing', 'associate it', error)
+            return
+        end if
         associate (holonomic => model%n_holonomic > 0, nonholonomic => model%n_nonholonomic > 0)
             call require(holonomic, need_phi, associated(model%holonomic), 'holonomic')
             call require(holonomic, need_jacobian, associated(model%holonomic_jacobian), 'holonomic_jacobian')
             call require(nonholonomic, need_jacobian, associated(model%nonholonomic_jacobian), 'nonholonomic_jacobian')
-            call require(holonomic .or. nonholonomic, need_gamma, associated(model%constraint_acceleration), &
-                'constraint_acceleration')
             call require(.true., need_mass, associated(model%mass_matrix), 'mass_matrix')
             if (allocated(error)) return
             if (associated(model%holonomic_rate) .and. .not. holonomic) &

@@ -46,7 +46,8 @@ contains
         self%part = spread(0.0_wp, 1, model%n)
         self%has = model%provides
         if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
-        if (model%n_holonomic + model%n_nonholonomic > 0) self%has = ior(self%has, need_jacobian + need_gamma)
+        if (model%n_constraints() > 0) self%has = ior(self%has, need_jacobian)
+        if (associated(model%constraint_acceleration)) self%has = ior(self%has, need_gamma)
         if (associated(model%holonomic_rate) .or. associated(model%nonholonomic_rhs)) self%has = ior(self%has, need_nu)
         self%has = ior(self%has, need_mass)
         if (associated(model%inertia_force) .or. associated(model%applied_force)) self%has = ior(self%has, need_force)

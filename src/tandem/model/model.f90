@@ -11,6 +11,7 @@
 !> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
     use tandem_kinds, only: wp
+    use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
     implicit none
     private
@@ -18,6 +19,7 @@ module tandem_model
     public :: model_type, label_length
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
+    public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -57,7 +59,8 @@ module tandem_model
         procedure(matrix_of_position), pointer :: nonholonomic_jacobian => null()
         !> e(t, q) (nd); only where e is not zero.
         procedure(vector_of_position), pointer :: nonholonomic_rhs => null()
-        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); required where there are constraints.
+        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); where it is missing, differences of C and nu along the motion stand
+        !> in, and their noise limits the accuracy (the report says by how much).
         procedure(vector_of_motion), pointer :: constraint_acceleration => null()
         !> M(q) (n, n), symmetric; required.
         procedure(mass_interface), pointer :: mass_matrix => null()
@@ -75,6 +78,25 @@ module tandem_model
         !> The terms that `evaluate` gives, a sum of need bits (see `tandem_model_terms`). A term that is neither in
         !> `provides` nor has a procedure of its own is zero.
         integer :: provides = 0
+
+        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
+        !> one is missing, differences stand in.
+        procedure(direction_derivative), pointer :: jacobian_derivative => null()
+        !> nu_q (nh + nd, n).
+        procedure(matrix_of_position), pointer :: nu_derivative => null()
+        !> gamma_q and gamma_qd (nh + nd, n) (71).
+        procedure(matrix_of_motion), pointer :: gamma_q => null(), gamma_qd => null()
+        !> M2(q, x) = (M x)_q (n, n) for a constant x (60).
+        procedure(mass_derivative_interface), pointer :: mass_derivative => null()
+        !> (C' lambda)_q (n, n) for constant multipliers (64).
+        procedure(direction_derivative), pointer :: reaction_derivative => null()
+        !> (S + Q_A)_q and (S + Q_A)_qd (n, n).
+        procedure(matrix_of_motion), pointer :: force_q => null(), force_qd => null()
+        !> Any set of the five sums in `tandem_model_derivatives` at one point in one call; preferred for those in
+        !> `provides_derivatives`.
+        procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
+        !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
+        integer :: provides_derivatives = 0
     contains
         procedure :: n_constraints
         procedure :: row_name
@@ -163,6 +185,47 @@ module tandem_model
             type(terms_type), intent(inout) :: terms
             integer, intent(out) :: stat
         end subroutine evaluate_interface
+
+        !> A derivative of C x or C' x with respect to q for a constant x.
+        subroutine direction_derivative(self, t, q, x, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates (n), and x: (n) for C x, (nh + nd) for C' x.
+            real(wp), intent(in) :: t, q(:), x(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine direction_derivative
+
+        !> The derivative of M x with respect to q for a constant x.
+        subroutine mass_derivative_interface(self, q, x, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: q(:), x(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine mass_derivative_interface
+
+        !> A matrix that depends on time, position and velocity.
+        subroutine matrix_of_motion(self, t, q, qd, value, stat)
+            import :: model_type, wp
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine matrix_of_motion
+
+        !> Several derivatives at once.
+        subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+            import :: model_type, wp, derivatives_type
+            class(model_type), intent(inout) :: self
+            !> The derivatives wanted, a sum of need bits; only those in `provides_derivatives` are asked for.
+            integer, intent(in) :: need
+            !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
+            real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+            !> The wanted derivatives are set, zeros included; the others are left alone.
+            type(derivatives_type), intent(inout) :: derivatives
+            integer, intent(out) :: stat
+        end subroutine evaluate_derivatives_interface
     end interface
 
 contains

@@ -7,6 +7,8 @@
 module tandem_models_articulated_vehicle
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
+    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
+        need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi, terms_type
     implicit none
     private
@@ -51,6 +53,8 @@ contains
         if (abs(self%frequency) > 0.0_wp) self%breakpoints = [two_pi/abs(self%frequency)]
         self%evaluate => evaluate
         self%provides = need_phi + need_jacobian + need_gamma + need_mass
+        self%evaluate_derivatives => evaluate_derivatives
+        self%provides_derivatives = need_all_derivatives
     end subroutine define
 
     !> Both chassis in line along x, at the same speed (m/s).
@@ -137,4 +141,65 @@ contains
             end associate
         end select
     end subroutine evaluate
+
+    !> The gradients of the velocity and acceleration constraints and of the equations of motion. Every term depends on q by
+    !> the directions of the chassis alone, so the columns of x and y are zero.
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+        real(wp) :: cf, sf, turn
+
+        stat = 0
+        select type (self)
+        class is (articulated_vehicle_type)
+            call self%turn_to(t, q)
+            associate (l => self%half_length, c1 => self%c1, s1 => self%s1, c2 => self%c2, s2 => self%s2)
+                cf = c1*self%c_theta - s1*self%s_theta
+                sf = s1*self%c_theta + c1*self%s_theta
+                turn = qd(3) + self%theta_rate
+                if (iand(need, need_velocity_q) /= 0) then
+                    derivatives%velocity_q = 0.0_wp
+                    derivatives%velocity_q(:, 3) = [l*c1*qd(3), l*s1*qd(3), -(cf*qd(1) + sf*qd(2)), &
+                        -(c1*qd(1) + s1*qd(2)), 0.0_wp]
+                    derivatives%velocity_q(:, 6) = [l*c2*qd(6), l*s2*qd(6), 0.0_wp, 0.0_wp, -(c2*qd(4) + s2*qd(5))]
+                end if
+                if (iand(need, need_acceleration_q) /= 0) then
+                    derivatives%acceleration_q = 0.0_wp
+                    derivatives%acceleration_q(:, 3) = [l*(c1*qdd(3) - s1*qd(3)**2), l*(s1*qdd(3) + c1*qd(3)**2), &
+                        -(cf*qdd(1) + sf*qdd(2)) + turn*(sf*qd(1) - cf*qd(2)), &
+                        -(c1*qdd(1) + s1*qdd(2)) + qd(3)*(s1*qd(1) - c1*qd(2)), 0.0_wp]
+                    derivatives%acceleration_q(:, 6) = [l*(c2*qdd(6) - s2*qd(6)**2), l*(s2*qdd(6) + c2*qd(6)**2), &
+                        0.0_wp, 0.0_wp, -(c2*qdd(4) + s2*qdd(5)) + qd(6)*(s2*qd(4) - c2*qd(5))]
+                end if
+                if (iand(need, need_acceleration_qd) /= 0) then
+                    associate (d => derivatives%acceleration_qd)
+                        d = 0.0_wp
+                        d(1, 3) = 2*l*c1*qd(3)
+                        d(1, 6) = 2*l*c2*qd(6)
+                        d(2, 3) = 2*l*s1*qd(3)
+                        d(2, 6) = 2*l*s2*qd(6)
+                        d(3, 1:3) = [-turn*cf, -turn*sf, -(cf*qd(1) + sf*qd(2)) - l*self%s_theta*self%theta_rate]
+                        d(4, 1:3) = [-qd(3)*c1, -qd(3)*s1, -(c1*qd(1) + s1*qd(2))]
+                        d(5, 4:6) = [-qd(6)*c2, -qd(6)*s2, -(c2*qd(4) + s2*qd(5))]
+                    end associate
+                end if
+                if (iand(need, need_dynamics_q) /= 0) then
+                    ! (C' lambda)_q.
+                    associate (d => derivatives%dynamics_q)
+                        d = 0.0_wp
+                        d(1, 3) = -cf*lambda(3) - c1*lambda(4)
+                        d(2, 3) = -sf*lambda(3) - s1*lambda(4)
+                        d(3, 3) = l*(c1*lambda(1) + s1*lambda(2))
+                        d(4, 6) = -c2*lambda(5)
+                        d(5, 6) = -s2*lambda(5)
+                        d(6, 6) = l*(c2*lambda(1) + s2*lambda(2))
+                    end associate
+                end if
+                if (iand(need, need_dynamics_qd) /= 0) derivatives%dynamics_qd = 0.0_wp
+            end associate
+        end select
+    end subroutine evaluate_derivatives
 end module tandem_models_articulated_vehicle

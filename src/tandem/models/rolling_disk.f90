@@ -9,8 +9,11 @@
 module tandem_models_rolling_disk
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
+    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
+        need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type
-    use tandem_rigid_euler_parameters, only: b_matrix, b_product, g_matrix, g_product, g_transposed_product, rotation
+    use tandem_rigid_euler_parameters, only: b_matrix, b_product, c_matrix, g_product, g_sandwich, &
+        g_transposed_product, k_matrix, rotation, rotation_rate, t_matrix
     implicit none
     private
 
@@ -44,6 +47,8 @@ contains
             'contact radius']
         self%nonholonomic_name = [character(len=label_length) :: 'no slip x', 'no slip y']
         self%evaluate => evaluate
+        self%evaluate_derivatives => evaluate_derivatives
+        self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         self%provides = need_phi + need_jacobian + need_gamma + need_mass + need_force
     end subroutine define
@@ -86,9 +91,9 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         integer, intent(out) :: stat
-        real(wp) :: p(4), pd(4), alpha(3), beta(3), alphad(3), betad(3), g(3, 4)
+        real(wp) :: p(4), pd(4), alpha(3), beta(3), alphad(3), betad(3)
         real(wp) :: centripetal(3), mixed(3), tangent(3), a32, a33
-        integer :: i, j
+        integer :: i
 
         stat = 0
         p = q(4:7)
@@ -124,13 +129,7 @@ contains
                 do i = 1, 3
                     terms%mass(i, i) = self%mass
                 end do
-                g = g_matrix(p)
-                do j = 1, 4
-                    do i = 1, 4
-                        terms%mass(3 + i, 3 + j) = 4*(self%inertia(1)*g(1, i)*g(1, j) + self%inertia(2)*g(2, i)*g(2, j) + &
-                            self%inertia(3)*g(3, i)*g(3, j))
-                    end do
-                end do
+                terms%mass(4:7, 4:7) = 4*g_sandwich(p, self%inertia, p)
             end if
             if (iand(need, need_force) /= 0) then
                 terms%force = 0.0_wp
@@ -164,6 +163,116 @@ contains
         jacobian(6, 2) = 1.0_wp
         jacobian(6, 4:7) = contact(2, :)
     end subroutine set_jacobian
+
+    !> The derivatives of (111), as the gradients of the velocity and acceleration constraints and of the equations of motion.
+    !> With v = d/dt (A alpha) and its like, rows 1, 5, 6 differentiate the contact point's motion, row 2 the tangent's.
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+        real(wp) :: p(4), pd(4), pdd(4), alpha(3), beta(3), alphad(3), betad(3), alphadd(3), betadd(3)
+        real(wp) :: rate(3, 3), second_rate(3, 3), block(3, 4), mixed(3, 4), uz(3), a_uz(3), force_c(3, 4)
+        integer :: j
+
+        stat = 0
+        p = q(4:7)
+        pd = qd(4:7)
+        pdd = qdd(4:7)
+        alpha = [0.0_wp, q(8), q(9)]
+        beta = [0.0_wp, -q(9), q(8)]
+        alphad = [0.0_wp, qd(8), qd(9)]
+        betad = [0.0_wp, -qd(9), qd(8)]
+        rate = rotation_rate(p, pd)
+        if (iand(need, need_velocity_q) /= 0) then
+            associate (d => derivatives%velocity_q)
+                ! (B(p, alpha) pd + A alphad)_p = B(pd, alpha) + B(p, alphad); its derivative by a is Ad.
+                d = 0.0_wp
+                block = b_matrix(pd, alpha)
+                mixed = b_matrix(p, alphad)
+                d(1, 4:7) = block(3, :) + mixed(3, :)
+                d(1, 8:9) = rate(3, 2:3)
+                d(5:6, 4:7) = block(1:2, :)
+                d(5:6, 8:9) = rate(1:2, 2:3)
+                block = b_matrix(pd, beta) + b_matrix(p, betad)
+                d(2, 4:7) = block(3, :)
+                d(2, 8:9) = [rate(3, 3), -rate(3, 2)]
+                d(3, 4:7) = pd
+                d(4, 8:9) = qd(8:9)
+            end associate
+        end if
+        if (iand(need, need_acceleration_q) /= 0) then
+            associate (d => derivatives%acceleration_q)
+                alphadd = [0.0_wp, qdd(8), qdd(9)]
+                betadd = [0.0_wp, -qdd(9), qdd(8)]
+                second_rate = rotation_rate(p, pdd) + rotation_rate(pd, pd)
+                d = 0.0_wp
+                block = b_matrix(pdd, alpha)
+                mixed = b_matrix(pd, alphad)
+                d(5:6, 4:7) = block(1:2, :) + mixed(1:2, :)
+                d(5:6, 8:9) = second_rate(1:2, 2:3)
+                block = block + 2*mixed + b_matrix(p, alphadd)
+                d(1, 4:7) = block(3, :)
+                d(1, 8:9) = second_rate(3, 2:3)
+                block = b_matrix(pdd, beta) + 2*b_matrix(pd, betad) + b_matrix(p, betadd)
+                d(2, 4:7) = block(3, :)
+                d(2, 8:9) = [second_rate(3, 3), -second_rate(3, 2)]
+                d(3, 4:7) = pdd
+                d(4, 8:9) = qdd(8:9)
+            end associate
+        end if
+        if (iand(need, need_acceleration_qd) /= 0) then
+            associate (d => derivatives%acceleration_qd)
+                ! gamma_qd; in rows 5 and 6 it is E2 + Ed, which the paper prints as 2 E2.
+                d = 0.0_wp
+                block = b_matrix(pd, alpha)
+                mixed = b_matrix(p, alphad)
+                d(1, 4:7) = 2*(block(3, :) + mixed(3, :))
+                d(1, 8:9) = 2*rate(3, 2:3)
+                d(5:6, 4:7) = 2*block(1:2, :) + mixed(1:2, :)
+                d(5:6, 8:9) = rate(1:2, 2:3)
+                block = b_matrix(pd, beta) + b_matrix(p, betad)
+                d(2, 4:7) = 2*block(3, :)
+                d(2, 8:9) = 2*[rate(3, 3), -rate(3, 2)]
+                d(3, 4:7) = 2*pd
+                d(4, 8:9) = 2*qd(8:9)
+            end associate
+        end if
+        select type (self)
+        class is (rolling_disk_type)
+            if (iand(need, need_dynamics_q) /= 0) then
+                associate (d => derivatives%dynamics_q)
+                    ! M2(q, qdd) - S_q + (C' lambda)_q; the rows of contact forces act along (lambda5, lambda6, lambda1).
+                    d = 0.0_wp
+                    uz = [0.0_wp, 0.0_wp, 1.0_wp]
+                    a_uz = [lambda(5), lambda(6), lambda(1)]
+                    d(4:7, 4:7) = 4*t_matrix(self%inertia*g_product(p, pdd)) &
+                        - 4*g_sandwich(p, self%inertia, pdd) - 8*g_sandwich(pd, self%inertia, pd) &
+                        + k_matrix(alpha, a_uz) + lambda(2)*k_matrix(beta, uz)
+                    do j = 4, 7
+                        d(j, j) = d(j, j) + lambda(3)
+                    end do
+                    ! (B(p, a)' b)_a = C(p, b)'; no-slip rows do not act on a.
+                    force_c = c_matrix(p, a_uz)
+                    d(4:7, 8) = force_c(2, :)
+                    d(4:7, 9) = force_c(3, :)
+                    force_c = c_matrix(p, uz)
+                    d(4:7, 8) = d(4:7, 8) + lambda(2)*force_c(3, :)
+                    d(4:7, 9) = d(4:7, 9) - lambda(2)*force_c(2, :)
+                    d(8, 4:7) = lambda(1)*force_c(2, :) + lambda(2)*force_c(3, :)
+                    d(9, 4:7) = lambda(1)*force_c(3, :) - lambda(2)*force_c(2, :)
+                    d(8, 8) = lambda(4)
+                    d(9, 9) = lambda(4)
+                end associate
+            end if
+            if (iand(need, need_dynamics_qd) /= 0) then
+                derivatives%dynamics_qd = 0.0_wp
+                derivatives%dynamics_qd(4:7, 4:7) = 8*g_sandwich(pd, self%inertia, p) &
+                    - 8*t_matrix(self%inertia*g_product(pd, p))
+            end if
+        end select
+    end subroutine evaluate_derivatives
 
     !> V = m g rz.
     subroutine potential_energy(self, t, q, value, stat)

@@ -8,6 +8,7 @@ module tandem_rigid_euler_parameters
     private
 
     public :: rotation, e_matrix, g_matrix, b_matrix, skew
+    public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich
     public :: g_product, g_transposed_product, b_product
 
 contains
@@ -76,6 +77,57 @@ contains
         b(3, 4) = 2*s
     end function b_matrix
 
+    !> C(p, a) = (A(p)' a)_p = 2 [(e0 I - ~e) a, e a' + (e0 I - ~e) ~a] (3, 4): B of the conjugate.
+    pure function c_matrix(p, a) result(c)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: c(3, 4)
+
+        ! A(e0, e)' = A(e0, -e).
+        c = b_matrix([p(1), -p(2), -p(3), -p(4)], a)
+        c(:, 2:4) = -c(:, 2:4)
+    end function c_matrix
+
+    !> K(a, b) = (B(p, a)' b)_p = 2 [a'b, a' ~b; ~a b, a b' + b a' - (a'b) I] (4, 4), symmetric and independent of p.
+    pure function k_matrix(a, b) result(k)
+        real(wp), intent(in) :: a(3), b(3)
+        real(wp) :: k(4, 4)
+        real(wp) :: ab, cross(3)
+        integer :: i, j
+
+        ab = a(1)*b(1) + a(2)*b(2) + a(3)*b(3)
+        cross = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+        k(1, 1) = 2*ab
+        k(2:4, 1) = 2*cross
+        k(1, 2:4) = 2*cross
+        do j = 1, 3
+            do i = 1, 3
+                k(i + 1, j + 1) = 2*(a(i)*b(j) + b(i)*a(j))
+            end do
+            k(j + 1, j + 1) = k(j + 1, j + 1) - 2*ab
+        end do
+    end function k_matrix
+
+    !> T(a) = (G(p)' a)_p = [0, -a'; a, -~a] (4, 4).
+    pure function t_matrix(a) result(t)
+        real(wp), intent(in) :: a(3)
+        real(wp) :: t(4, 4)
+
+        t(:, 1) = [0.0_wp, a(1), a(2), a(3)]
+        t(:, 2) = [-a(1), 0.0_wp, -a(3), a(2)]
+        t(:, 3) = [-a(2), a(3), 0.0_wp, -a(1)]
+        t(:, 4) = [-a(3), -a(2), a(1), 0.0_wp]
+    end function t_matrix
+
+    !> M(p, x) = E(x) G(p)' + E(p) G(x)' (3, 3), the derivative of A along x: M(p, x) a = B(p, a) x.
+    pure function rotation_rate(p, x) result(m)
+        real(wp), intent(in) :: p(4), x(4)
+        real(wp) :: m(3, 3)
+
+        m(:, 1) = b_product(p, [1.0_wp, 0.0_wp, 0.0_wp], x)
+        m(:, 2) = b_product(p, [0.0_wp, 1.0_wp, 0.0_wp], x)
+        m(:, 3) = b_product(p, [0.0_wp, 0.0_wp, 1.0_wp], x)
+    end function rotation_rate
+
     !> G(p) x (3), without the matrix.
     pure function g_product(p, x) result(y)
         real(wp), intent(in) :: p(4), x(4)
@@ -96,6 +148,22 @@ contains
         y(3) = p(4)*a(1) + p(1)*a(2) - p(2)*a(3)
         y(4) = -p(3)*a(1) + p(2)*a(2) + p(1)*a(3)
     end function g_transposed_product
+
+    !> G(p)' diag(j) G(x) (4, 4).
+    pure function g_sandwich(p, j, x) result(s)
+        real(wp), intent(in) :: p(4), j(3), x(4)
+        real(wp) :: s(4, 4)
+        real(wp) :: gp(3, 4), gx(3, 4)
+        integer :: k, l
+
+        gp = g_matrix(p)
+        gx = g_matrix(x)
+        do l = 1, 4
+            do k = 1, 4
+                s(k, l) = gp(1, k)*j(1)*gx(1, l) + gp(2, k)*j(2)*gx(2, l) + gp(3, k)*j(3)*gx(3, l)
+            end do
+        end do
+    end function g_sandwich
 
     !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
     pure function b_product(p, a, x) result(y)

@@ -9,11 +9,12 @@ module tandem_simulation
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
     use tandem_options, only: options_type
-    use tandem_simulate_statistics, only: by_breakpoint, by_d, by_fbar, by_start, by_step, by_v, by_w, statistics_type
+    use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_fbar, by_iterations, by_start, &
+        by_step, by_v, by_w, statistics_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
         status_invalid_option, status_ok, status_singular_mass, status_rank_deficient, status_step_limit, &
         status_step_underflow, status_of
-    use tandem_stepper, only: stepper_type
+    use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type, health_type
@@ -97,6 +98,7 @@ contains
         !> Start time, coordinates (n) and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
+        type(properties_type) :: properties
 
         call check_model(model, error)
         if (allocated(error)) return
@@ -127,9 +129,10 @@ contains
         self%chart_is_current = .false.
         if (allocated(self%chart)) deallocate (self%chart)
         allocate (dense_chart_type :: self%chart)
-        call self%chart%initialize(model, options, error)
+        properties = self%stepper%properties()
+        call self%chart%initialize(model, options, properties%implicit, error)
         if (allocated(error)) return
-        call self%stepper%initialize(model%n)
+        call self%stepper%initialize(model%n, options%newton_tolerance())
         call self%state%allocate(model%n)
         call self%next%allocate(model%n)
         self%state%t = t
@@ -383,6 +386,10 @@ contains
                     call self%renew_chart(by_v, error)
                 else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
                     call self%renew_chart(by_w, error)
+                else if (options%condition_limit > 0.0_wp .and. .not. health%condition <= options%condition_limit) then
+                    call self%renew_chart(by_condition, error)
+                else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
+                    call self%renew_chart(by_iterations, error)
                 end if
             end if
         end associate

@@ -3,13 +3,15 @@
 module tandem_stepper_factory
     use tandem_stepper, only: stepper_type
     use tandem_stepper_rk4, only: rk4_type
+    use tandem_stepper_sdirk54, only: sdirk54_type
+    use tandem_stepper_trapezoid, only: trapezoid_type
     implicit none
     private
 
     public :: new_stepper, stepper_names
 
     !> Every name that `new_stepper` knows.
-    character(len=16), parameter :: stepper_names(1) = [character(len=16) :: 'rk4']
+    character(len=16), parameter :: stepper_names(3) = [character(len=16) :: 'rk4', 'trapezoid', 'sdirk54']
 
 contains
 
@@ -22,6 +24,10 @@ contains
         select case (name)
         case ('rk4')
             allocate (rk4_type :: stepper)
+        case ('trapezoid')
+            allocate (trapezoid_type :: stepper)
+        case ('sdirk54')
+            allocate (sdirk54_type :: stepper)
         end select
     end subroutine new_stepper
 end module tandem_stepper_factory

@@ -38,9 +38,10 @@ contains
     end function properties
 
     !> Allocate the stages.
-    subroutine initialize(self, n)
+    subroutine initialize(self, n, newton_tolerance)
         class(rk4_type), intent(inout) :: self
         integer, intent(in) :: n
+        real(wp), intent(in) :: newton_tolerance
 
         self%q = spread(0.0_wp, 1, n)
         self%qd = self%q

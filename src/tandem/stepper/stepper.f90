@@ -37,11 +37,13 @@ module tandem_stepper
         end function properties_interface
 
         !> Allocate the stages for n coordinates, once.
-        subroutine initialize_interface(self, n)
-            import :: stepper_type
+        subroutine initialize_interface(self, n, newton_tolerance)
+            import :: stepper_type, wp
             class(stepper_type), intent(inout) :: self
             !> Number of coordinates.
             integer, intent(in) :: n
+            !> For implicit steppers: what Newton's iteration may leave of q and qd.
+            real(wp), intent(in) :: newton_tolerance
         end subroutine initialize_interface
 
         !> One step from `state` to `next`. `state` must be complete (qdd included) and stays as it is.

@@ -21,6 +21,9 @@ module tandem_tangent_chart
         real(wp) :: v = 0.0_wp, w = 0.0_wp
         !> |D|_2 and |Fbar|_2: 1 at the origin, then the secant of the angle between the tangent spaces.
         real(wp) :: d = 1.0_wp, fbar = 1.0_wp
+        !> Condition number of (38), and corrections of the last iteration for u.
+        real(wp) :: condition = 1.0_wp
+        integer :: corrections = 0
     end type health_type
 
     type, abstract :: chart_type
@@ -39,6 +42,8 @@ module tandem_tangent_chart
         procedure(restore_position_interface), deferred :: restore_position
         procedure(restore_velocity_interface), deferred :: restore_velocity
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
+        procedure(factor_stage_interface), deferred :: factor_stage
+        procedure(correct_stage_interface), deferred :: correct_stage
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
         procedure(errors_interface), deferred :: constraint_errors
@@ -48,12 +53,14 @@ module tandem_tangent_chart
 
     abstract interface
         !> Attach the model and allocate the work space, once.
-        subroutine initialize_interface(self, model, options, error)
+        subroutine initialize_interface(self, model, options, implicit, error)
             import :: chart_type, model_type, options_type, error_type
             class(chart_type), intent(inout) :: self
             !> The model; it must outlive the chart.
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
+            !> Whether the stepper is implicit: `factor_stage` and `correct_stage` are then used.
+            logical, intent(in) :: implicit
             type(error_type), allocatable, intent(out) :: error
         end subroutine initialize_interface
 
@@ -115,6 +122,33 @@ module tandem_tangent_chart
             real(wp), intent(out), contiguous :: qdd(:)
             integer, intent(out) :: stat
         end subroutine solve_dynamics_interface
+
+        !> Form and factor the Newton matrix of implicit stages at the last point of `solve_dynamics` (97).
+        subroutine factor_stage_interface(self, t, q, qd, qdd, ha, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            !> h a_ii.
+            real(wp), intent(in) :: ha
+            integer, intent(out) :: stat
+        end subroutine factor_stage_interface
+
+        !> One Newton correction of the ambient rates of a stage whose position and velocity were restored from them.
+        subroutine correct_stage_interface(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+            import :: chart_type, wp
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> The restored coordinates and velocities (n).
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            !> h a_ii of the stage.
+            real(wp), intent(in) :: ha
+            !> Rates of the position and velocity increments (n).
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            !> What the correction moves q and qd by, largest entry against |q| or |qd| and the coordinate scales.
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine correct_stage_interface
 
         !> The multipliers lambda (nh + nd) of the last point of `solve_dynamics`.
         subroutine multipliers_interface(self, qdd, lambda)

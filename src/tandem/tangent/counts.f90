@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> What a chart has done: the counters behind the claim that a scene pays for nothing that it does not need.
 module tandem_tangent_counts
-    use tandem_kinds, only: long
+    use tandem_kinds, only: long, wp
+    use tandem_model_derivatives, only: n_derivatives
     use tandem_model_terms, only: n_terms
     implicit none
     private
@@ -18,6 +19,13 @@ module tandem_tangent_counts
         integer(long) :: basis_factorizations = 0
         !> Evaluations of each term of the model, see `term_name`; calls of the fused procedure.
         integer(long) :: terms(n_terms) = 0, fused_calls = 0
+        !> Newton matrices of implicit stages formed and factored, corrections of stages, and stages.
+        integer(long) :: newton_matrices = 0, newton_corrections = 0, implicit_stages = 0
+        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms that
+        !> differences spent in their place, for derivatives and for gamma.
+        integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0
+        !> Noise of a gamma by differences, largest seen on the natural scale of its row; 0 where the model has its own.
+        real(wp) :: gamma_noise = 0.0_wp
         !> Computations of the multipliers, of kinetic and of potential energy: only where somebody asked.
         integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
     end type counts_type

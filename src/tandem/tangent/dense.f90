@@ -3,30 +3,30 @@
 !>
 !> Increments are ambient: xi = dq and eta = dqd, sums of the stages' qd and qdd, unprojected. A position is
 !> q = q0 + xi - U u with Phi(t, q) = 0 (11), (14), a velocity is qd = qd0 + eta - X x with C qd = nu (25), (6). As v = V' xi
-!> and w = W' eta, this is the trajectory of the chart with bases V and W, although neither is formed here.
+!> and w = W' eta, this is the trajectory in the chart's coordinates v and w, although explicit steps form neither V nor W:
+!> there the condition that qd - qd0 - eta lies in range(C0') reads N0' (qd - qd0 - eta) = 0 with any basis N0 of null(C0).
 !>
-!> With `factor`, C is eliminated at each point, which gives R (C R = I) and D (C D = 0); the condition that qd - qd0 - eta lies
-!> in range(C0') reads N0' (qd - qd0 - eta) = 0 with a null-space basis N0 of C0. With `refine`, B and H follow by the paper's
-!> iterations, R = X H and D = (I - X H C) W.
-!>
-!> Coordinate scales s: bases are those of C diag(s), U and X act as diag(s) U, N0 as diag(s)^-1 N0.
+!> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
+!> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
 module tandem_tangent_dense
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
-    use tandem_linalg_elimination, only: elimination_type
-    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
+    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_options, only: options_type
-    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged, &
-        status_rank_deficient
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_dynamics, only: dynamics_type
     use tandem_tangent_natural_scale, only: acceleration_errors, position_errors, velocity_errors
-    use tandem_tangent_refinement, only: refinement_type
+    use tandem_tangent_position, only: position_type
+    use tandem_tangent_split, only: by_elimination, by_factor, by_refinement, split_type
+    use tandem_tangent_stage, only: stage_type
     implicit none
     private
 
@@ -35,41 +35,34 @@ module tandem_tangent_dense
     type, extends(chart_type) :: dense_chart_type
         private
         type(evaluator_type) :: model
+        type(differences_type) :: differences
+        type(position_type) :: position
+        type(split_type) :: split
         type(dynamics_type) :: dynamics
-        !> n coordinates, nh holonomic and m constraints, k = n - m.
-        integer :: n = 0, nh = 0, m = 0, k = 0
-        logical :: refines = .false., watches_v = .false., watches_w = .false., watches_secants = .false.
-        real(wp) :: utol = 0.0_wp, btol = 0.0_wp, htol = 0.0_wp
+        type(stage_type), public :: stage
+        type(derivatives_type) :: derivatives
+        !> n coordinates, nh holonomic and m constraints.
+        integer :: n = 0, nh = 0, m = 0
+        logical :: refines = .false., has_bases = .false., uses_svd = .false., has_gamma = .true.
+        logical :: watches_v = .false., watches_w = .false., watches_secants = .false., watches_condition = .false.
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
         !> Orthonormal bases at the origin, and at another point for |D| and |Fbar|.
         type(basis_type) :: basis, other_basis
-        !> diag(s) U (n, nh), diag(s) X (n, m), diag(s) W (n, k); X and W only where needed.
-        real(wp), allocatable :: u_basis(:, :), x_basis(:, :), w_basis(:, :)
-        !> diag(s)^-2 times a null-space basis of C0 (n, k).
-        real(wp), allocatable :: null_origin(:, :)
-        !> u (nh), carried from stage to stage as a start value; Phi_q U (nh, nh) and its factors; scales of Phi's rows (nh).
-        real(wp), allocatable :: u(:), correction(:), phi_u(:, :), phi_scale(:), scaled_phi(:)
-        type(lu_type) :: phi_u_lu
-        !> B and H of the paper.
-        type(refinement_type) :: b, h
-        !> C X (m, m).
-        real(wp), allocatable :: c_x(:, :)
-        type(lu_type) :: c_x_lu
-        !> C at the current point: its elimination, D (n, k) and R (n, m).
-        type(elimination_type) :: elimination
-        real(wp), allocatable :: null_space(:, :), right_inverse(:, :)
-        !> N0' D (k, k) and its factors; right sides (k), (m), (n).
-        real(wp), allocatable :: overlap(:, :), z(:), x(:), trial(:)
+        !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
+        real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
+        !> diag(s)^-2 N0 (n, n - m), N0' D and its factors, right sides (n - m), (m), (n).
+        real(wp), allocatable :: null_origin(:, :), overlap(:, :), z(:), x(:), trial(:)
         type(lu_type) :: overlap_lu
         !> The point where C, nu and M were evaluated last; whether R and D are those of it, and whether Phi is.
         logical :: has_point = .false., is_split = .false., phi_is_current = .false.
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:)
-        !> Work space for |D| and |Fbar|.
-        real(wp), allocatable :: angles(:, :), no_velocity(:)
+        !> Work space: for |D| and |Fbar|, for stages, and for the condition of (38).
+        real(wp), allocatable :: angles(:, :), b_phi(:, :), lambda(:), change_q(:), change_qd(:), equations(:, :)
+        type(lu_type) :: equations_lu
     contains
         procedure :: initialize
         procedure :: renew
@@ -78,191 +71,160 @@ module tandem_tangent_dense
         procedure :: restore_position
         procedure :: restore_velocity
         procedure :: solve_dynamics
+        procedure :: factor_stage
+        procedure :: correct_stage
         procedure :: multipliers
         procedure :: project_velocity
         procedure :: constraint_errors
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure, private :: move_to
-        procedure, private :: split_constraints
-        procedure, private :: start_refinement
-        procedure, private :: factor_position
-        procedure, private :: set_phi_u
-        procedure, private :: blame
+        procedure, private :: split_here
+        procedure, private :: evaluate_motion
+        procedure, private :: load_bases
+        procedure, private :: condition
+        procedure, private :: fail_term
     end type dense_chart_type
 
 contains
 
     !> Attach the model and allocate the work space.
-    subroutine initialize(self, model, options, error)
+    subroutine initialize(self, model, options, implicit, error)
         class(dense_chart_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
         type(error_type), allocatable, intent(out) :: error
+        integer :: way
 
+        self%refines = options%refresh == 'refine'
+        self%has_bases = implicit .or. self%refines
+        self%uses_svd = options%basis == 'svd'
+        self%watches_v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
+        self%watches_w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
+        self%watches_condition = options%chart == 'paper' .and. options%condition_limit > 0.0_wp
+        self%watches_secants = options%chart == 'adaptive'
+        self%scale = spread(1.0_wp, 1, model%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         call self%model%initialize(model)
+        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. model%n_constraints() == 0
         associate (n => model%n, nh => model%n_holonomic, m => model%n_constraints())
             self%n = n
             self%nh = nh
             self%m = m
-            self%k = n - m
-            self%scale = spread(1.0_wp, 1, n)
+            way = by_elimination
+            if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
+            call self%position%allocate(n, nh, self%refines, options%position_tolerance(), options%b_tolerance())
+            call self%split%allocate(n, m, way, options%h_tolerance())
+            call self%dynamics%allocate(n, n - m)
+            call self%basis%allocate(n, nh, m)
+            if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
-            self%u = spread(0.0_wp, 1, nh)
             self%x = spread(0.0_wp, 1, m)
             self%z = spread(0.0_wp, 1, n - m)
-            call self%phi_u_lu%allocate(nh)
-            call self%overlap_lu%allocate(n - m)
-            call self%elimination%allocate(m, n)
-            call self%basis%allocate(n, nh, m)
-            call self%dynamics%allocate(n, n - m)
-            allocate (self%u_basis(n, nh), self%null_origin(n, n - m), self%phi_u(nh, nh), source=0.0_wp)
-            allocate (self%null_space(n, n - m), self%right_inverse(n, m), self%overlap(n - m, n - m), source=0.0_wp)
+            if (self%has_bases) then
+                allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
+                allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
+            else
+                allocate (self%x_basis(0, 0), self%w_basis(0, 0))
+                allocate (self%null_origin(n, n - m), self%overlap(n - m, n - m), source=0.0_wp)
+                call self%overlap_lu%allocate(n - m)
+            end if
+            if (implicit) then
+                call self%stage%allocate(n, nh, m)
+                call self%derivatives%allocate(n, m)
+                allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
+            end if
+            if (self%watches_secants) then
+                call self%other_basis%allocate(n, nh, m)
+                allocate (self%angles(m, m), source=0.0_wp)
+            end if
+            if (self%watches_condition) then
+                allocate (self%equations(n, n), source=0.0_wp)
+                call self%equations_lu%allocate(n)
+            end if
         end associate
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         self%qd0 = self%q0
         self%trial = self%q0
         self%q_point = self%q0
-        self%no_velocity = self%q0
-        self%correction = self%u
-        self%phi_scale = self%u
-        self%scaled_phi = self%u
-        ! Rows are judged by their scales at the start of the step here, by those at its end afterwards.
-        self%utol = 0.25_wp*options%position_tolerance()
-        self%btol = options%b_tolerance()
-        self%htol = options%h_tolerance()
-        self%refines = options%refresh == 'refine'
-        self%watches_v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
-        self%watches_w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
-        self%watches_secants = options%chart == 'adaptive'
-        if (self%watches_secants) then
-            call self%other_basis%allocate(self%n, self%nh, self%m)
-            allocate (self%angles(self%m, self%m), source=0.0_wp)
-        end if
-        if (self%refines) then
-            allocate (self%x_basis(self%n, self%m), self%w_basis(self%n, self%k), self%c_x(self%m, self%m), source=0.0_wp)
-            call self%c_x_lu%allocate(self%m)
-            call self%b%allocate(self%nh)
-            call self%h%allocate(self%m)
-        end if
     end subroutine initialize
 
-    !> Make (t, q, qd) the origin: bases and the rank decision, then what the chosen refresh mode starts from.
+    !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
     subroutine renew(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         integer, intent(out) :: stat
-        integer :: columns, j
+        integer :: j
 
         self%failed_row = 0
         self%q0 = q
         self%qd0 = qd
-        self%u = 0.0_wp
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
-        ! U is all that explicit steps need; |w| and |D| need X, `refine` needs W.
+        call self%load_bases(stat)
+        if (stat /= status_ok) return
+        call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
+        if (stat /= status_ok) return
+        if (self%has_bases) then
+            self%is_split = .false.
+            call self%split%start(self%model%terms%jacobian, self%x_basis, stat)
+            if (stat /= status_ok) return
+        end if
+        call self%split_here(stat)
+        if (stat /= status_ok .or. self%has_bases) return
+        do j = 1, self%n - self%m
+            self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
+        end do
+    end subroutine renew
+
+    !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
+    subroutine load_bases(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        integer :: columns, j
+
+        stat = status_ok
+        ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
         columns = self%nh
         if (self%watches_w .or. self%watches_secants) columns = self%m
-        if (self%refines) columns = self%n
-        if (self%m > 0) then
-            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
-            self%counts%basis_factorizations = self%counts%basis_factorizations + 1
+        if (self%has_bases) columns = self%n
+        if (self%uses_svd) then
+            call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
         else
-            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, 0)
+            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
         end if
+        self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
         if (self%basis%deficient) then
             self%failed_row = self%basis%dependent_row
+            self%failed_value = self%basis%smallest
             stat = status_rank_deficient
             return
         end if
         do j = 1, self%nh
-            self%u_basis(:, j) = self%scale*self%basis%q(:, j)
+            self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
         end do
-        if (self%refines) then
-            do j = 1, self%m
-                self%x_basis(:, j) = self%scale*self%basis%q(:, j)
-            end do
-            do j = 1, self%k
-                self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
-            end do
-        end if
-        call self%refresh(stat)
-        if (stat /= status_ok) return
-        if (self%refines) then
-            call self%start_refinement(stat)
-            if (stat /= status_ok) return
-        end if
-        call self%split_constraints(stat)
-        if (stat /= status_ok) return
-        if (.not. self%refines) then
-            do j = 1, self%k
-                self%null_origin(:, j) = self%null_space(:, j)/self%scale**2
-            end do
-        end if
-    end subroutine renew
+        if (.not. self%has_bases) return
+        do j = 1, self%m
+            self%x_basis(:, j) = self%scale*self%basis%q(:, j)
+        end do
+        do j = 1, self%n - self%nh
+            self%v_basis(:, j) = self%scale*self%basis%q(:, self%nh + j)
+            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%scale
+        end do
+        do j = 1, self%n - self%m
+            self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
+            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
+        end do
+    end subroutine load_bases
 
-    !> Bring the factor of Phi_q U to the current point: frozen at the origin it would be too weak on a large chart.
+    !> Bring what is kept from step to step to the last point.
     subroutine refresh(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
-        integer :: i, j
 
-        stat = status_ok
-        if (self%nh == 0) return
-        do i = 1, self%nh
-            self%phi_scale(i) = 0.0_wp
-        end do
-        do j = 1, self%n
-            do i = 1, self%nh
-                self%phi_scale(i) = self%phi_scale(i) + abs(self%model%terms%jacobian(i, j))* &
-                    max(abs(self%q_point(j)), self%scale(j))
-            end do
-        end do
-        ! With `refine`, B follows the motion at every point by itself.
-        if (.not. self%refines) call self%factor_position(stat)
+        call self%position%refresh(self%model%terms%jacobian, self%q_point, self%scale, self%counts, stat)
     end subroutine refresh
-
-    !> B and H at the origin, where the paper's iterations start.
-    subroutine start_refinement(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-
-        self%is_split = .false.
-        call self%factor_position(stat)
-        if (stat /= status_ok) return
-        call self%phi_u_lu%invert(self%b%inverse)
-        call set_product(self%model%terms%jacobian, self%x_basis, self%c_x)
-        call self%c_x_lu%factor(self%c_x, stat)
-        stat = merge(status_ok, status_chart_left, stat == 0)
-        if (stat == status_ok) call self%c_x_lu%invert(self%h%inverse)
-    end subroutine start_refinement
-
-    !> Factor Phi_q U at the current point.
-    subroutine factor_position(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-
-        call self%set_phi_u()
-        call self%phi_u_lu%factor(self%phi_u, stat)
-        self%counts%position_factorizations = self%counts%position_factorizations + min(self%nh, 1)
-        stat = merge(status_ok, status_chart_left, stat == 0)
-    end subroutine factor_position
-
-    !> Phi_q U at the current point.
-    subroutine set_phi_u(self)
-        class(dense_chart_type), intent(inout) :: self
-        integer :: i, j, l
-
-        self%phi_u = 0.0_wp
-        do j = 1, self%nh
-            do l = 1, self%n
-                do i = 1, self%nh
-                    self%phi_u(i, j) = self%phi_u(i, j) + self%model%terms%jacobian(i, l)*self%u_basis(l, j)
-                end do
-            end do
-        end do
-    end subroutine set_phi_u
 
     !> Forget the last point.
     subroutine forget(self)
@@ -273,57 +235,19 @@ contains
         self%phi_is_current = .false.
     end subroutine forget
 
-    !> q = q0 + xi - U u with Phi(t, q) = 0 by a simplified Newton iteration for u (17).
+    !> q = q0 + xi - U u with Phi(t, q) = 0.
     subroutine restore_position(self, t, increment, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: increment(:)
         real(wp), intent(out), contiguous :: q(:)
         integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
-        integer, parameter :: most_corrections = 40
-        real(wp) :: error, first_error
-        integer :: k
 
-        stat = status_ok
-        self%failed_row = 0
-        self%trial = self%q0 + increment
-        q = self%trial
-        self%phi_is_current = .false.
-        if (self%nh == 0) return
-        first_error = huge(1.0_wp)
-        do k = 0, most_corrections
-            if (k > 0 .or. any(abs(self%u) > 0.0_wp)) then
-                q = self%trial
-                call add_product(self%u_basis, self%u, -1.0_wp, q)
-            end if
-            call self%model%evaluate(need_phi, t, q, self%no_velocity, self%counts, stat)
-            if (stat /= status_ok) then
-                self%failed_term = trim(self%model%failed_term)
-                return
-            end if
-            self%scaled_phi = abs(self%model%terms%phi)/self%phi_scale
-            error = maxval(self%scaled_phi)
-            if (all(self%scaled_phi <= self%utol)) then
-                self%phi_is_current = .true.
-                return
-            end if
-            if (k == 0) first_error = error
-            if (k == most_corrections .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
-            if (self%refines) then
-                self%correction = 0.0_wp
-                call add_product(self%b%inverse, self%model%terms%phi, 1.0_wp, self%correction)
-            else
-                self%correction = self%model%terms%phi
-                call self%phi_u_lu%solve(self%correction)
-            end if
-            self%u = self%u + self%correction
-            self%counts%position_corrections = self%counts%position_corrections + 1
-        end do
-        stat = status_position_diverged
-        call self%blame(self%scaled_phi)
-        ! Nothing of a failed iteration may reach the next step.
-        self%u = 0.0_wp
+        call self%position%restore(self%model, t, self%q0, increment, q, self%counts, stat)
+        self%phi_is_current = stat == status_ok .and. self%nh > 0
+        self%failed_row = self%position%failed_row
+        self%failed_value = self%position%failed_value
+        if (stat /= status_ok) call self%fail_term()
     end subroutine restore_position
 
     !> Evaluate C, nu and M at (t, q), unless it was done last.
@@ -339,10 +263,10 @@ contains
         end if
         self%has_point = .false.
         self%is_split = .false.
-        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, self%no_velocity, &
-            self%counts, stat)
+        ! None of these depends on the velocity; q stands in for it.
+        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
         if (stat /= status_ok) then
-            self%failed_term = trim(self%model%failed_term)
+            call self%fail_term()
             return
         end if
         self%has_point = .true.
@@ -350,39 +274,22 @@ contains
         self%q_point = q
     end subroutine move_to
 
-    !> R and D of C at the current point.
-    subroutine split_constraints(self, stat)
+    !> R and D at the current point, and with `refine` B too.
+    subroutine split_here(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
 
         stat = status_ok
         if (self%is_split) return
-        self%counts%constraint_factorizations = self%counts%constraint_factorizations + min(self%m, 1)
-        if (.not. self%refines) then
-            call self%elimination%eliminate(self%model%terms%jacobian, self%scale, stat)
-            if (stat /= 0) then
-                self%failed_row = stat
-                self%failed_value = 0.0_wp
-                stat = status_chart_left
-                return
-            end if
-            call self%elimination%get_right_inverse(self%right_inverse)
-            call self%elimination%get_null_space(self%null_space)
-            self%is_split = .true.
-            return
-        end if
-        if (self%nh > 0) then
-            call self%set_phi_u()
-            call self%b%refine(self%phi_u, self%btol, self%counts%b_corrections, stat)
+        associate (jacobian => self%model%terms%jacobian)
+            call self%position%refine(jacobian, self%counts, stat)
             if (stat /= status_ok) return
-        end if
-        call set_product(self%model%terms%jacobian, self%x_basis, self%c_x)
-        call self%h%refine(self%c_x, self%htol, self%counts%h_corrections, stat)
-        if (stat /= status_ok) return
-        call set_product(self%x_basis, self%h%inverse, self%right_inverse)
-        self%null_space = self%w_basis - matmul(self%right_inverse, matmul(self%model%terms%jacobian, self%w_basis))
-        self%is_split = .true.
-    end subroutine split_constraints
+            call self%split%update(jacobian, self%scale, self%x_basis, self%w_basis, self%counts, stat)
+        end associate
+        self%failed_row = self%split%failed_row
+        self%failed_value = 0.0_wp
+        self%is_split = stat == status_ok
+    end subroutine split_here
 
     !> qd = qd0 + eta - X x with C qd = nu.
     subroutine restore_velocity(self, t, q, increment, qd, stat)
@@ -391,42 +298,57 @@ contains
         real(wp), intent(in), contiguous :: q(:), increment(:)
         real(wp), intent(out), contiguous :: qd(:)
         integer, intent(out) :: stat
+        integer :: pass
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        call self%split_constraints(stat)
-        if (stat /= status_ok) return
-        if (self%m == 0) then
-            qd = self%qd0 + increment
-            return
-        end if
-        if (self%refines) then
-            qd = self%qd0 + increment
-            self%x = -self%model%terms%nu
-            call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
-            call add_product(self%right_inverse, self%x, -1.0_wp, qd)
-            return
-        end if
-        ! qd = R nu + D z with N0' (qd - qd0 - eta) = 0; the second pass removes what rounding left of C qd - nu.
-        call set_gram(self%null_origin, self%null_space, self%overlap)
-        call self%overlap_lu%factor(self%overlap, stat)
-        if (stat /= 0) then
-            stat = status_chart_left
-            return
-        end if
-        self%trial = self%qd0 + increment
-        qd = 0.0_wp
-        call add_product(self%right_inverse, self%model%terms%nu, 1.0_wp, qd)
-        self%trial = self%trial - qd
-        self%z = 0.0_wp
-        call add_transposed_product(self%null_origin, self%trial, 1.0_wp, self%z)
-        call self%overlap_lu%solve(self%z)
-        call add_product(self%null_space, self%z, 1.0_wp, qd)
-        self%x = -self%model%terms%nu
-        call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
-        call add_product(self%right_inverse, self%x, -1.0_wp, qd)
+        qd = self%qd0 + increment
+        if (self%m == 0) return
+        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
+            if (.not. self%has_bases) then
+                ! qd = R nu + D z with N0' (qd - qd0 - eta) = 0.
+                call set_gram(self%null_origin, d, self%overlap)
+                call self%overlap_lu%factor(self%overlap, stat)
+                if (stat /= 0) then
+                    stat = status_chart_left
+                    return
+                end if
+                self%trial = qd
+                qd = 0.0_wp
+                call add_product(r, terms%nu, 1.0_wp, qd)
+                self%trial = self%trial - qd
+                self%z = 0.0_wp
+                call add_transposed_product(self%null_origin, self%trial, 1.0_wp, self%z)
+                call self%overlap_lu%solve(self%z)
+                call add_product(d, self%z, 1.0_wp, qd)
+            end if
+            ! qd - R (C qd - nu); twice where rounding is to be removed, once for what H gives with the paper's tolerance.
+            do pass = 1, merge(2, 1, self%has_bases .and. .not. self%refines)
+                self%x = -terms%nu
+                call add_product(terms%jacobian, qd, 1.0_wp, self%x)
+                call add_product(r, self%x, -1.0_wp, qd)
+            end do
+        end associate
     end subroutine restore_velocity
+
+    !> gamma and the forces at a point of `move_to`.
+    subroutine evaluate_motion(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_here(stat)
+        if (stat /= status_ok) return
+        self%counts%right_hand_sides = self%counts%right_hand_sides + 1
+        call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
+        if (stat == status_ok .and. .not. self%has_gamma) &
+            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+        if (stat /= status_ok) call self%fail_term()
+    end subroutine evaluate_motion
 
     !> The acceleration at the point of `restore_velocity`.
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)
@@ -437,25 +359,69 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
-        call self%move_to(t, q, stat)
+        call self%evaluate_motion(t, q, qd, stat)
         if (stat /= status_ok) return
-        call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
-        if (stat /= status_ok) then
-            self%failed_term = trim(self%model%failed_term)
-            return
-        end if
-        self%counts%right_hand_sides = self%counts%right_hand_sides + 1
-        associate (terms => self%model%terms)
-            call self%dynamics%factor(terms%mass, self%null_space, stat)
-            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%k, 1)
+        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
+            call self%dynamics%factor(terms%mass, d, stat)
+            self%counts%mass_factorizations = self%counts%mass_factorizations + 1
             if (stat /= status_ok) then
                 if (.not. sum(abs(terms%mass)) + sum(abs(terms%jacobian)) <= huge(1.0_wp)) stat = status_not_finite
                 return
             end if
-            call self%dynamics%solve(terms%mass, terms%jacobian, self%null_space, self%right_inverse, terms%gamma, &
-                terms%force, qdd, stat)
+            call self%dynamics%solve(terms%mass, terms%jacobian, d, r, terms%gamma, terms%force, .not. self%refines, qdd, stat)
         end associate
     end subroutine solve_dynamics
+
+    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
+    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%evaluate_motion(t, q, qd, stat)
+        if (stat /= status_ok) return
+        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
+            call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
+            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
+            if (stat /= status_ok) then
+                self%failed_term = 'a derivative'
+                return
+            end if
+            call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
+            if (stat /= status_ok) return
+            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%position%u_basis, self%b_phi, d, r)
+            call self%stage%factor(d, ha, stat)
+        end associate
+        self%counts%newton_matrices = self%counts%newton_matrices + 1
+    end subroutine factor_stage
+
+    !> One Newton correction of a stage's rates at the restored point.
+    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        integer :: j
+
+        self%failed_row = 0
+        change = 0.0_wp
+        call self%evaluate_motion(t, q, qd, stat)
+        if (stat /= status_ok) return
+        call self%stage%correct(self%model%terms, self%v_basis, self%v_dual, self%w_dual, self%split%null_space, &
+            self%split%right_inverse, qd, rate_q, rate_qd, self%change_q, self%change_qd)
+        do j = 1, self%n
+            change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
+                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
+        end do
+        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) stat = status_not_finite
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+    end subroutine correct_stage
 
     !> lambda at the last point of `solve_dynamics`.
     subroutine multipliers(self, qdd, lambda)
@@ -464,7 +430,7 @@ contains
         real(wp), intent(out), contiguous :: lambda(:)
 
         self%counts%multipliers = self%counts%multipliers + 1
-        call self%dynamics%multipliers(self%model%terms%mass, self%right_inverse, self%model%terms%force, qdd, lambda)
+        call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
     end subroutine multipliers
 
     !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
@@ -477,12 +443,13 @@ contains
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        call self%split_constraints(stat)
-        if (stat /= status_ok) return
-        call self%dynamics%factor(self%model%terms%mass, self%null_space, stat)
-        if (stat /= status_ok) return
-        call self%dynamics%project(self%null_space, self%right_inverse, self%model%terms%nu, qd)
+        associate (r => self%split%right_inverse, d => self%split%null_space)
+            call self%dynamics%factor(self%model%terms%mass, d, stat)
+            if (stat /= status_ok) return
+            call self%dynamics%project(d, r, self%model%terms%nu, qd)
+        end associate
         if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine project_velocity
 
@@ -502,7 +469,7 @@ contains
         if (self%nh > 0 .and. .not. self%phi_is_current) then
             call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
-                self%failed_term = trim(self%model%failed_term)
+                call self%fail_term()
                 return
             end if
         end if
@@ -513,14 +480,16 @@ contains
         end associate
     end subroutine constraint_errors
 
-    !> What the policy watches: |v|, |w|, or |D| and |Fbar|.
+    !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
     subroutine measure_health(self, q, qd, health)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: q(:), qd(:)
         type(health_type), intent(out) :: health
 
+        health%corrections = max(self%position%last_corrections, self%position%last_b_corrections, self%split%last_corrections())
         if (self%watches_v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
         if (self%watches_w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
+        if (self%watches_condition) call self%condition(health%condition)
         if (self%watches_secants .and. self%m > 0) then
             ! The singular values of Y' X are the cosines of the angles between range(C') here (Y) and at the origin (X).
             call self%other_basis%factor_qr(self%model%terms%jacobian, self%scale, self%m)
@@ -531,10 +500,26 @@ contains
         end if
     end subroutine measure_health
 
+    !> The condition number of [M D, C'], the matrix of (38) without its unit block; infinite where it is singular.
+    subroutine condition(self, value)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(out) :: value
+        real(wp) :: reciprocal
+        integer :: stat
+
+        associate (k => self%n - self%m)
+            self%equations(:, :k) = matmul(self%model%terms%mass, self%split%null_space)
+            self%equations(:, k + 1:) = transpose(self%model%terms%jacobian)
+        end associate
+        call self%equations_lu%factor(self%equations, stat)
+        reciprocal = 0.0_wp
+        if (stat == 0) reciprocal = self%equations_lu%reciprocal_condition()
+        value = 1.0_wp/max(reciprocal, tiny(1.0_wp))
+    end subroutine condition
+
     !> The length of a vector's part outside the span of orthonormal columns.
     pure real(wp) function length_outside(columns, vector)
-        real(wp), intent(in) :: columns(:, :)
-        real(wp), intent(in), contiguous :: vector(:)
+        real(wp), intent(in) :: columns(:, :), vector(:)
         real(wp) :: rest(size(vector))
         integer :: j
 
@@ -554,12 +539,10 @@ contains
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end subroutine kinetic_energy
 
-    !> Remember the worst row.
-    subroutine blame(self, row_errors)
+    !> Remember which term of the model failed.
+    subroutine fail_term(self)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: row_errors(:)
 
-        self%failed_row = maxloc(row_errors, dim=1)
-        self%failed_value = maxval(row_errors)
-    end subroutine blame
+        self%failed_term = trim(self%model%failed_term)
+    end subroutine fail_term
 end module tandem_tangent_dense

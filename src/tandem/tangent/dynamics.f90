@@ -56,10 +56,12 @@ contains
     end subroutine factor
 
     !> The acceleration, with the factor of the same point.
-    subroutine solve(self, mass, jacobian, basis, right_inverse, gamma, force, qdd, stat)
+    subroutine solve(self, mass, jacobian, basis, right_inverse, gamma, force, polish, qdd, stat)
         class(dynamics_type), intent(inout) :: self
         !> M (n, n), C (m, n), D (n, k), R (n, m), gamma (m), S + Q_A (n).
         real(wp), intent(in), contiguous :: mass(:, :), jacobian(:, :), basis(:, :), right_inverse(:, :), gamma(:), force(:)
+        !> Whether to remove what rounding in R and D leaves of C qdd + gamma.
+        logical, intent(in) :: polish
         real(wp), intent(out), contiguous :: qdd(:)
         !> A status code.
         integer, intent(out) :: stat
@@ -73,10 +75,11 @@ contains
         call add_transposed_product(basis, self%ambient, 1.0_wp, self%rhs)
         call self%reduced%solve(self%rhs)
         call add_product(basis, self%rhs, 1.0_wp, qdd)
-        ! What rounding in R and D left of C qdd + gamma.
-        self%defect = gamma
-        call add_product(jacobian, qdd, 1.0_wp, self%defect)
-        call add_product(right_inverse, self%defect, -1.0_wp, qdd)
+        if (polish) then
+            self%defect = gamma
+            call add_product(jacobian, qdd, 1.0_wp, self%defect)
+            call add_product(right_inverse, self%defect, -1.0_wp, qdd)
+        end if
         if (.not. sum(abs(qdd)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine solve
 

@@ -13,6 +13,8 @@ module tandem_tangent_refinement
     type :: refinement_type
         !> The inverse (m, m).
         real(wp), allocatable :: inverse(:, :)
+        !> Corrections of the last refinement.
+        integer :: last_corrections = 0
         real(wp), allocatable, private :: defect(:, :), correction(:, :)
     contains
         procedure :: allocate => allocate_refinement
@@ -47,6 +49,7 @@ contains
         integer :: i, k
 
         stat = status_ok
+        self%last_corrections = 0
         last_error = 1.0_wp
         do k = 0, most_corrections
             call set_product(matrix, self%inverse, self%defect)
@@ -63,6 +66,7 @@ contains
             call set_product(self%inverse, self%defect, self%correction)
             self%inverse = self%inverse - self%correction
             corrections = corrections + 1
+            self%last_corrections = k + 1
         end do
         stat = status_chart_left
     end subroutine refine

@@ -1,0 +1,177 @@
+! SPDX-License-Identifier: MIT
+!> The command line: a subcommand, then words and options in any order.
+module tandem_app_arguments
+    use tandem, only: error_type
+    use tandem_io, only: nearest
+    use tandem_status, only: status_invalid_option
+    implicit none
+    private
+
+    public :: arguments_type, read_arguments
+
+    !> What an option takes.
+    type :: option_type
+        character(len=12) :: name
+        logical :: has_value
+    end type option_type
+
+    !> Every option of any subcommand.
+    type(option_type), parameter :: options(5) = [option_type('--set', .true.), option_type('--output', .true.), &
+        option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.)]
+
+    type :: arguments_type
+        !> The subcommand, empty where there is none.
+        character(len=:), allocatable :: command
+        !> The scene, not allocated where there is none.
+        character(len=:), allocatable :: scene
+        !> The settings `table.key=value`, blanks at their ends dropped.
+        character(len=:), allocatable :: settings(:)
+        !> The options without a value that were given.
+        logical :: quiet = .false., force = .false., help = .false.
+    contains
+        procedure :: parse
+        procedure, private :: take
+        procedure, private :: add_setting
+    end type arguments_type
+
+contains
+
+    !> The subcommand; the rest is for `parse`.
+    function read_arguments() result(arguments)
+        type(arguments_type) :: arguments
+
+        arguments%command = ''
+        if (command_argument_count() > 0) arguments%command = argument(1)
+        allocate (character(len=0) :: arguments%settings(0))
+    end function read_arguments
+
+    !> Read what follows the subcommand.
+    subroutine parse(self, allowed, takes_scene, error)
+        class(arguments_type), intent(inout) :: self
+        !> The options that the subcommand has.
+        character(len=*), intent(in) :: allowed(:)
+        !> Whether it wants a scene.
+        logical, intent(in) :: takes_scene
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: word
+        integer :: i
+
+        i = 2
+        do while (i <= command_argument_count() .and. .not. allocated(error))
+            word = argument(i)
+            i = i + 1
+            if (len(word) > 1 .and. index(word, '-') == 1) then
+                call self%take(word, i, allowed, error)
+            else if (allocated(self%scene) .or. .not. takes_scene) then
+                call set_usage_error(error, self%command, 'does not know what to do with "'//word//'"')
+            else
+                self%scene = word
+            end if
+        end do
+        if (allocated(error) .or. self%help) return
+        if (takes_scene .and. .not. allocated(self%scene)) then
+            call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
+        end if
+    end subroutine parse
+
+    !> Take an option, and its value from the same word or from the next.
+    subroutine take(self, word, next, allowed, error)
+        class(arguments_type), intent(inout) :: self
+        character(len=*), intent(in) :: word
+        !> Index of the next argument.
+        integer, intent(inout) :: next
+        character(len=*), intent(in) :: allowed(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: name, value
+        integer :: equals, i
+
+        name = word
+        equals = index(word, '=')
+        if (equals > 0) name = word(:equals - 1)
+        if (name == '-h') name = '--help'
+        i = findloc(options%name == name .and. [(any(options(i)%name == allowed), i=1, size(options))], .true., dim=1)
+        if (i == 0) then
+            value = nearest(name, allowed)
+            if (value /= '') value = '; did you mean '//value//'?'
+            call set_usage_error(error, self%command, 'has no option '//name//value)
+            return
+        end if
+        value = ''
+        if (options(i)%has_value) then
+            if (equals > 0) then
+                value = word(equals + 1:)
+            else if (next <= command_argument_count()) then
+                value = argument(next)
+                next = next + 1
+            end if
+            if (len_trim(value) == 0) call set_usage_error(error, self%command, 'needs a value after '//name)
+        else if (equals > 0) then
+            call set_usage_error(error, self%command, 'takes no value after '//name)
+        end if
+        if (allocated(error)) return
+        select case (name)
+        case ('--set')
+            call self%add_setting(value)
+        case ('--output')
+            call self%add_setting('output.file='//quoted(value))
+        case ('--quiet')
+            self%quiet = .true.
+        case ('--force')
+            self%force = .true.
+        case default
+            self%help = .true.
+        end select
+    end subroutine take
+
+    !> Add a setting after the others.
+    subroutine add_setting(self, setting)
+        class(arguments_type), intent(inout) :: self
+        character(len=*), intent(in) :: setting
+        character(len=:), allocatable :: longer(:)
+        integer :: i, n
+
+        n = size(self%settings)
+        allocate (character(len=max(len(self%settings), len(setting))) :: longer(n + 1))
+        do i = 1, n
+            longer(i) = self%settings(i)
+        end do
+        longer(n + 1) = setting
+        call move_alloc(longer, self%settings)
+    end subroutine add_setting
+
+    !> A text in TOML's quotes.
+    pure function quoted(word) result(text)
+        character(len=*), intent(in) :: word
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = '"'
+        do i = 1, len(word)
+            if (word(i:i) == '"' .or. word(i:i) == '\') text = text//'\'
+            text = text//word(i:i)
+        end do
+        text = text//'"'
+    end function quoted
+
+    !> An argument of any length.
+    function argument(i) result(word)
+        !> Its index.
+        integer, intent(in) :: i
+        character(len=:), allocatable :: word
+        integer :: length
+
+        call get_command_argument(i, length=length)
+        allocate (character(len=length) :: word)
+        if (length > 0) call get_command_argument(i, word)
+    end function argument
+
+    !> An error of the command line.
+    subroutine set_usage_error(error, command, message)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), intent(in) :: command, message
+
+        allocate (error)
+        error%stat = status_invalid_option
+        error%message = 'tandem '//command//' '//message//new_line('a')//'See tandem help.'
+    end subroutine set_usage_error
+end module tandem_app_arguments

@@ -1,0 +1,66 @@
+! SPDX-License-Identifier: MIT
+!> tandem help: what the program can do.
+module tandem_app_help
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_io, only: nearest
+    implicit none
+    private
+
+    public :: help, refuse_command
+
+    !> The subcommands.
+    character(len=8), parameter :: commands(4) = [character(len=8) :: 'help', 'list', 'run', 'show']
+
+    character(len=96), parameter :: text(*) = [character(len=96) :: &
+        'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
+        '', &
+        'Usage:', &
+        '  tandem list                  scenes and steppers, a line each', &
+        '  tandem show SCENE [OPTIONS]  the complete scene as TOML, every default filled in', &
+        '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
+        '  tandem help, tandem --version  this text, the version', &
+        '', &
+        'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &
+        'looked for in the folder that TANDEM_SCENES names, in ./scenes, and in the checkout.', &
+        '', &
+        'Options of run and show:', &
+        '  --set table.key=value   override a key of the scene, as often as you like', &
+        '  --output FILE           the result file, as --set output.file=FILE', &
+        'Options of run:', &
+        '  --quiet                 no progress on stderr', &
+        '  --force                 overwrite a file even if it is no result of tandem', &
+        '', &
+        'Exit codes: 0 done, 1 the run failed, 2 the input was wrong.', &
+        '', &
+        'Examples:', &
+        '  tandem run rolling_disk --set time.end=10 --set solver.step=2e-3 --output disk.h5', &
+        '  tandem show rolling_disk > my_disk.toml']
+
+contains
+
+    !> Print the help.
+    subroutine help(code)
+        !> Exit code.
+        integer, intent(out) :: code
+        integer :: i
+
+        do i = 1, size(text)
+            write (output_unit, '(a)') trim(text(i))
+        end do
+        code = done
+    end subroutine help
+
+    !> Say that there is no such subcommand.
+    subroutine refuse_command(command, code)
+        character(len=*), intent(in) :: command
+        !> Exit code.
+        integer, intent(out) :: code
+        character(len=:), allocatable :: guess
+
+        guess = nearest(command, commands)
+        if (guess /= '') guess = ' Did you mean "'//guess//'"?'
+        call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
+        code = input_wrong
+    end subroutine refuse_command
+end module tandem_app_help

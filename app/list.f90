@@ -1,0 +1,95 @@
+! SPDX-License-Identifier: MIT
+!> tandem list: the scenes that can be run by name, and the steppers.
+module tandem_app_list
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type, new_stepper, properties_type, stepper_names, to_text
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_io, only: read_scene, scene_type, shipped_scenes
+    use tandem_stepper, only: stepper_type
+    implicit none
+    private
+
+    public :: list
+
+contains
+
+    !> Print scenes and steppers, a line each.
+    subroutine list(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(error_type), allocatable :: error
+
+        call arguments%parse([character(len=8) :: '--help'], .false., error)
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+        else if (arguments%help) then
+            call help(code)
+        else
+            call list_scenes()
+            write (output_unit, '()')
+            call list_steppers()
+            code = done
+        end if
+    end subroutine list
+
+    !> The scenes.
+    subroutine list_scenes()
+        character(len=:), allocatable :: paths(:)
+        type(scene_type) :: scene
+        type(error_type), allocatable :: error
+        integer :: i
+
+        paths = shipped_scenes()
+        if (size(paths) == 0) then
+            write (output_unit, '(a)') 'No scenes were found; set TANDEM_SCENES to the folder that holds them.'
+            return
+        end if
+        write (output_unit, '(a)') row('scene', 'model', 'description')
+        do i = 1, size(paths)
+            call read_scene(trim(paths(i)), [character(len=1) ::], scene, error)
+            if (allocated(error)) then
+                write (output_unit, '(a)') row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i)))
+            else
+                write (output_unit, '(a)') row(file_name(trim(paths(i))), trim(scene%model_name), scene%description)
+            end if
+        end do
+    end subroutine list_scenes
+
+    !> The steppers.
+    subroutine list_steppers()
+        class(stepper_type), allocatable :: stepper
+        type(properties_type) :: properties
+        integer :: i
+
+        write (output_unit, '(a)') row('stepper', 'order, stages', 'kind, stability')
+        do i = 1, size(stepper_names)
+            call new_stepper(stepper_names(i), stepper)
+            properties = stepper%properties()
+            write (output_unit, '(a)') row(trim(properties%name), to_text(properties%order)//', '// &
+                to_text(properties%stages), trim(merge('implicit', 'explicit', properties%implicit))//', '// &
+                trim(properties%stability))
+        end do
+    end subroutine list_steppers
+
+    !> The name by which a scene file is called.
+    pure function file_name(path) result(name)
+        character(len=*), intent(in) :: path
+        character(len=:), allocatable :: name
+
+        name = path(index(path, '/', back=.true.) + 1:len(path) - len('.toml'))
+    end function file_name
+
+    !> Three columns.
+    pure function row(first, second, third) result(line)
+        character(len=*), intent(in) :: first, second, third
+        character(len=:), allocatable :: line
+        integer, parameter :: widths(2) = [22, 22]
+
+        line = first//repeat(' ', max(1, widths(1) - len(first)))
+        line = line//second//repeat(' ', max(1, sum(widths) - len(line) - len(second)))//third
+    end function row
+end module tandem_app_list

@@ -1,0 +1,226 @@
+! SPDX-License-Identifier: MIT
+!> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
+module tandem_app_report
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type, long, n_reasons, n_terms, new_stepper, properties_type, reason_name, &
+        simulation_type, statistics_type, term_name, wp
+    use tandem_io, only: scene_type, to_toml, trajectory_type
+    use tandem_stepper, only: stepper_type
+    implicit none
+    private
+
+    public :: print_report
+
+    !> Columns of the text after its label, and of a whole line.
+    integer, parameter :: indent = 18, width = 110
+
+    !> Items that are printed one after the other, separated by commas.
+    type :: phrase_type
+        character(len=:), allocatable :: text
+    contains
+        procedure :: add
+    end type phrase_type
+
+contains
+
+    !> Print the report of a run.
+    subroutine print_report(scene, simulation, trajectory, error)
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
+        type(trajectory_type), intent(in) :: trajectory
+        !> How the run failed, if it did.
+        type(error_type), allocatable, intent(in) :: error
+        type(statistics_type) :: s
+
+        s = simulation%statistics()
+        write (output_unit, '(a)') scene%name//': '//scene%description
+        associate (options => scene%options)
+            call print_line('solver', trim(options%stepper)//', h = '//to_toml(options%step)//' s, chart '// &
+                trim(options%chart)//', refresh '//trim(options%refresh))
+        end associate
+        if (allocated(error)) then
+            call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
+                to_toml(scene%t_end)//' s: FAILED after '//counted(s%steps, 'step'))
+        else
+            call print_line('time', to_toml(scene%t_start)//' to '//to_toml(scene%t_end)//' s in '// &
+                counted(s%steps, 'step'))
+        end if
+        call print_line('charts', charts(s))
+        call print_line('run time', short(s%wall_seconds, 3)//' s, CPU '//short(s%cpu_seconds, 3)//' s, '// &
+            short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds a step')
+        call print_line('largest errors', 'position '//short(s%position_error, 2)//', velocity '// &
+            short(s%velocity_error, 2)//', acceleration '//short(s%acceleration_error, 2)// &
+            ' over all steps (tolerance '//to_toml(scene%options%constraint_tolerance)//", on each row's natural scale)")
+        call print_line('start moved', 'q by '//short(s%start_moved_q, 2)//', qd by '//short(s%start_moved_qd, 2))
+        if (s%velocity_jump > 0.0_wp) call print_line('velocity jump', short(s%velocity_jump, 6))
+        call print_energy(trajectory)
+        call print_line('output', scene%output%file//', '//counted(trajectory%rows, 'row'))
+        call print_line('computed', computed(s))
+        call print_line('left out', left_out(s, scene))
+    end subroutine print_report
+
+    !> Energy and its drift, where it was written.
+    subroutine print_energy(trajectory)
+        type(trajectory_type), intent(in) :: trajectory
+        character(len=:), allocatable :: name, text
+
+        associate (energy => trajectory%energy)
+            if (.not. (energy%has_kinetic .or. energy%has_potential)) return
+            name = 'kinetic + potential'
+            if (.not. energy%has_potential) name = 'kinetic'
+            if (.not. energy%has_kinetic) name = 'potential'
+            text = name//' '//short(energy%at_start, 9)//' J at the start, off by '//short(energy%deviation, 2)// &
+                ' J at most at the rows'
+            if (abs(energy%at_start) > 0.0_wp) then
+                text = text//' ('//short(energy%deviation/abs(energy%at_start), 2)//' of it)'
+            end if
+        end associate
+        call print_line('energy', text)
+    end subroutine print_energy
+
+    !> How many charts, and why.
+    function charts(s) result(text)
+        type(statistics_type), intent(in) :: s
+        character(len=:), allocatable :: text
+        type(phrase_type) :: phrase
+        integer :: i
+
+        do i = 1, n_reasons
+            if (s%charts_by(i) > 0) call phrase%add(trim(reason_name(i))//' '//count_text(s%charts_by(i)))
+        end do
+        text = count_text(s%charts)
+        if (allocated(phrase%text)) text = text//': '//phrase%text
+    end function charts
+
+    !> What was computed, and how often.
+    function computed(s) result(text)
+        type(statistics_type), intent(in) :: s
+        character(len=:), allocatable :: text
+        type(phrase_type) :: phrase
+        integer :: i
+
+        call add_count(phrase, 'right-hand sides', s%right_hand_sides)
+        do i = 1, n_terms
+            call add_count(phrase, trim(term_name(i)), s%terms(i))
+        end do
+        call add_count(phrase, 'calls of evaluate', s%fused_calls)
+        call add_count(phrase, 'corrections of u', s%position_corrections)
+        call add_count(phrase, 'corrections of B', s%b_corrections)
+        call add_count(phrase, 'corrections of H', s%h_corrections)
+        call add_count(phrase, 'factorizations of Phi_q U', s%position_factorizations)
+        call add_count(phrase, 'factorizations of C', s%constraint_factorizations)
+        call add_count(phrase, "factorizations of D'M D", s%mass_factorizations)
+        call add_count(phrase, 'factorizations for bases', s%basis_factorizations)
+        call add_count(phrase, 'multipliers', s%multipliers)
+        call add_count(phrase, 'kinetic energies', s%kinetic_energies)
+        call add_count(phrase, 'potential energies', s%potential_energies)
+        text = phrase%text
+    end function computed
+
+    !> What the scene did not need.
+    function left_out(s, scene) result(text)
+        type(statistics_type), intent(in) :: s
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable :: text
+        type(phrase_type) :: phrase
+        type(properties_type) :: properties
+        class(stepper_type), allocatable :: stepper
+        integer :: i
+
+        if (scene%model%n_holonomic == 0) call phrase%add('holonomic constraints (the model has none)')
+        if (scene%model%n_nonholonomic == 0) call phrase%add('nonholonomic constraints (the model has none)')
+        do i = 1, n_terms
+            if (s%terms(i) > 0) cycle
+            select case (trim(term_name(i)))
+            case ('nu')
+                call phrase%add('nu (C qd = 0)')
+            case default
+                call phrase%add(trim(term_name(i))//' (the model has none)')
+            end select
+        end do
+        if (scene%model%constant_mass) call phrase%add('further evaluations of the mass matrix (it is constant)')
+        if (s%multipliers == 0) call phrase%add('multipliers (not asked for)')
+        if (s%kinetic_energies + s%potential_energies == 0) call phrase%add('energies (not asked for)')
+        call new_stepper(scene%options%stepper, stepper)
+        properties = stepper%properties()
+        if (.not. properties%implicit) call phrase%add('derivatives (the stepper is explicit)')
+        text = 'nothing'
+        if (allocated(phrase%text)) text = phrase%text
+    end function left_out
+
+    !> Add an item where its count is not zero.
+    subroutine add_count(phrase, name, number)
+        type(phrase_type), intent(inout) :: phrase
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: number
+
+        if (number > 0) call phrase%add(name//' '//count_text(number))
+    end subroutine add_count
+
+    !> Add an item.
+    subroutine add(self, item)
+        class(phrase_type), intent(inout) :: self
+        character(len=*), intent(in) :: item
+
+        if (allocated(self%text)) then
+            self%text = self%text//', '//item
+        else
+            self%text = item
+        end if
+    end subroutine add
+
+    !> A label and a text, on as many lines as it takes.
+    subroutine print_line(label, text)
+        character(len=*), intent(in) :: label, text
+        character(len=:), allocatable :: rest, head
+        integer :: last
+
+        head = '  '//label//repeat(' ', max(1, indent - 2 - len(label)))
+        rest = text
+        do
+            last = len(rest)
+            if (last > width - indent) last = index(rest(:width - indent), ', ', back=.true.)
+            if (last == 0) last = len(rest)
+            write (output_unit, '(a)') head//rest(:last)
+            if (last == len(rest)) return
+            rest = rest(last + 2:)
+            head = repeat(' ', indent)
+        end do
+    end subroutine print_line
+
+    !> A number with a few significant digits.
+    pure function short(value, digits) result(text)
+        real(wp), intent(in) :: value
+        !> How many.
+        integer, intent(in) :: digits
+        character(len=:), allocatable :: text
+        character(len=32) :: buffer
+        character(len=12) :: edit
+        real(wp) :: rounded
+
+        write (edit, '("(es32.", i0, "e3)")') digits - 1
+        write (buffer, edit) value
+        read (buffer, *) rounded
+        text = to_toml(rounded)
+    end function short
+
+    !> A count without blanks.
+    pure function count_text(number) result(text)
+        integer(long), intent(in) :: number
+        character(len=:), allocatable :: text
+        character(len=24) :: buffer
+
+        write (buffer, '(i0)') number
+        text = trim(buffer)
+    end function count_text
+
+    !> A count and what is counted.
+    pure function counted(number, name) result(text)
+        integer(long), intent(in) :: number
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: text
+
+        text = count_text(number)//' '//name
+        if (number /= 1) text = text//'s'
+    end function counted
+end module tandem_app_report

@@ -1,0 +1,98 @@
+! SPDX-License-Identifier: MIT
+!> tandem run: runs a scene, writes the result file, prints a report.
+module tandem_app_run
+    use tandem, only: error_type, simulation_type
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_progress, only: progress_type
+    use tandem_app_report, only: print_report
+    use tandem_io, only: find_scene, observer_list_type, read_scene, scene_type, trajectory_type
+    implicit none
+    private
+
+    public :: run
+
+contains
+
+    !> Run a scene.
+    subroutine run(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(scene_type), target :: scene
+        type(simulation_type) :: simulation
+        type(trajectory_type), target :: trajectory
+        type(error_type), allocatable :: error, output_error
+
+        call arguments%parse([character(len=8) :: '--set', '--output', '--quiet', '--force', '--help'], .true., error)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, error)
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+            return
+        end if
+
+        call integrate(arguments, scene, simulation, trajectory, error)
+        call trajectory%close(simulation, error, output_error)
+        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        call print_report(scene, simulation, trajectory, error)
+        code = done
+        if (.not. allocated(error)) return
+        call complain(error%message)
+        code = run_failed
+    end subroutine run
+
+    !> Everything up to the first step. The result file is made last, so that an error of the input leaves nothing behind.
+    subroutine prepare(arguments, scene, simulation, trajectory, error)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(inout), target :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(trajectory_type), intent(inout) :: trajectory
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: path
+
+        call find_scene(arguments%scene, path, error)
+        if (allocated(error)) return
+        call read_scene(path, arguments%settings, scene, error)
+        if (allocated(error)) return
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error)
+        if (allocated(error)) return
+        if (scene%output%file == path) then
+            allocate (error)
+            error%message = 'the result file '//path//' is the scene itself; choose another'
+            return
+        end if
+        call trajectory%open(scene%output, simulation, error, scene%text, command_line(), arguments%force)
+    end subroutine prepare
+
+    !> The run, watched by the result file and by the progress.
+    subroutine integrate(arguments, scene, simulation, trajectory, error)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(trajectory_type), intent(inout), target :: trajectory
+        type(error_type), allocatable, intent(out) :: error
+        type(progress_type), target :: progress
+        type(observer_list_type) :: observers
+
+        call observers%add(trajectory)
+        progress = progress_type(t_start=scene%t_start, t_end=scene%t_end)
+        if (.not. arguments%quiet) call observers%add(progress)
+        call simulation%integrate(scene%t_end, error, observers)
+    end subroutine integrate
+
+    !> The command line as it was typed, about.
+    function command_line() result(text)
+        character(len=:), allocatable :: text
+        integer :: length
+
+        call get_command(length=length)
+        allocate (character(len=length) :: text)
+        if (length > 0) call get_command(text)
+    end function command_line
+end module tandem_app_run

@@ -1,0 +1,41 @@
+! SPDX-License-Identifier: MIT
+!> tandem show: the complete scene as TOML that `tandem run` accepts.
+module tandem_app_show
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_io, only: find_scene, read_scene, scene_type
+    implicit none
+    private
+
+    public :: show
+
+contains
+
+    !> Show a scene with every default filled in.
+    subroutine show(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(scene_type) :: scene
+        type(error_type), allocatable :: error
+        character(len=:), allocatable :: path
+
+        call arguments%parse([character(len=8) :: '--set', '--output', '--help'], .true., error)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        if (.not. allocated(error)) call find_scene(arguments%scene, path, error)
+        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error)
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+            return
+        end if
+        write (output_unit, '(a)', advance='no') scene%text
+        code = done
+    end subroutine show
+end module tandem_app_show

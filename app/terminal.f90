@@ -1,0 +1,25 @@
+! SPDX-License-Identifier: MIT
+!> Whether somebody watches.
+module tandem_app_terminal
+    use, intrinsic :: iso_c_binding, only: c_int
+    implicit none
+    private
+
+    public :: stderr_is_terminal
+
+    interface
+        !> Whether a file descriptor is a terminal: 1 or 0.
+        function is_terminal(descriptor) result(answer) bind(c, name='isatty')
+            import :: c_int
+            integer(c_int), value :: descriptor
+            integer(c_int) :: answer
+        end function is_terminal
+    end interface
+
+contains
+
+    !> Whether stderr is a terminal.
+    logical function stderr_is_terminal()
+        stderr_is_terminal = is_terminal(2_c_int) == 1_c_int
+    end function stderr_is_terminal
+end module tandem_app_terminal

@@ -1,0 +1,108 @@
+! SPDX-License-Identifier: MIT
+!> What a result file may hold besides the time, and what was asked for. This table is the only list of the fields.
+module tandem_io_output_fields
+    use tandem, only: model_type
+    implicit none
+    private
+
+    public :: output_type, field_type, fields, field_names, field_length, default_fields
+    public :: field_q, field_qd, field_qdd, field_lambda, field_position_error, field_velocity_error
+    public :: field_acceleration_error, field_kinetic_energy, field_potential_energy, field_step, field_chart
+    public :: one, each_coordinate, each_constraint
+
+    !> Length of a field's name.
+    integer, parameter :: field_length = 24
+    !> How many numbers a field has at a time.
+    integer, parameter :: one = 0, each_coordinate = 1, each_constraint = 2
+
+    !> Indices of `fields`.
+    integer, parameter :: field_q = 1, field_qd = 2, field_qdd = 3, field_lambda = 4, field_position_error = 5
+    integer, parameter :: field_velocity_error = 6, field_acceleration_error = 7, field_kinetic_energy = 8
+    integer, parameter :: field_potential_energy = 9, field_step = 10, field_chart = 11
+
+    !> A field of the result file.
+    type :: field_type
+        !> Name in scenes, and the group and name of its dataset.
+        character(len=field_length) :: name, group
+        !> `one`, `each_coordinate` or `each_constraint`.
+        integer :: width
+        !> Whether it counts and is stored as integers.
+        logical :: counts
+        !> Power of a second in the unit of a field with `each_coordinate`: 0 position, -1 velocity, -2 acceleration.
+        integer :: rate
+        !> Unit of a field with `one`.
+        character(len=8) :: unit
+        !> What it is.
+        character(len=80) :: meaning
+    end type field_type
+
+    type(field_type), parameter :: fields(11) = [ &
+        field_type('q', 'trajectory', each_coordinate, .false., 0, '', 'generalized coordinates'), &
+        field_type('qd', 'trajectory', each_coordinate, .false., -1, '', 'velocities, dq/dt'), &
+        field_type('qdd', 'trajectory', each_coordinate, .false., -2, '', 'accelerations, d2q/dt2'), &
+        field_type('lambda', 'trajectory', each_constraint, .false., 0, '', &
+            'multipliers: M qdd + C^T lambda = S + Q_A, holonomic rows first'), &
+        field_type('position_error', 'diagnostics', one, .false., 0, '1', &
+            'max-norm of Phi, each row on its natural scale'), &
+        field_type('velocity_error', 'diagnostics', one, .false., 0, '1', &
+            'max-norm of C qd - nu, each row on its natural scale'), &
+        field_type('acceleration_error', 'diagnostics', one, .false., 0, '1', &
+            'max-norm of C qdd + gamma, each row on its natural scale'), &
+        field_type('kinetic_energy', 'diagnostics', one, .false., 0, 'J', 'kinetic energy'), &
+        field_type('potential_energy', 'diagnostics', one, .false., 0, 'J', 'potential energy'), &
+        field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 at the start'), &
+        field_type('chart', 'diagnostics', one, .true., 0, '1', 'running number of the chart, from 1')]
+
+    !> Their names.
+    character(len=field_length), parameter :: field_names(size(fields)) = fields%name
+
+    !> What is written where a scene does not say: what the integration knows anyway.
+    character(len=field_length), parameter :: default_fields(8) = [character(len=field_length) :: 'q', 'qd', 'qdd', &
+        'position_error', 'velocity_error', 'acceleration_error', 'step', 'chart']
+
+    !> What a scene asks for.
+    type :: output_type
+        !> Path of the result file.
+        character(len=:), allocatable :: file
+        !> A row every so many steps of the grid.
+        integer :: every = 1
+        !> Names of the fields.
+        character(len=field_length), allocatable :: fields(:)
+    contains
+        procedure :: asks_for
+        procedure :: problem
+    end type output_type
+
+contains
+
+    !> Whether a field was asked for.
+    pure logical function asks_for(self, field)
+        class(output_type), intent(in) :: self
+        !> Index in `fields`.
+        integer, intent(in) :: field
+
+        asks_for = .false.
+        if (allocated(self%fields)) asks_for = any(self%fields == fields(field)%name)
+    end function asks_for
+
+    !> What of the fields cannot be; nothing where all can.
+    pure function problem(self, model) result(text)
+        class(output_type), intent(in) :: self
+        !> The model that is to run.
+        class(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        if (.not. allocated(self%fields)) return
+        do i = 1, size(self%fields)
+            if (.not. any(self%fields(i) == field_names)) text = 'ask for "'//trim(self%fields(i))//'", which does not exist'
+        end do
+        if (self%asks_for(field_potential_energy) .and. .not. associated(model%potential_energy)) then
+            text = 'ask for potential_energy, which the model does not have'
+        end if
+        if (self%asks_for(field_lambda) .and. model%n_constraints() == 0) then
+            text = 'ask for lambda, but the model has no constraints'
+        end if
+    end function problem
+end module tandem_io_output_fields

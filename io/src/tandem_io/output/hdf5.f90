@@ -1,0 +1,340 @@
+! SPDX-License-Identifier: MIT
+!> The little of HDF5 that results need: groups, attributes, and datasets that grow by rows. Objects are named by their path.
+!>
+!> The first failure is kept in `problem`, in words; what comes after it does nothing, so a user may look once in a while.
+module tandem_io_output_hdf5
+    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, h5dclose_f, &
+        h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, h5f_acc_trunc_f, &
+        h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
+        h5kind_to_type, h5oclose_f, h5oopen_f, h5open_f, h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
+        h5s_scalar_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
+        h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_string, &
+        h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
+    use tandem, only: long, wp
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_loc, c_null_char, c_ptr
+    implicit none
+    private
+
+    public :: hdf5_type, holds_attribute
+
+    type :: hdf5_type
+        !> The first failure; not allocated while all is well.
+        character(len=:), allocatable :: problem
+        integer(hid_t), private :: file = -1_hid_t
+    contains
+        procedure :: create
+        procedure :: flush
+        procedure :: close
+        procedure :: add_group
+        procedure :: add_dataset
+        procedure :: append
+        procedure :: close_dataset
+        generic :: attach => attach_integer, attach_real, attach_string, attach_strings
+        procedure, private :: attach_integer, attach_real, attach_string, attach_strings
+        procedure, private :: attach_value
+        procedure, private :: note
+    end type hdf5_type
+
+    interface
+        !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
+        function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
+            import :: hid_t, c_char, c_int
+            integer(hid_t), value :: dataset
+            character(kind=c_char), intent(in) :: name(*)
+            integer(c_int) :: stat
+        end function h5ds_set_scale
+
+        !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
+        function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
+            import :: hid_t, c_int
+            integer(hid_t), value :: dataset, scale
+            integer(c_int), value :: dimension
+            integer(c_int) :: stat
+        end function h5ds_attach_scale
+    end interface
+
+contains
+
+    !> Create a file; one of this name is lost.
+    subroutine create(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer :: stat
+
+        call start_library(stat)
+        call self%note(stat, 'start HDF5')
+        if (allocated(self%problem)) return
+        call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat)
+        call self%note(stat, 'create '//path)
+    end subroutine create
+
+    !> Bring everything to the disk.
+    subroutine flush(self)
+        class(hdf5_type), intent(inout) :: self
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5fflush_f(self%file, h5f_scope_global_f, stat)
+        call self%note(stat, 'flush the file')
+    end subroutine flush
+
+    !> Close the file, if it is open.
+    subroutine close(self)
+        class(hdf5_type), intent(inout) :: self
+        integer :: stat
+
+        if (self%file < 0) return
+        call h5fclose_f(self%file, stat)
+        call self%note(stat, 'close the file')
+        self%file = -1_hid_t
+    end subroutine close
+
+    !> Make a group.
+    subroutine add_group(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t) :: group
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5gcreate_f(self%file, path, group, stat)
+        call self%note(stat, 'make the group '//path)
+        if (stat == 0) call h5gclose_f(group, stat)
+    end subroutine add_group
+
+    !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
+    subroutine add_dataset(self, path, width, chunk, counts, dataset, scale)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> Numbers in a row; 0 for a series of single numbers, without that dimension.
+        integer, intent(in) :: width
+        !> Rows in a chunk.
+        integer, intent(in) :: chunk
+        !> Whether integers are stored.
+        logical, intent(in) :: counts
+        !> The dataset.
+        integer(hid_t), intent(out) :: dataset
+        !> The dataset whose values belong to the rows; itself where absent.
+        integer(hid_t), intent(in), optional :: scale
+        integer(hid_t) :: space, properties
+        integer :: stat, rank
+
+        dataset = -1_hid_t
+        if (allocated(self%problem)) return
+        rank = merge(1, 2, width == 0)
+        associate (sizes => [int(width, hsize_t), 0_hsize_t], largest => [int(width, hsize_t), h5s_unlimited_f], &
+            chunks => [int(width, hsize_t), int(chunk, hsize_t)], first => 3 - rank)
+            call h5screate_simple_f(rank, sizes(first:), space, stat, largest(first:))
+            call self%note(stat, 'make '//path)
+            call h5pcreate_f(h5p_dataset_create_f, properties, stat)
+            call h5pset_chunk_f(properties, rank, chunks(first:), stat)
+            call self%note(stat, 'make '//path)
+        end associate
+        if (allocated(self%problem)) return
+        call h5dcreate_f(self%file, path, merge(h5t_std_i64le, h5t_ieee_f64le, counts), space, dataset, stat, properties)
+        call self%note(stat, 'make '//path)
+        call h5pclose_f(properties, stat)
+        call h5sclose_f(space, stat)
+        if (allocated(self%problem)) return
+        if (present(scale)) then
+            stat = int(h5ds_attach_scale(dataset, scale, 0_c_int))
+        else
+            stat = int(h5ds_set_scale(dataset, [character(kind=c_char) :: 't', 'i', 'm', 'e', c_null_char]))
+        end if
+        call self%note(stat, 'attach the time to '//path)
+    end subroutine add_dataset
+
+    !> Append rows to a dataset.
+    subroutine append(self, dataset, path, width, before, rows, values)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        !> Its path, for messages.
+        character(len=*), intent(in) :: path
+        !> Numbers in a row, 0 for a series of single numbers.
+        integer, intent(in) :: width
+        !> Rows that it has, and rows to append.
+        integer(long), intent(in) :: before
+        integer, intent(in) :: rows
+        !> The rows, one a column; more columns may follow.
+        real(wp), intent(in), contiguous, target :: values(:, :)
+        integer(hid_t) :: file_space, memory_space
+        integer :: stat, rank
+
+        if (allocated(self%problem) .or. rows == 0) return
+        rank = merge(1, 2, width == 0)
+        associate (sizes => [int(width, hsize_t), int(before + rows, hsize_t)], start => [0_hsize_t, int(before, hsize_t)], &
+            block => [int(width, hsize_t), int(rows, hsize_t)], first => 3 - rank)
+            call h5dset_extent_f(dataset, sizes(first:), stat)
+            call self%note(stat, 'extend '//path)
+            call h5dget_space_f(dataset, file_space, stat)
+            call self%note(stat, 'extend '//path)
+            if (allocated(self%problem)) return
+            call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
+            call h5screate_simple_f(rank, block(first:), memory_space, stat)
+        end associate
+        call h5dwrite_f(dataset, h5t_native_double, c_loc(values), stat, memory_space, file_space)
+        call self%note(stat, 'write '//path)
+        call h5sclose_f(memory_space, stat)
+        call h5sclose_f(file_space, stat)
+    end subroutine append
+
+    !> Close a dataset, if it is open.
+    subroutine close_dataset(self, dataset)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(inout) :: dataset
+        integer :: stat
+
+        if (dataset >= 0) then
+            call h5dclose_f(dataset, stat)
+            call self%note(stat, 'close a dataset')
+        end if
+        dataset = -1_hid_t
+    end subroutine close_dataset
+
+    !> Give an object an integer attribute.
+    subroutine attach_integer(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        !> Path of the object, and the attribute's name.
+        character(len=*), intent(in) :: path, name
+        integer(long), intent(in) :: value
+        integer(long), target :: copy
+
+        copy = value
+        if (allocated(self%problem)) return
+        call self%attach_value(path, name, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), -1)
+    end subroutine attach_integer
+
+    !> Give an object a real attribute.
+    subroutine attach_real(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        real(wp), intent(in) :: value
+        real(wp), target :: copy
+
+        copy = value
+        call self%attach_value(path, name, h5t_ieee_f64le, h5t_native_double, c_loc(copy), -1)
+    end subroutine attach_real
+
+    !> Give an object a text, blanks at its end dropped.
+    subroutine attach_string(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: value
+
+        call attach_texts(self, path, name, [value], -1)
+    end subroutine attach_string
+
+    !> Give an object an array of texts, blanks at their ends dropped.
+    subroutine attach_strings(self, path, name, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: values(:)
+
+        call attach_texts(self, path, name, values, size(values))
+    end subroutine attach_strings
+
+    !> Texts of variable length in UTF-8, which Python reads as str.
+    subroutine attach_texts(self, path, name, values, length)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: values(:)
+        !> Length of the array, -1 for a single text.
+        integer, intent(in) :: length
+        character(kind=c_char), allocatable, target :: letters(:)
+        type(c_ptr), target :: starts(size(values))
+        integer(hid_t) :: text_type
+        integer :: i, j, place, stat
+
+        if (allocated(self%problem)) return
+        allocate (letters(sum(len_trim(values) + 1)))
+        place = 0
+        do i = 1, size(values)
+            starts(i) = c_loc(letters(place + 1))
+            do j = 1, len_trim(values(i))
+                letters(place + j) = values(i) (j:j)
+            end do
+            place = place + len_trim(values(i)) + 1
+            letters(place) = c_null_char
+        end do
+        call h5tcopy_f(h5t_string, text_type, stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+        call self%attach_value(path, name, text_type, text_type, c_loc(starts), length)
+        call h5tclose_f(text_type, stat)
+    end subroutine attach_texts
+
+    !> Write an attribute; one of this name is replaced.
+    subroutine attach_value(self, path, name, file_type, memory_type, values, length)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        integer(hid_t), intent(in) :: file_type, memory_type
+        type(c_ptr), intent(in) :: values
+        !> Length of an array, -1 for a scalar.
+        integer, intent(in) :: length
+        integer(hid_t) :: object, space, attribute
+        logical :: exists
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5oopen_f(self%file, path, object, stat)
+        call self%note(stat, 'open '//path)
+        if (stat /= 0) return
+        call h5aexists_f(object, name, exists, stat)
+        if (exists) call h5adelete_f(object, name, stat)
+        if (length < 0) then
+            call h5screate_f(h5s_scalar_f, space, stat)
+        else
+            call h5screate_simple_f(1, [int(length, hsize_t)], space, stat)
+        end if
+        call h5acreate_f(object, name, file_type, space, attribute, stat)
+        call self%note(stat, 'make the attribute '//name//' of '//path)
+        if (stat == 0) then
+            call h5awrite_f(attribute, memory_type, values, stat)
+            call self%note(stat, 'write the attribute '//name//' of '//path)
+            call h5aclose_f(attribute, stat)
+        end if
+        call h5sclose_f(space, stat)
+        call h5oclose_f(object, stat)
+    end subroutine attach_value
+
+    !> Keep the first failure.
+    subroutine note(self, stat, action)
+        class(hdf5_type), intent(inout) :: self
+        !> What HDF5 returned.
+        integer, intent(in) :: stat
+        !> What was tried, an infinitive.
+        character(len=*), intent(in) :: action
+
+        if (stat < 0 .and. .not. allocated(self%problem)) self%problem = 'HDF5 could not '//action
+    end subroutine note
+
+    !> Whether a file is HDF5 and its root has an attribute.
+    subroutine holds_attribute(path, name, is_hdf5, can_be_opened, holds)
+        character(len=*), intent(in) :: path, name
+        logical, intent(out) :: is_hdf5, can_be_opened, holds
+        integer(hid_t) :: file
+        integer :: stat
+
+        is_hdf5 = .false.
+        can_be_opened = .false.
+        holds = .false.
+        call start_library(stat)
+        if (stat /= 0) return
+        call h5fis_hdf5_f(path, is_hdf5, stat)
+        is_hdf5 = is_hdf5 .and. stat == 0
+        if (.not. is_hdf5) return
+        call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
+        can_be_opened = stat == 0
+        if (.not. can_be_opened) return
+        call h5aexists_f(file, name, holds, stat)
+        holds = holds .and. stat == 0
+        call h5fclose_f(file, stat)
+    end subroutine holds_attribute
+
+    !> Start the library, as often as one likes, and keep it from printing: failures are told in words here.
+    subroutine start_library(stat)
+        integer, intent(out) :: stat
+
+        call h5open_f(stat)
+        if (stat == 0) call h5eset_auto_f(0, stat)
+    end subroutine start_library
+end module tandem_io_output_hdf5

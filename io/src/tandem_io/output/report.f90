@@ -1,0 +1,69 @@
+! SPDX-License-Identifier: MIT
+!> Writes what a run has cost, and how wrong it was, as attributes of /report.
+module tandem_io_output_report
+    use tandem, only: n_reasons, n_terms, reason_name, statistics_type, term_name
+    use tandem_io_output_hdf5, only: hdf5_type
+    implicit none
+    private
+
+    public :: write_report
+
+    character(len=*), parameter :: place = '/report'
+
+contains
+
+    !> Write or replace the report.
+    subroutine write_report(file, statistics)
+        type(hdf5_type), intent(inout) :: file
+        type(statistics_type), intent(in) :: statistics
+        integer :: i
+
+        associate (s => statistics)
+            call file%attach(place, 'steps', s%steps)
+            call file%attach(place, 'rejected', s%rejected)
+            call file%attach(place, 'charts', s%charts)
+            do i = 1, n_reasons
+                call file%attach(place, 'charts_by_'//as_name(reason_name(i)), s%charts_by(i))
+            end do
+            call file%attach(place, 'right_hand_sides', s%right_hand_sides)
+            do i = 1, n_terms
+                call file%attach(place, 'evaluations_'//trim(term_name(i)), s%terms(i))
+            end do
+            call file%attach(place, 'fused_calls', s%fused_calls)
+            call file%attach(place, 'position_corrections', s%position_corrections)
+            call file%attach(place, 'B_corrections', s%b_corrections)
+            call file%attach(place, 'H_corrections', s%h_corrections)
+            call file%attach(place, 'position_factorizations', s%position_factorizations)
+            call file%attach(place, 'constraint_factorizations', s%constraint_factorizations)
+            call file%attach(place, 'mass_factorizations', s%mass_factorizations)
+            call file%attach(place, 'basis_factorizations', s%basis_factorizations)
+            call file%attach(place, 'multipliers', s%multipliers)
+            call file%attach(place, 'kinetic_energies', s%kinetic_energies)
+            call file%attach(place, 'potential_energies', s%potential_energies)
+            call file%attach(place, 'largest_position_error', s%position_error)
+            call file%attach(place, 'largest_velocity_error', s%velocity_error)
+            call file%attach(place, 'largest_acceleration_error', s%acceleration_error)
+            call file%attach(place, 'start_moved_q', s%start_moved_q)
+            call file%attach(place, 'start_moved_qd', s%start_moved_qd)
+            call file%attach(place, 'velocity_jump', s%velocity_jump)
+            call file%attach(place, 'wall_seconds', s%wall_seconds)
+            call file%attach(place, 'cpu_seconds', s%cpu_seconds)
+        end associate
+    end subroutine write_report
+
+    !> Words as a name: blanks become underscores, bars vanish.
+    pure function as_name(words) result(name)
+        character(len=*), intent(in) :: words
+        character(len=:), allocatable :: name
+        integer :: i
+
+        name = ''
+        do i = 1, len_trim(words)
+            if (words(i:i) == ' ') then
+                name = name//'_'
+            else if (words(i:i) /= '|') then
+                name = name//words(i:i)
+            end if
+        end do
+    end function as_name
+end module tandem_io_output_report

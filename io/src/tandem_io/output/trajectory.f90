@@ -1,0 +1,387 @@
+! SPDX-License-Identifier: MIT
+!> The observer that writes a result file: /trajectory and /diagnostics row by row, /report at the end (see doc/output.md).
+!>
+!> Rows are gathered in memory and written in blocks, at the latest a few seconds later. A field that was not asked for is
+!> neither computed nor written.
+module tandem_io_output_trajectory
+    use hdf5, only: hid_t
+    use tandem, only: at_end, at_start, at_step, error_type, label_length, long, model_type, observer_type, set_error, &
+        simulation_type, status_output_failed, to_text, wp
+    use tandem_io_output_fields, only: each_constraint, each_coordinate, field_acceleration_error, field_chart, &
+        field_kinetic_energy, field_lambda, field_length, field_names, field_position_error, field_potential_energy, &
+        field_q, field_qd, field_qdd, field_step, field_type, field_velocity_error, fields, one, output_type
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_report, only: write_report
+    use tandem_io_output_target, only: check_target, remove_file
+    use tandem_io_version, only: format_version, tandem_version
+    use tandem_status, only: status_callback_failed, status_invalid_option
+    implicit none
+    private
+
+    public :: trajectory_type, energy_type
+
+    !> Most numbers in the buffer of rows, and most rows.
+    integer, parameter :: largest_buffer = 2**17, most_rows = 512
+    !> Seconds between two flushes; steps between two looks at the clock.
+    integer, parameter :: seconds_unflushed = 3, steps_unwatched = 16
+
+    !> A dataset and the rows that it does not have yet.
+    type :: series_type
+        !> Index in `fields`; 0 for the time.
+        integer :: field = 0
+        !> Numbers in a row as the file counts them: 0 for a single one.
+        integer :: width = 0
+        character(len=:), allocatable :: path
+        integer(hid_t) :: dataset = -1_hid_t
+        real(wp), allocatable :: rows(:, :)
+    end type series_type
+
+    !> How an energy, where it was written, has changed since the start.
+    type :: energy_type
+        !> Whether the kinetic and the potential part were written.
+        logical :: has_kinetic = .false., has_potential = .false.
+        !> At the start; largest deviation from it at the rows.
+        real(wp) :: at_start = 0.0_wp, deviation = 0.0_wp
+    end type energy_type
+
+    type, extends(observer_type) :: trajectory_type
+        !> The energy at the rows.
+        type(energy_type) :: energy
+        !> Rows in the file.
+        integer(long) :: rows = 0
+        type(hdf5_type), private :: file
+        type(series_type), allocatable, private :: series(:)
+        integer, private :: every = 1, capacity = 1, gathered = 0, unwatched = 0
+        integer(long), private :: flushed_at = 0
+        real(wp), private :: last_time = 0.0_wp
+        character(len=:), allocatable, private :: path
+    contains
+        procedure :: open
+        procedure :: observe
+        procedure :: close
+        procedure, private :: add_series
+        procedure, private :: gather
+        procedure, private :: write_rows
+        procedure, private :: watch
+        procedure, private :: fail
+    end type trajectory_type
+
+contains
+
+    !> Make the file for a simulation that is initialized. On an error nothing is left behind.
+    subroutine open(self, output, simulation, error, scene, command, force)
+        class(trajectory_type), intent(inout) :: self
+        !> What to write where.
+        type(output_type), intent(in) :: output
+        class(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        !> The complete scene and the command line, for the file.
+        character(len=*), intent(in), optional :: scene, command
+        !> Whether a file may be lost that is no result of tandem.
+        logical, intent(in), optional :: force
+        logical :: is_new, force_
+        integer :: i, width
+
+        force_ = .false.
+        if (present(force)) force_ = force
+        if (output%problem(simulation%model) /= '') then
+            call set_error(error, status_invalid_option, 'the fields '//output%problem(simulation%model), 'leave it out')
+            return
+        end if
+        call check_target(output%file, force_, is_new, error)
+        if (allocated(error)) return
+        self%path = output%file
+        self%every = output%every
+        call self%file%create(self%path)
+        call attach_head(self%file, scene, command)
+        call self%file%add_group('/trajectory')
+        call self%file%add_group('/diagnostics')
+        call self%file%add_group('/report')
+        associate (model => simulation%model)
+            width = 1
+            do i = 1, size(output%fields)
+                width = width + width_of(index_of(output%fields(i)), model)
+            end do
+            self%capacity = max(1, min(most_rows, largest_buffer/width))
+            allocate (self%series(0:size(output%fields)))
+            call self%add_series(0, 0, model)
+            do i = 1, size(output%fields)
+                call self%add_series(i, index_of(output%fields(i)), model)
+            end do
+        end associate
+        self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
+        self%energy%has_potential = output%asks_for(field_potential_energy)
+        call self%file%flush()
+        call system_clock(self%flushed_at)
+        if (allocated(self%file%problem)) then
+            call self%fail(error)
+            call self%file%close()
+            if (is_new) call remove_file(self%path)
+        end if
+    end subroutine open
+
+    !> Write a row at the start, at every `every`-th step of the grid, and at the end.
+    subroutine observe(self, simulation, occasion, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step` or `at_end`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+        logical :: is_due
+
+        if (allocated(self%file%problem)) return
+        select case (occasion)
+        case (at_start)
+            is_due = .true.
+        case (at_end)
+            is_due = simulation%state%t > self%last_time
+        case default
+            is_due = simulation%on_grid .and. mod(simulation%grid_steps, int(self%every, long)) == 0
+        end select
+        if (is_due) then
+            call self%gather(simulation, error)
+            if (allocated(error)) return
+            if (self%gathered == self%capacity) call self%write_rows()
+        end if
+        if (occasion == at_step) then
+            self%unwatched = self%unwatched + 1
+            if (self%unwatched >= steps_unwatched) call self%watch()
+        end if
+        if (allocated(self%file%problem)) call self%fail(error)
+    end subroutine observe
+
+    !> Write what is left, the report and the outcome, and close the file.
+    subroutine close(self, simulation, run_error, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+        !> The error of the run, not allocated where it was complete.
+        type(error_type), allocatable, intent(in) :: run_error
+        !> The rows or the report could not be written.
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        call self%write_rows()
+        call write_report(self%file, simulation%statistics())
+        if (allocated(run_error)) then
+            call self%file%attach('/', 'status', 'failed')
+            call self%file%attach('/', 'status_message', run_error%message)
+            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
+        else
+            call self%file%attach('/', 'status', 'complete')
+            call self%file%attach('/report', 'status_code', 0_long)
+        end if
+        if (allocated(self%series)) then
+            do i = lbound(self%series, 1), ubound(self%series, 1)
+                call self%file%close_dataset(self%series(i)%dataset)
+            end do
+            deallocate (self%series)
+        end if
+        call self%file%close()
+        if (allocated(self%file%problem)) call self%fail(error)
+    end subroutine close
+
+    !> Make a dataset and its buffer.
+    subroutine add_series(self, place, field, model)
+        class(trajectory_type), intent(inout) :: self
+        !> Index of the series, and of the field: 0 for the time.
+        integer, intent(in) :: place, field
+        class(model_type), intent(in) :: model
+        character(len=label_length), allocatable :: names(:), units(:)
+
+        associate (series => self%series(place))
+            series%field = field
+            allocate (series%rows(max(1, width_of(field, model)), self%capacity))
+            if (field == 0) then
+                series%path = '/trajectory/time'
+                call self%file%add_dataset(series%path, 0, self%capacity, .false., series%dataset)
+                call self%file%attach(series%path, 'unit', 's')
+                call self%file%attach(series%path, 'meaning', 'the time of each row')
+                return
+            end if
+            series%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
+            if (fields(field)%width /= one) series%width = width_of(field, model)
+            call self%file%add_dataset(series%path, series%width, self%capacity, fields(field)%counts, series%dataset, &
+                self%series(0)%dataset)
+            call self%file%attach(series%path, 'meaning', fields(field)%meaning)
+            call label_columns(model, fields(field), names, units)
+            if (fields(field)%width == one) then
+                call self%file%attach(series%path, 'unit', fields(field)%unit)
+            else
+                call self%file%attach(series%path, 'names', names)
+                if (fields(field)%width == each_coordinate) call self%file%attach(series%path, 'units', units)
+            end if
+        end associate
+    end subroutine add_series
+
+    !> Compute the fields of the current state and keep them as a row.
+    subroutine gather(self, simulation, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: energy
+        integer :: i, stat
+
+        stat = 0
+        energy = 0.0_wp
+        self%gathered = self%gathered + 1
+        do i = 0, ubound(self%series, 1)
+            associate (row => self%series(i)%rows(:, self%gathered), state => simulation%state)
+                select case (self%series(i)%field)
+                case (0)
+                    row(1) = state%t
+                case (field_q)
+                    row = state%q
+                case (field_qd)
+                    row = state%qd
+                case (field_qdd)
+                    row = state%qdd
+                case (field_lambda)
+                    call simulation%multipliers(self%series(i)%rows(:, self%gathered))
+                case (field_position_error, field_velocity_error, field_acceleration_error)
+                    row(1) = simulation%errors(self%series(i)%field - field_position_error + 1)
+                case (field_kinetic_energy)
+                    call simulation%kinetic_energy(row(1), stat)
+                    energy = energy + row(1)
+                case (field_potential_energy)
+                    call simulation%potential_energy(row(1), stat)
+                    energy = energy + row(1)
+                case (field_step)
+                    row(1) = simulation%last_step
+                case (field_chart)
+                    row(1) = real(number_of_charts(simulation), wp)
+                case default
+                    row = 0.0_wp
+                end select
+            end associate
+            if (stat /= 0) then
+                self%gathered = self%gathered - 1
+                call set_error(error, status_callback_failed, 'the '//trim(fields(self%series(i)%field)%name)// &
+                    ' could not be evaluated at t = '//to_text(simulation%state%t))
+                return
+            end if
+        end do
+        self%last_time = simulation%state%t
+        if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
+        self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
+    end subroutine gather
+
+    !> Write the gathered rows.
+    subroutine write_rows(self)
+        class(trajectory_type), intent(inout) :: self
+        integer :: i
+
+        if (.not. allocated(self%series)) return
+        do i = 0, ubound(self%series, 1)
+            associate (series => self%series(i))
+                call self%file%append(series%dataset, series%path, series%width, self%rows, self%gathered, series%rows)
+            end associate
+        end do
+        if (allocated(self%file%problem)) return
+        self%rows = self%rows + self%gathered
+        self%gathered = 0
+    end subroutine write_rows
+
+    !> Bring the rows to the disk if that was not done for some seconds.
+    subroutine watch(self)
+        class(trajectory_type), intent(inout) :: self
+        integer(long) :: now, rate
+
+        self%unwatched = 0
+        call system_clock(now, rate)
+        if (now - self%flushed_at < seconds_unflushed*rate) return
+        call self%write_rows()
+        call self%file%flush()
+        self%flushed_at = now
+    end subroutine watch
+
+    !> The file's problem as an error.
+    subroutine fail(self, error)
+        class(trajectory_type), intent(in) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        call set_error(error, status_output_failed, self%path//': '//self%file%problem)
+    end subroutine fail
+
+    !> The attributes of the root.
+    subroutine attach_head(file, scene, command)
+        type(hdf5_type), intent(inout) :: file
+        character(len=*), intent(in), optional :: scene, command
+
+        call file%attach('/', 'format_version', int(format_version, long))
+        call file%attach('/', 'tandem_version', tandem_version)
+        call file%attach('/', 'created', time_stamp())
+        call file%attach('/', 'status', 'running')
+        call file%attach('/', 'status_message', '')
+        call file%attach('/', 'layout', 'row i of every dataset belongs to /trajectory/time[i]: shape (nt) or (nt, n) in C '// &
+            'and Python, (nt) or (n, nt) in Fortran')
+        if (present(command)) call file%attach('/', 'command', command)
+        if (present(scene)) call file%attach('/', 'scene', scene)
+    end subroutine attach_head
+
+    !> Names and units of a field's columns.
+    subroutine label_columns(model, field, names, units)
+        class(model_type), intent(in) :: model
+        type(field_type), intent(in) :: field
+        character(len=label_length), allocatable, intent(out) :: names(:), units(:)
+        character(len=4), parameter :: per(0:2) = [character(len=4) :: '', '/s', '/s^2']
+        integer :: i
+
+        select case (field%width)
+        case (one)
+            return
+        case (each_constraint)
+            allocate (names(model%n_constraints()))
+            do i = 1, size(names)
+                names(i) = model%row_name(i)
+            end do
+        case default
+            allocate (names(model%n), units(model%n))
+            do i = 1, model%n
+                names(i) = 'q'//to_text(i)
+                units(i) = '1'
+                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
+                if (allocated(model%coordinate_unit)) units(i) = model%coordinate_unit(i)
+                units(i) = trim(units(i))//per(-field%rate)
+            end do
+        end select
+    end subroutine label_columns
+
+    !> Numbers in a row of a field; 1 for the time.
+    pure integer function width_of(field, model)
+        integer, intent(in) :: field
+        class(model_type), intent(in) :: model
+
+        width_of = 1
+        if (field == 0) return
+        if (fields(field)%width == each_coordinate) width_of = model%n
+        if (fields(field)%width == each_constraint) width_of = model%n_constraints()
+    end function width_of
+
+    !> The index of a field's name.
+    pure integer function index_of(name)
+        character(len=field_length), intent(in) :: name
+
+        index_of = findloc(field_names, name, dim=1)
+    end function index_of
+
+    !> The running number of the current chart.
+    integer(long) function number_of_charts(simulation)
+        class(simulation_type), intent(in) :: simulation
+
+        associate (statistics => simulation%statistics())
+            number_of_charts = statistics%charts
+        end associate
+    end function number_of_charts
+
+    !> The local time as ISO 8601.
+    function time_stamp() result(text)
+        character(len=25) :: text
+        character(len=10) :: time
+        character(len=8) :: date
+        character(len=5) :: zone
+
+        call date_and_time(date, time, zone)
+        text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//zone(1:3)//':'// &
+            zone(4:5)
+    end function time_stamp
+end module tandem_io_output_trajectory

@@ -1,0 +1,145 @@
+! SPDX-License-Identifier: MIT
+!> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
+module tandem_io_scene
+    use tandem, only: error_type, model_type, options_type, wp
+    use tandem_io_output_fields, only: default_fields, field_names, output_type
+    use tandem_io_scene_ledger, only: key_length
+    use tandem_io_scene_reader, only: positive, reader_type
+    use tandem_io_scene_registry, only: build_model, model_names
+    use tandem_io_scene_solver, only: read_solver
+    use tandem_io_scene_text, only: listed, to_toml
+    implicit none
+    private
+
+    public :: scene_type, read_scene
+
+    !> The tables of a scene, in the order in which they are read and shown.
+    character(len=key_length), parameter :: tables(6) = &
+        [character(len=key_length) :: 'scene', 'model', 'initial', 'time', 'solver', 'output']
+
+    type :: scene_type
+        !> The scene's name, which may be a file's.
+        character(len=:), allocatable :: name
+        !> One line on what it is.
+        character(len=:), allocatable :: description
+        !> The name of its model.
+        character(len=key_length) :: model_name = ''
+        !> The model with its parameters, defined.
+        class(model_type), allocatable :: model
+        !> What the solver is asked for.
+        type(options_type) :: options
+        !> Coordinates and velocities at the start (n).
+        real(wp), allocatable :: q(:), qd(:)
+        !> Start and end of the run.
+        real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
+        !> What is written where.
+        type(output_type) :: output
+        !> The complete scene as TOML, every default filled in: reading it gives this scene again.
+        character(len=:), allocatable :: text
+    end type scene_type
+
+contains
+
+    !> Read a scene. The message of an error shows the file, the line, and what may stand there.
+    subroutine read_scene(path, settings, scene, error)
+        !> Path of a TOML file.
+        character(len=*), intent(in) :: path
+        !> `table.key=value`, which override the file; later ones win.
+        character(len=*), intent(in) :: settings(:)
+        type(scene_type), intent(out) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        type(reader_type) :: reader
+
+        call reader%open_sources(path, settings)
+        call reader%check_tables(tables)
+        call read_names(reader, path, scene)
+        if (.not. reader%failed()) call build_model(trim(scene%model_name), reader, scene%model, scene%q, scene%qd)
+        call read_start(reader, scene)
+        call read_time(reader, scene)
+        call read_solver(reader, scene%options)
+        call read_output(reader, scene)
+        if (reader%failed()) then
+            call move_alloc(reader%error, error)
+        else
+            scene%text = reader%text()
+        end if
+    end subroutine read_scene
+
+    !> [scene]
+    subroutine read_names(reader, path, scene)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: path
+        type(scene_type), intent(inout) :: scene
+        character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.'
+        integer :: last
+
+        scene%name = path(index(path, '/', back=.true.) + 1:)
+        last = index(scene%name, '.toml', back=.true.) - 1
+        if (last > 0) scene%name = scene%name(:last)
+        if (verify(scene%name, letters) > 0 .or. scene%name(1:1) == '.') scene%name = 'scene'
+        scene%description = 'no description'
+        call reader%open_table('scene')
+        call reader%get('name', scene%name)
+        if (verify(scene%name, letters) > 0 .or. scene%name(1:1) == '.') then
+            call reader%refuse('name', 'must be letters, digits, _, - and dots, since it names files')
+        end if
+        call reader%get('description', scene%description)
+        call reader%get('model', scene%model_name, model_names(), required=.true.)
+        call reader%close_table()
+    end subroutine read_names
+
+    !> [initial], which the model's builder has begun: the model's own keys, or q and qd in their stead.
+    subroutine read_start(reader, scene)
+        type(reader_type), intent(inout) :: reader
+        type(scene_type), intent(inout) :: scene
+
+        integer :: source
+
+        if (reader%failed()) return
+        source = max(reader%source_of('q'), reader%source_of('qd'))
+        associate (n => scene%model%n, names => scene%model%coordinate_name)
+            if (source >= 0) then
+                call reader%hide(source, 'cannot be combined with q and qd, which give the whole start')
+                call reader%get_reals('q', scene%q, n, help='coordinates '//listed(names), required=.true.)
+                call reader%get_reals('qd', scene%qd, n, help='velocities', required=.true.)
+            else
+                call reader%remark('or, in their stead, q and qd: '//to_toml(n)//' numbers each, of '//listed(names))
+                call reader%propose('q')
+                call reader%propose('qd')
+            end if
+        end associate
+        call reader%close_table()
+    end subroutine read_start
+
+    !> [time]
+    subroutine read_time(reader, scene)
+        type(reader_type), intent(inout) :: reader
+        type(scene_type), intent(inout) :: scene
+
+        call reader%open_table('time')
+        call reader%get('start', scene%t_start, unit='s')
+        call reader%get('end', scene%t_end, unit='s', required=.true.)
+        if (.not. scene%t_end > scene%t_start) then
+            call reader%refuse('end', 'must be after the start, '//to_toml(scene%t_start))
+        end if
+        call reader%close_table()
+    end subroutine read_time
+
+    !> [output]
+    subroutine read_output(reader, scene)
+        type(reader_type), intent(inout) :: reader
+        type(scene_type), intent(inout) :: scene
+        character(len=:), allocatable :: problem
+
+        if (reader%failed()) return
+        scene%output%file = scene%name//'.h5'
+        scene%output%fields = default_fields
+        call reader%open_table('output')
+        call reader%get('file', scene%output%file)
+        call reader%get('every', scene%output%every, positive, 'so many steps between two rows')
+        call reader%get('fields', scene%output%fields, field_names, 'besides the time')
+        problem = scene%output%problem(scene%model)
+        if (problem /= '') call reader%refuse('fields', problem)
+        call reader%close_table()
+    end subroutine read_output
+end module tandem_io_scene

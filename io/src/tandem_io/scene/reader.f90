@@ -1,0 +1,471 @@
+! SPDX-License-Identifier: MIT
+!> Reads the keys of a scene, one call a key, and remembers what it has read: the same calls give the values, the list of keys
+!> that exist (for messages), and the complete scene as text. Nobody lists a key twice.
+!>
+!> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
+module tandem_io_scene_reader
+    use tandem, only: error_type, wp
+    use tandem_io_scene_ledger, only: key_length, ledger_type
+    use tandem_io_scene_source, only: set_input_error, source_type
+    use tandem_io_scene_text, only: listed, nearest, to_toml
+    use tandem_io_scene_values, only: convert, place_of
+    use tomlf, only: toml_key, toml_table, toml_value
+    implicit none
+    private
+
+    public :: reader_type, anything, positive, not_negative
+
+    !> What a number may be.
+    integer, parameter :: anything = 0, positive = 1, not_negative = 2
+
+    type :: reader_type
+        !> The first error.
+        type(error_type), allocatable :: error
+        !> The scene file first, then what was set on the command line, in that order: later ones win.
+        type(source_type), allocatable, private :: sources(:)
+        !> The keys that were asked for.
+        type(ledger_type), private :: ledger
+        !> The current table.
+        character(len=key_length), private :: table = ''
+    contains
+        procedure :: open_sources
+        procedure :: check_tables
+        procedure :: open_table
+        procedure :: close_table
+        procedure :: failed
+        procedure :: source_of
+        procedure :: hide
+        procedure :: remark
+        procedure :: propose
+        procedure :: refuse
+        procedure :: text
+        generic :: get => get_real, get_integer, get_string, get_choice, get_vector, get_strings
+        procedure :: get_reals
+        procedure, private :: get_real, get_integer, get_string, get_choice, get_vector, get_strings
+        procedure, private :: find
+        procedure, private :: record
+        procedure, private :: refuse_value
+    end type reader_type
+
+contains
+
+    !> Take the scene file and the settings of the command line.
+    subroutine open_sources(self, path, settings)
+        class(reader_type), intent(inout) :: self
+        !> Path of the scene file.
+        character(len=*), intent(in) :: path
+        !> `table.key=value`, blanks at the end dropped.
+        character(len=*), intent(in) :: settings(:)
+        integer :: i
+
+        allocate (self%sources(0:size(settings)))
+        call self%sources(0)%load_file(path, self%error)
+        do i = 1, size(settings)
+            if (allocated(self%error)) return
+            call self%sources(i)%load_argument(trim(settings(i)), self%error)
+        end do
+    end subroutine open_sources
+
+    !> Refuse what stands at the top level and is none of the tables.
+    subroutine check_tables(self, tables)
+        class(reader_type), intent(inout), target :: self
+        !> The tables of a scene.
+        character(len=*), intent(in) :: tables(:)
+        type(toml_key), allocatable :: names(:)
+        class(toml_value), pointer :: found
+        integer :: i, j
+
+        do i = 0, ubound(self%sources, 1)
+            if (allocated(self%error)) return
+            call self%sources(i)%root%get_keys(names)
+            do j = 1, size(names)
+                call self%sources(i)%root%get(names(j)%key, found)
+                if (any(names(j)%key == tables)) then
+                    select type (found)
+                    type is (toml_table)
+                        cycle
+                    end select
+                    call set_input_error(self%error, self%sources(i)%describe('"'//names(j)%key//'" is a table', &
+                        found%origin, 'write ['//names(j)%key//'] on a line of its own'))
+                else
+                    call set_input_error(self%error, self%sources(i)%describe('unknown table or key "'//names(j)%key//'"', &
+                        found%origin, meant(names(j)%key, tables))//new_line('a')//'the tables of a scene: '// &
+                        listed(tables))
+                end if
+                return
+            end do
+        end do
+    end subroutine check_tables
+
+    !> The calls of `get` that follow are about this table.
+    subroutine open_table(self, table)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table
+
+        self%table = table
+    end subroutine open_table
+
+    !> All keys of the table have been asked for: refuse the others.
+    subroutine close_table(self)
+        class(reader_type), intent(inout), target :: self
+        type(toml_table), pointer :: table
+        type(toml_key), allocatable :: names(:)
+        class(toml_value), pointer :: found
+        character(len=key_length), allocatable :: known(:)
+        integer :: i, j
+
+        if (self%failed()) return
+        known = self%ledger%keys(self%table)
+        do i = 0, ubound(self%sources, 1)
+            table => table_of(self%sources(i), self%table)
+            if (.not. associated(table)) cycle
+            call table%get_keys(names)
+            do j = 1, size(names)
+                if (any(names(j)%key == known)) cycle
+                call table%get(names(j)%key, found)
+                call set_input_error(self%error, self%sources(i)%describe('unknown key "'//names(j)%key//'" in ['// &
+                    trim(self%table)//']', found%origin, meant(names(j)%key, known))//new_line('a')// &
+                    'the keys of ['//trim(self%table)//']: '//listed(known))
+                return
+            end do
+        end do
+    end subroutine close_table
+
+    !> Whether an error was met.
+    pure logical function failed(self)
+        class(reader_type), intent(in) :: self
+
+        failed = allocated(self%error)
+    end function failed
+
+    !> Which source gives a key of the current table: 0 the file, i the i-th setting, -1 none.
+    integer function source_of(self, key)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        class(toml_value), pointer :: found
+
+        call self%find(key, found, source_of)
+    end function source_of
+
+    !> The keys that the current table has by now take no part in the complete scene, since others replace them. One that is
+    !> given at the same time is an error.
+    subroutine hide(self, source, reason)
+        class(reader_type), intent(inout) :: self
+        !> The source of the others.
+        integer, intent(in) :: source
+        !> Why both cannot be.
+        character(len=*), intent(in) :: reason
+        character(len=key_length) :: given
+
+        call self%ledger%hide(self%table, source, given)
+        if (given /= '') call self%refuse(trim(given), reason)
+    end subroutine hide
+
+    !> A line of comment in the complete scene.
+    subroutine remark(self, words)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: words
+
+        call self%ledger%add(self%table, '', '', words, -1)
+    end subroutine remark
+
+    !> Let a key be known to messages although it has no value here.
+    subroutine propose(self, key)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+
+        call self%ledger%add(self%table, key, '', '', -1, shown=.false.)
+    end subroutine propose
+
+    !> An error about the value of a key, which is shown where it was given.
+    subroutine refuse(self, key, problem)
+        class(reader_type), intent(inout) :: self
+        !> A key of the current table.
+        character(len=*), intent(in) :: key
+        !> What is wrong.
+        character(len=*), intent(in) :: problem
+        class(toml_value), pointer :: found
+        integer :: source
+
+        if (self%failed()) return
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call self%refuse_value(key, found, source, problem)
+        else
+            call set_input_error(self%error, key//' '//problem//new_line('a')//' --> ['//trim(self%table)//'] of '// &
+                self%sources(0)%context%filename)
+        end if
+    end subroutine refuse
+
+    !> A number.
+    subroutine get_real(self, key, value, check, unit, help, required)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        real(wp), intent(inout) :: value
+        !> `anything` (default), `positive` or `not_negative`.
+        integer, intent(in), optional :: check
+        !> Unit and meaning, for the complete scene.
+        character(len=*), intent(in), optional :: unit, help
+        !> Whether there is no default.
+        logical, intent(in), optional :: required
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem == '') problem = violated(value, check)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        call self%record(key, to_toml(value), source, unit, help)
+    end subroutine get_real
+
+    !> An integer.
+    subroutine get_integer(self, key, value, check, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        integer, intent(inout) :: value
+        integer, intent(in), optional :: check
+        character(len=*), intent(in), optional :: help
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem == '') problem = violated(real(value, wp), check)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        call self%record(key, to_toml(value), source, help=help)
+    end subroutine get_integer
+
+    !> A text of any length.
+    subroutine get_string(self, key, value, help, required)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        character(len=:), allocatable, intent(inout) :: value
+        character(len=*), intent(in), optional :: help
+        logical, intent(in), optional :: required
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (.not. allocated(value)) value = ''
+        call self%record(key, to_toml(value), source, help=help)
+    end subroutine get_string
+
+    !> One of some texts.
+    subroutine get_choice(self, key, value, choices, help, required)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        character(len=*), intent(inout) :: value
+        !> What it may be.
+        character(len=*), intent(in) :: choices(:)
+        character(len=*), intent(in), optional :: help
+        logical, intent(in), optional :: required
+        character(len=:), allocatable :: text, comment
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        text = trim(value)
+        if (associated(found)) then
+            call convert(self%sources(source), found, text, problem)
+            if (problem == '' .and. .not. any(text == choices)) then
+                problem = 'must be one of '//listed(choices)
+                if (nearest(text, choices) /= '') problem = problem//'; did you mean "'//nearest(text, choices)//'"?'
+            end if
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        value = text
+        comment = listed(choices)
+        if (present(help)) comment = help//': '//comment
+        call self%record(key, to_toml(text), source, help=comment)
+    end subroutine get_choice
+
+    !> As many numbers as `values` has.
+    subroutine get_vector(self, key, values, check, unit, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The defaults before, the values after.
+        real(wp), intent(inout) :: values(:)
+        integer, intent(in), optional :: check
+        character(len=*), intent(in), optional :: unit, help
+        real(wp), allocatable :: numbers(:)
+
+        numbers = values
+        call self%get_reals(key, numbers, size(values), check, unit, help)
+        if (size(numbers) == size(values)) values = numbers
+    end subroutine get_vector
+
+    !> Some numbers.
+    subroutine get_reals(self, key, values, length, check, unit, help, required)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        real(wp), allocatable, intent(inout) :: values(:)
+        !> How many there must be.
+        integer, intent(in) :: length
+        integer, intent(in), optional :: check
+        character(len=*), intent(in), optional :: unit, help
+        logical, intent(in), optional :: required
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source, i
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, values, problem)
+            if (problem == '' .and. size(values) /= length) then
+                problem = 'has '//to_toml(size(values))//' elements; it must have '//to_toml(length)
+            end if
+            do i = 1, size(values)
+                if (problem /= '') exit
+                problem = violated(values(i), check)
+                if (problem /= '') problem = 'element '//to_toml(i)//' '//problem
+            end do
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        call self%record(key, to_toml(values), source, unit, help)
+    end subroutine get_reals
+
+    !> Some of some texts, each once at most.
+    subroutine get_strings(self, key, values, choices, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        character(len=*), allocatable, intent(inout) :: values(:)
+        !> What each may be.
+        character(len=*), intent(in) :: choices(:)
+        character(len=*), intent(in), optional :: help
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source, i
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, values, problem)
+            do i = 1, size(values)
+                if (problem /= '') exit
+                if (.not. any(values(i) == choices)) then
+                    problem = '"'//trim(values(i))//'" is none of '//listed(choices)
+                    if (nearest(trim(values(i)), choices) /= '') then
+                        problem = problem//'; did you mean "'//nearest(trim(values(i)), choices)//'"?'
+                    end if
+                else if (count(values == values(i)) > 1) then
+                    problem = 'has "'//trim(values(i))//'" more than once'
+                end if
+            end do
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        call self%record(key, to_toml(values), source, help=help)
+    end subroutine get_strings
+
+    !> The complete scene as TOML, with every key that was asked for.
+    pure function text(self)
+        class(reader_type), intent(in) :: self
+        character(len=:), allocatable :: text
+
+        text = self%ledger%text()
+    end function text
+
+    !> The value of a key of the current table, from the last source that gives it; -1 stands for the source of a default.
+    subroutine find(self, key, found, source, required)
+        class(reader_type), intent(inout), target :: self
+        character(len=*), intent(in) :: key
+        class(toml_value), pointer, intent(out) :: found
+        integer, intent(out) :: source
+        logical, intent(in), optional :: required
+        type(toml_table), pointer :: table
+
+        nullify (found)
+        source = -1
+        if (self%failed()) return
+        do source = ubound(self%sources, 1), 0, -1
+            table => table_of(self%sources(source), self%table)
+            if (associated(table)) call table%get(key, found)
+            if (associated(found)) return
+        end do
+        if (.not. present(required)) return
+        if (required) call set_input_error(self%error, 'the key '//key//' is missing in ['//trim(self%table)//'] of '// &
+            self%sources(0)%context%filename)
+    end subroutine find
+
+    !> Remember a key and its value.
+    subroutine record(self, key, value, source, unit, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key, value
+        integer, intent(in) :: source
+        character(len=*), intent(in), optional :: unit, help
+        character(len=:), allocatable :: comment
+
+        comment = ''
+        if (present(unit)) comment = unit
+        if (present(help)) then
+            if (comment /= '') comment = comment//', '
+            comment = comment//help
+        end if
+        call self%ledger%add(self%table, key, value, comment, source)
+    end subroutine record
+
+    !> An error about a value, with its line.
+    subroutine refuse_value(self, key, found, source, problem)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        class(toml_value), intent(in) :: found
+        integer, intent(in) :: source
+        character(len=*), intent(in) :: problem
+
+        call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(found), &
+            'in ['//trim(self%table)//']'))
+    end subroutine refuse_value
+
+    !> A table of a source, or null.
+    function table_of(source, name) result(table)
+        type(source_type), intent(inout), target :: source
+        character(len=*), intent(in) :: name
+        type(toml_table), pointer :: table
+        class(toml_value), pointer :: found
+
+        nullify (table)
+        call source%root%get(trim(name), found)
+        if (.not. associated(found)) return
+        select type (found)
+        type is (toml_table)
+            table => found
+        end select
+    end function table_of
+
+    !> What a number violates; nothing where it is as it must be.
+    pure function violated(value, check) result(problem)
+        real(wp), intent(in) :: value
+        integer, intent(in), optional :: check
+        character(len=:), allocatable :: problem
+
+        problem = ''
+        if (.not. present(check)) return
+        if (check == positive .and. .not. value > 0.0_wp) problem = 'must be positive'
+        if (check == not_negative .and. .not. value >= 0.0_wp) problem = 'must not be negative'
+    end function violated
+
+    !> The question whether another word was meant.
+    pure function meant(word, names) result(question)
+        character(len=*), intent(in) :: word, names(:)
+        character(len=:), allocatable :: question
+
+        question = nearest(word, names)
+        if (question /= '') question = 'did you mean "'//question//'"?'
+    end function meant
+end module tandem_io_scene_reader

@@ -1,0 +1,192 @@
+! SPDX-License-Identifier: MIT
+!> Where scenes are. A scene is given by its path, or by the name of a file NAME.toml in one of these folders, the first that
+!> has it: the one that the environment variable TANDEM_SCENES names; `scenes` in the current folder; `scenes` beside the
+!> program or up to four folders above it, which is the checkout that the program was built in.
+module tandem_io_scene_shipped
+    use tandem, only: error_type
+    use tandem_io_scene_source, only: set_input_error
+    use tandem_io_scene_text, only: listed, nearest
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_intptr_t, c_null_char, c_size_t
+    implicit none
+    private
+
+    public :: find_scene, shipped_scenes
+
+    !> How many folders above the program are looked at.
+    integer, parameter :: levels = 4
+    !> Most scenes in a list.
+    integer, parameter :: most = 256
+    !> Longest path.
+    integer, parameter :: longest = 4096
+    !> How the name of a scene file ends.
+    character(len=*), parameter :: ending = '.toml'
+
+    interface
+        !> The names in a folder, a newline after each; the number of bytes written.
+        function list_folder(path, names, size) result(length) bind(c, name='tandem_list_folder')
+            import :: c_char, c_int
+            character(kind=c_char), intent(in) :: path(*)
+            character(kind=c_char), intent(out) :: names(*)
+            integer(c_int), value :: size
+            integer(c_int) :: length
+        end function list_folder
+
+        !> Where a symbolic link points to, without a null at its end; its length, or -1.
+        function read_link(path, target_, size) result(length) bind(c, name='readlink')
+            import :: c_char, c_size_t, c_intptr_t
+            character(kind=c_char), intent(in) :: path(*)
+            character(kind=c_char), intent(out) :: target_(*)
+            integer(c_size_t), value :: size
+            integer(c_intptr_t) :: length
+        end function read_link
+    end interface
+
+contains
+
+    !> The path of a scene. What has a slash or ends in .toml is a path already.
+    subroutine find_scene(name, path, error)
+        !> A path, or the name of a scene.
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable, intent(out) :: path
+        type(error_type), allocatable, intent(out) :: error
+        character(len=longest), allocatable :: folders(:)
+        character(len=:), allocatable :: names(:), message
+        logical :: exists
+        integer :: i
+
+        path = name
+        if (index(name, '/') > 0) return
+        if (len(name) > len(ending)) then
+            if (name(len(name) - len(ending) + 1:) == ending) return
+        end if
+        folders = scene_folders()
+        do i = 1, size(folders)
+            path = trim(folders(i))//'/'//name//ending
+            inquire (file=path, exist=exists)
+            if (exists) return
+        end do
+        names = shipped_scenes()
+        do i = 1, size(names)
+            names(i) = name_of(names(i))
+        end do
+        message = 'there is no scene "'//name//'"'
+        if (nearest(name, names) /= '') message = message//'; did you mean "'//nearest(name, names)//'"?'
+        message = message//new_line('a')//'A scene is the path of a TOML file, or one of '//listed(names)
+        call set_input_error(error, message)
+    end subroutine find_scene
+
+    !> The paths of all scenes that have a name, sorted by it.
+    function shipped_scenes() result(paths)
+        character(len=:), allocatable :: paths(:)
+        character(len=longest), allocatable :: folders(:)
+        character(len=longest), allocatable :: found(:)
+        character(len=longest) :: swap
+        integer :: i, j, n
+
+        folders = scene_folders()
+        allocate (found(most))
+        n = 0
+        do i = 1, size(folders)
+            call add_scenes(trim(folders(i)), found, n)
+        end do
+        do i = 2, n
+            do j = i, 2, -1
+                if (name_of(found(j)) >= name_of(found(j - 1))) exit
+                swap = found(j)
+                found(j) = found(j - 1)
+                found(j - 1) = swap
+            end do
+        end do
+        allocate (character(len=longest) :: paths(n))
+        paths = found(:n)
+    end function shipped_scenes
+
+    !> Add the scenes of a folder whose names are not taken.
+    subroutine add_scenes(folder, found, n)
+        character(len=*), intent(in) :: folder
+        character(len=longest), intent(inout) :: found(:)
+        integer, intent(inout) :: n
+        character(kind=c_char), allocatable :: names(:)
+        character(len=:), allocatable :: name
+        integer :: i, j, length
+
+        allocate (names(65536))
+        length = int(list_folder(folder//c_null_char, names, int(size(names), c_int)))
+        name = ''
+        do i = 1, length
+            if (names(i) /= new_line('a')) then
+                name = name//names(i)
+                cycle
+            end if
+            j = len(name) - len(ending)
+            if (j > 0 .and. n < size(found)) then
+                if (name(j + 1:) == ending .and. name(1:1) /= '.' .and. &
+                    .not. any([(name_of(found(j)) == name(:len(name) - len(ending)), j=1, n)])) then
+                    n = n + 1
+                    found(n) = folder//'/'//name
+                end if
+            end if
+            name = ''
+        end do
+    end subroutine add_scenes
+
+    !> The name of a scene file: no folder, no ending.
+    pure function name_of(path) result(name)
+        character(len=*), intent(in) :: path
+        character(len=:), allocatable :: name
+        integer :: last
+
+        name = trim(path(index(path, '/', back=.true.) + 1:))
+        last = index(name, ending, back=.true.) - 1
+        if (last > 0) name = name(:last)
+    end function name_of
+
+    !> The folders to look in, in their order.
+    function scene_folders() result(folders)
+        character(len=longest), allocatable :: folders(:)
+        character(len=:), allocatable :: program_
+        character(len=longest) :: named
+        integer :: i, n, last, length, stat
+
+        allocate (folders(levels + 3))
+        n = 0
+        call get_environment_variable('TANDEM_SCENES', named, length, stat)
+        if (stat == 0 .and. length > 0) call add(trim(named))
+        call add('scenes')
+        program_ = program_path()
+        do i = 0, levels
+            last = index(program_, '/', back=.true.)
+            if (last == 0) exit
+            program_ = program_(:last - 1)
+            call add(program_//'/scenes')
+        end do
+        folders = folders(:n)
+    contains
+        !> Add a folder.
+        subroutine add(folder)
+            character(len=*), intent(in) :: folder
+
+            n = n + 1
+            folders(n) = folder
+        end subroutine add
+    end function scene_folders
+
+    !> The real path of this program, or how it was called.
+    function program_path() result(path)
+        character(len=:), allocatable :: path
+        character(kind=c_char) :: letters(longest)
+        character(len=longest) :: called
+        integer :: i, length, stat
+
+        length = int(read_link('/proc/self/exe'//c_null_char, letters, int(longest, c_size_t)))
+        if (length > 0) then
+            allocate (character(len=length) :: path)
+            do i = 1, length
+                path(i:i) = letters(i)
+            end do
+        else
+            call get_command_argument(0, called, length, stat)
+            path = trim(called)
+        end if
+    end function program_path
+end module tandem_io_scene_shipped

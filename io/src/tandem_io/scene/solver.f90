@@ -1,0 +1,69 @@
+! SPDX-License-Identifier: MIT
+!> Reads the table [solver]. What values may be is `options_type`'s to say; here its word gets the line of the file.
+module tandem_io_scene_solver
+    use tandem, only: chart_policies, error_type, options_type, refresh_modes, stepper_names
+    use tandem_io_scene_reader, only: reader_type
+    implicit none
+    private
+
+    public :: read_solver
+
+contains
+
+    !> The options of a run.
+    subroutine read_solver(reader, options)
+        class(reader_type), intent(inout) :: reader
+        !> The defaults before, the options after.
+        type(options_type), intent(inout) :: options
+        character(len=*), parameter :: unset = '0 for constraint_tolerance'
+
+        call reader%open_table('solver')
+        call reader%get('stepper', options%stepper, stepper_names)
+        call reader%get('step', options%step, unit='s')
+        call verify('step')
+        call reader%get('chart', options%chart, chart_policies, 'when it is renewed')
+        call reader%get('refresh', options%refresh, refresh_modes, 'how the inverses follow the motion')
+        call reader%get('constraint_tolerance', options%constraint_tolerance, help="of each row's natural scale")
+        call verify('constraint_tolerance')
+        call reader%get('utol', options%utol, help='of the position iteration; '//unset)
+        call verify('utol')
+        call reader%get('Btol', options%btol, help='of the iteration for B, with refine; '//unset)
+        call verify('Btol')
+        call reader%get('Htol', options%htol, help='of the iteration for H, with refine; '//unset)
+        call verify('Htol')
+        call reader%get('v_limit', options%v_limit, help='of |v| in a chart, with paper; 0 for none')
+        call verify('v_limit')
+        call reader%get('w_limit', options%w_limit, help='of |w| in a chart, with paper; 0 for none')
+        call verify('w_limit')
+        call reader%get('secant_limit', options%secant_limit, help='of |D| and |Fbar| in a chart, with adaptive')
+        call verify('secant_limit')
+        call reader%get('start_tolerance', options%start_tolerance, help='largest violation that the start may have')
+        call verify('start_tolerance')
+        call reader%get('max_steps', options%max_steps)
+        call verify('max_steps')
+        call reader%close_table()
+    contains
+        !> The options were right before this key was read: what is wrong now is its fault.
+        subroutine verify(key)
+            character(len=*), intent(in) :: key
+            type(error_type), allocatable :: error
+
+            if (reader%failed()) return
+            call options%check(error)
+            if (allocated(error)) call reader%refuse(key, problem_of(error%message))
+        end subroutine verify
+    end subroutine read_solver
+
+    !> What is wrong, without the option's name and value, which the line shows, and without the advice.
+    pure function problem_of(message) result(problem)
+        !> `status: name = value must ...; advice`.
+        character(len=*), intent(in) :: message
+        character(len=:), allocatable :: problem
+        integer :: first, last
+
+        first = max(1, index(message, ' must ') + 1)
+        last = index(message, ';') - 1
+        if (last < first) last = len(message)
+        problem = message(first:last)
+    end function problem_of
+end module tandem_io_scene_solver

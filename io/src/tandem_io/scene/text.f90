@@ -1,0 +1,180 @@
+! SPDX-License-Identifier: MIT
+!> Values as TOML text that reads back to the same value, and the small services that messages about keys need.
+module tandem_io_scene_text
+    use tandem, only: wp
+    use tomlf_utils, only: toml_escape_string
+    implicit none
+    private
+
+    public :: to_toml, listed, nearest
+
+    !> A value as TOML: real, integer, text, and arrays of reals and of texts.
+    interface to_toml
+        module procedure real_to_toml
+        module procedure integer_to_toml
+        module procedure string_to_toml
+        module procedure reals_to_toml
+        module procedure strings_to_toml
+    end interface to_toml
+
+contains
+
+    !> The shortest decimal that reads back to the same double: 0.001, 15.0, 1e-12.
+    pure function real_to_toml(value) result(text)
+        !> A finite number.
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=40) :: buffer
+        character(len=:), allocatable :: digits
+        character(len=12) :: edit
+        integer :: precision, exponent, point, stat
+        real(wp) :: back
+
+        ! 17 significant digits always suffice.
+        do precision = 1, 17
+            write (edit, '("(es40.", i0, "e4)")') precision - 1
+            write (buffer, edit) abs(value)
+            read (buffer, *, iostat=stat) back
+            if (stat == 0 .and. .not. (back < abs(value) .or. back > abs(value))) exit
+        end do
+        buffer = adjustl(buffer)
+        point = index(buffer, 'E')
+        digits = buffer(1:1)//buffer(3:point - 1)
+        read (buffer(point + 1:), *) exponent
+        if (exponent >= -4 .and. exponent < 0) then
+            text = '0.'//repeat('0', -exponent - 1)//digits
+        else if (exponent >= 0 .and. exponent < 15) then
+            digits = digits//repeat('0', max(0, exponent + 2 - len(digits)))
+            text = digits(:exponent + 1)//'.'//digits(exponent + 2:)
+        else
+            text = digits(1:1)
+            if (len(digits) > 1) text = text//'.'//digits(2:)
+            text = text//'e'//integer_to_toml(exponent)
+        end if
+        if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
+    end function real_to_toml
+
+    !> An integer.
+    pure function integer_to_toml(value) result(text)
+        integer, intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=12) :: buffer
+
+        write (buffer, '(i0)') value
+        text = trim(buffer)
+    end function integer_to_toml
+
+    !> A quoted text.
+    function string_to_toml(value) result(text)
+        character(len=*), intent(in) :: value
+        character(len=:), allocatable :: text
+
+        call toml_escape_string(value, text)
+    end function string_to_toml
+
+    !> An array of numbers, on several lines where it is long.
+    pure function reals_to_toml(values) result(text)
+        real(wp), intent(in) :: values(:)
+        character(len=:), allocatable :: text
+        character(len=:), allocatable :: number
+        integer, parameter :: widest = 100
+        integer :: i, width
+
+        text = '['
+        width = 0
+        do i = 1, size(values)
+            number = real_to_toml(values(i))
+            if (i > 1) text = text//','
+            width = width + len(number) + 2
+            if (width > widest) then
+                text = text//new_line('a')//'   '
+                width = len(number) + 6
+            end if
+            if (i > 1) text = text//' '
+            text = text//number
+        end do
+        text = text//']'
+    end function reals_to_toml
+
+    !> An array of quoted texts on one line; trailing blanks are no part of them.
+    function strings_to_toml(values) result(text)
+        character(len=*), intent(in) :: values(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = '['
+        do i = 1, size(values)
+            if (i > 1) text = text//', '
+            text = text//string_to_toml(trim(values(i)))
+        end do
+        text = text//']'
+    end function strings_to_toml
+
+    !> Names joined by commas.
+    pure function listed(names) result(text)
+        !> At least none; blanks at their ends are dropped.
+        character(len=*), intent(in) :: names(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        do i = 1, size(names)
+            if (i > 1) text = text//', '
+            text = text//trim(names(i))
+        end do
+    end function listed
+
+    !> The name that the writer may have meant, or nothing: the one that the fewest edits reach, a third of its length at most.
+    pure function nearest(word, names) result(name)
+        !> What was written.
+        character(len=*), intent(in) :: word
+        !> What exists.
+        character(len=*), intent(in) :: names(:)
+        character(len=:), allocatable :: name
+        integer :: i, distance, least
+
+        name = ''
+        least = huge(1)
+        if (len(word) > 64) return
+        do i = 1, size(names)
+            distance = edits(lower(word), lower(trim(names(i))))
+            if (distance < least .and. distance <= max(1, len_trim(names(i))/3)) then
+                least = distance
+                name = trim(names(i))
+            end if
+        end do
+    end function nearest
+
+    !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
+    pure integer function edits(a, b)
+        character(len=*), intent(in) :: a, b
+        integer :: cost(0:len(a), 0:len(b))
+        integer :: i, j
+
+        cost(:, 0) = [(i, i=0, len(a))]
+        cost(0, :) = [(j, j=0, len(b))]
+        do j = 1, len(b)
+            do i = 1, len(a)
+                cost(i, j) = min(cost(i - 1, j) + 1, cost(i, j - 1) + 1, &
+                    cost(i - 1, j - 1) + merge(0, 1, a(i:i) == b(j:j)))
+                if (i == 1 .or. j == 1) cycle
+                if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) then
+                    cost(i, j) = min(cost(i, j), cost(i - 2, j - 2) + 1)
+                end if
+            end do
+        end do
+        edits = cost(len(a), len(b))
+    end function edits
+
+    !> Lower case.
+    pure function lower(word) result(text)
+        character(len=*), intent(in) :: word
+        character(len=len(word)) :: text
+        integer :: i
+
+        text = word
+        do i = 1, len(word)
+            if (word(i:i) >= 'A' .and. word(i:i) <= 'Z') text(i:i) = achar(iachar(word(i:i)) + 32)
+        end do
+    end function lower
+end module tandem_io_scene_text

@@ -1,0 +1,58 @@
+! SPDX-License-Identifier: MIT
+!> Derivatives of the constraints and of the equations of motion at one point (t, q, qd, qdd, lambda), as the Newton matrix of
+!> an implicit step needs them, and the bits that name them in a need mask.
+!>
+!> The paper's terms (60)-(72) enter its Jacobian (76), (77) in five sums only: the gradients of the velocity constraints, of
+!> the acceleration constraints and of the equations of motion. A wrong derivative slows Newton's iteration down or stops
+!> it, but never changes the solution.
+module tandem_model_derivatives
+    use tandem_kinds, only: wp
+    implicit none
+    private
+
+    public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
+    public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
+
+    !> (C qd - nu)_q = C2(q, qd) - nu_q, see (56), (72).
+    integer, parameter :: need_velocity_q = 1
+    !> (C qdd + gamma)_q = C2(q, qdd) + gamma_q, see (71), (72).
+    integer, parameter :: need_acceleration_q = 2
+    !> gamma_qd, see (71) and doc/theory.md for its lower block.
+    integer, parameter :: need_acceleration_qd = 4
+    !> (M qdd + C' lambda - S - Q_A)_q = M2(q, qdd) + (C' lambda)_q - S_q - Q_Aq, see (60), (64).
+    integer, parameter :: need_dynamics_q = 8
+    !> -(S + Q_A)_qd.
+    integer, parameter :: need_dynamics_qd = 16
+    !> All of them.
+    integer, parameter :: need_all_derivatives = 31
+
+    !> How many there are; number i has the bit 2**(i - 1).
+    integer, parameter :: n_derivatives = 5
+    !> Their names in reports, in the order of their bits.
+    character(len=16), parameter :: derivative_name(n_derivatives) = &
+        [character(len=16) :: 'velocity_q', 'acceleration_q', 'acceleration_qd', 'dynamics_q', 'dynamics_qd']
+
+    !> Values of the derivatives. One that is zero for a model stays zero.
+    type :: derivatives_type
+        !> (C qd - nu)_q, (C qdd + gamma)_q and gamma_qd (nh + nd, n).
+        real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :)
+        !> (M qdd + C' lambda - S - Q_A)_q and -(S + Q_A)_qd (n, n).
+        real(wp), allocatable :: dynamics_q(:, :), dynamics_qd(:, :)
+    contains
+        procedure :: allocate => allocate_derivatives
+    end type derivatives_type
+
+contains
+
+    !> Allocate every derivative with zeros.
+    pure subroutine allocate_derivatives(self, n, m)
+        class(derivatives_type), intent(inout) :: self
+        !> Numbers of coordinates and of constraints.
+        integer, intent(in) :: n, m
+
+        if (allocated(self%velocity_q)) deallocate (self%velocity_q, self%acceleration_q, self%acceleration_qd, &
+            self%dynamics_q, self%dynamics_qd)
+        allocate (self%velocity_q(m, n), self%acceleration_q(m, n), self%acceleration_qd(m, n), source=0.0_wp)
+        allocate (self%dynamics_q(n, n), self%dynamics_qd(n, n), source=0.0_wp)
+    end subroutine allocate_derivatives
+end module tandem_model_derivatives

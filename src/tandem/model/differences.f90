@@ -1,0 +1,363 @@
+! SPDX-License-Identifier: MIT
+!> Finite differences that stand in for what a model does not give: gamma, and the derivatives for implicit steppers.
+module tandem_model_differences
+    use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: add_product, add_transposed_product
+    use tandem_model, only: model_type
+    use tandem_model_derivatives, only: derivatives_type, n_derivatives, need_acceleration_q, need_acceleration_qd, &
+        need_dynamics_q, need_dynamics_qd, need_velocity_q
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
+    use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
+    use tandem_tangent_counts, only: counts_type
+    implicit none
+    private
+
+    public :: differences_type
+
+    type :: differences_type
+        private
+        class(model_type), pointer :: model => null()
+        !> Evaluates the model at displaced points.
+        type(evaluator_type) :: probe
+        !> The terms that the model has, and whether gamma is its own.
+        integer :: has = 0
+        logical :: has_gamma = .false., has_constraints = .false.
+        real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:), gamma(:)
+        !> Residuals at the point and at a displaced one: velocity, acceleration (m), dynamics (n).
+        real(wp), allocatable :: velocity(:), acceleration(:), dynamics(:), velocity0(:), acceleration0(:), dynamics0(:)
+        !> Work space for single derivative procedures (m, n), (n, n).
+        real(wp), allocatable :: block_m(:, :), block_n(:, :)
+    contains
+        procedure, public :: initialize
+        procedure, public :: evaluate_gamma
+        procedure, public :: evaluate_derivatives
+        procedure :: add_single
+        procedure :: differentiate_q
+        procedure :: differentiate_qd
+        procedure :: residuals
+    end type differences_type
+
+    !> What the single procedures of a model may stand for.
+    integer, parameter :: from_jacobian = 1, from_nu = 2, from_gamma = 4, from_mass = 8, from_reaction = 16, from_force = 32
+
+contains
+
+    !> Attach a checked model.
+    subroutine initialize(self, model, scale)
+        class(differences_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
+        integer :: m, n
+
+        self%model => model
+        call self%probe%initialize(model)
+        self%has = self%probe%has
+        self%has_gamma = iand(self%has, need_gamma) /= 0
+        n = model%n
+        m = model%n_constraints()
+        self%has_constraints = m > 0
+        self%scale = scale
+        self%q = spread(0.0_wp, 1, n)
+        self%qd = self%q
+        self%displaced = self%q
+        self%dynamics = self%q
+        self%dynamics0 = self%q
+        self%velocity = spread(0.0_wp, 1, m)
+        self%gamma = self%velocity
+        self%acceleration = self%velocity
+        self%velocity0 = self%velocity
+        self%acceleration0 = self%velocity
+        if (allocated(self%block_m)) deallocate (self%block_m, self%block_n)
+        allocate (self%block_m(m, n), self%block_n(n, n), source=0.0_wp)
+    end subroutine initialize
+
+    !> gamma = d/ds (C qd - nu)(t + s, q + s qd) at s = 0, by a central difference of fourth order.
+    subroutine evaluate_gamma(self, t, q, qd, gamma, counts, stat)
+        class(differences_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        !> gamma (m).
+        real(wp), intent(out), contiguous :: gamma(:)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+        !> Displacements in units of s, and weights times s.
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
+        real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+        !> eps**(1/5) balances rounding, eps / s, against truncation, s**4.
+        real(wp), parameter :: balance = epsilon(1.0_wp)**0.2_wp
+        real(wp) :: s, speed, largest
+        integer :: i
+
+        stat = status_ok
+        gamma = 0.0_wp
+        speed = maxval(abs(qd)/max(abs(q), self%scale))
+        s = balance/max(speed, 1.0_wp)
+        largest = 0.0_wp
+        do i = 1, 4
+            self%displaced = q + place(i)*s*qd
+            call self%probe%evaluate(need_jacobian + need_nu, t + place(i)*s, self%displaced, qd, counts, stat)
+            if (stat /= status_ok) return
+            counts%difference_evaluations = counts%difference_evaluations + 1
+            gamma = gamma - (weight(i)/s)*self%probe%terms%nu
+            call add_product(self%probe%terms%jacobian, qd, weight(i)/s, gamma)
+        end do
+        largest = maxval(matmul(abs(self%probe%terms%jacobian), abs(qd)))
+        counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*largest/s)
+    end subroutine evaluate_gamma
+
+    !> All five derivatives: the model's own where it has them, differences of its terms for the rest.
+    subroutine evaluate_derivatives(self, t, q, qd, qdd, lambda, derivatives, counts, stat)
+        class(differences_type), intent(inout) :: self
+        !> Time, coordinates, velocities, accelerations (n), multipliers (m).
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: missing_q, missing_qd, i
+
+        stat = 0
+        missing_q = 0
+        missing_qd = 0
+        associate (fused => self%model%provides_derivatives)
+            if (fused /= 0) then
+                call self%model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
+                do i = 1, n_derivatives
+                    if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
+                end do
+            end if
+            if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+            if (stat /= 0) then
+                stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+                return
+            end if
+            if (missing_q /= 0) &
+                call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            if (stat == status_ok .and. missing_qd /= 0) &
+                call self%differentiate_qd(missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+        end associate
+    end subroutine evaluate_derivatives
+
+    !> Set the sums that the fused procedure does not give from the model's single procedures; say what is missing.
+    subroutine add_single(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        !> The sums that are done.
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        !> What differences must stand for, sums of the parameters above.
+        integer, intent(out) :: missing_q, missing_qd
+        !> The procedures' own status.
+        integer, intent(out) :: stat
+
+        stat = 0
+        missing_q = 0
+        missing_qd = 0
+        associate (model => self%model, d => derivatives)
+            if (self%has_constraints .and. iand(fused, need_velocity_q) == 0) then
+                d%velocity_q = 0.0_wp
+                if (associated(model%jacobian_derivative)) then
+                    call model%jacobian_derivative(t, q, qd, d%velocity_q, stat)
+                    if (stat /= 0) return
+                else
+                    missing_q = ior(missing_q, from_jacobian)
+                end if
+                if (associated(model%nu_derivative)) then
+                    call model%nu_derivative(t, q, self%block_m, stat)
+                    if (stat /= 0) return
+                    d%velocity_q = d%velocity_q - self%block_m
+                else if (iand(self%has, need_nu) /= 0) then
+                    missing_q = ior(missing_q, from_nu)
+                end if
+                call count_single(1, iand(missing_q, from_jacobian + from_nu) == 0)
+            end if
+            if (self%has_constraints .and. iand(fused, need_acceleration_q) == 0) then
+                d%acceleration_q = 0.0_wp
+                if (associated(model%jacobian_derivative)) then
+                    call model%jacobian_derivative(t, q, qdd, d%acceleration_q, stat)
+                    if (stat /= 0) return
+                else
+                    missing_q = ior(missing_q, from_jacobian)
+                end if
+                if (associated(model%gamma_q)) then
+                    call model%gamma_q(t, q, qd, self%block_m, stat)
+                    if (stat /= 0) return
+                    d%acceleration_q = d%acceleration_q + self%block_m
+                else
+                    missing_q = ior(missing_q, from_gamma)
+                end if
+                call count_single(2, iand(missing_q, from_jacobian + from_gamma) == 0)
+            end if
+            if (self%has_constraints .and. iand(fused, need_acceleration_qd) == 0) then
+                d%acceleration_qd = 0.0_wp
+                if (associated(model%gamma_qd)) then
+                    call model%gamma_qd(t, q, qd, d%acceleration_qd, stat)
+                    if (stat /= 0) return
+                else
+                    missing_qd = ior(missing_qd, from_gamma)
+                end if
+                call count_single(3, iand(missing_qd, from_gamma) == 0)
+            end if
+            if (iand(fused, need_dynamics_q) == 0) then
+                d%dynamics_q = 0.0_wp
+                if (.not. model%constant_mass) then
+                    if (associated(model%mass_derivative)) then
+                        call model%mass_derivative(q, qdd, d%dynamics_q, stat)
+                        if (stat /= 0) return
+                    else
+                        missing_q = ior(missing_q, from_mass)
+                    end if
+                end if
+                if (self%has_constraints) then
+                    if (associated(model%reaction_derivative)) then
+                        call model%reaction_derivative(t, q, lambda, self%block_n, stat)
+                        if (stat /= 0) return
+                        d%dynamics_q = d%dynamics_q + self%block_n
+                    else
+                        missing_q = ior(missing_q, from_reaction)
+                    end if
+                end if
+                if (associated(model%force_q)) then
+                    call model%force_q(t, q, qd, self%block_n, stat)
+                    if (stat /= 0) return
+                    d%dynamics_q = d%dynamics_q - self%block_n
+                else if (iand(self%has, need_force) /= 0) then
+                    missing_q = ior(missing_q, from_force)
+                end if
+                call count_single(4, iand(missing_q, from_mass + from_reaction + from_force) == 0)
+            end if
+            if (iand(fused, need_dynamics_qd) == 0) then
+                d%dynamics_qd = 0.0_wp
+                if (associated(model%force_qd)) then
+                    call model%force_qd(t, q, qd, d%dynamics_qd, stat)
+                    d%dynamics_qd = -d%dynamics_qd
+                else if (iand(self%has, need_force) /= 0) then
+                    missing_qd = ior(missing_qd, from_force)
+                end if
+                call count_single(5, iand(missing_qd, from_force) == 0)
+            end if
+        end associate
+
+    contains
+
+        !> Count a sum that the model gave completely.
+        subroutine count_single(number, complete)
+            integer, intent(in) :: number
+            logical, intent(in) :: complete
+
+            if (complete) counts%derivatives(number) = counts%derivatives(number) + 1
+        end subroutine count_single
+    end subroutine add_single
+
+    !> Add forward differences with respect to q of what is missing.
+    subroutine differentiate_q(self, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: missing, fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp) :: delta
+        integer :: j
+
+        self%q = q
+        call self%residuals(missing, t, qd, qd, qdd, lambda, counts, stat)
+        if (stat /= status_ok) return
+        self%velocity0 = self%velocity
+        self%acceleration0 = self%acceleration
+        self%dynamics0 = self%dynamics
+        do j = 1, size(q)
+            delta = sqrt(epsilon(1.0_wp))*max(abs(q(j)), self%scale(j))
+            self%q(j) = q(j) + delta
+            delta = self%q(j) - q(j)
+            call self%residuals(missing, t, qd, qd, qdd, lambda, counts, stat)
+            if (stat /= status_ok) return
+            self%q(j) = q(j)
+            if (iand(fused, need_velocity_q) == 0) derivatives%velocity_q(:, j) = derivatives%velocity_q(:, j) + &
+                (self%velocity - self%velocity0)/delta
+            if (iand(fused, need_acceleration_q) == 0) derivatives%acceleration_q(:, j) = &
+                derivatives%acceleration_q(:, j) + (self%acceleration - self%acceleration0)/delta
+            if (iand(fused, need_dynamics_q) == 0) derivatives%dynamics_q(:, j) = derivatives%dynamics_q(:, j) + &
+                (self%dynamics - self%dynamics0)/delta
+        end do
+    end subroutine differentiate_q
+
+    !> Add forward differences with respect to qd of what is missing.
+    subroutine differentiate_qd(self, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: missing, fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp) :: delta
+        integer :: j
+
+        self%q = q
+        self%qd = qd
+        call self%residuals(missing, t, qd, self%qd, qdd, lambda, counts, stat)
+        if (stat /= status_ok) return
+        self%acceleration0 = self%acceleration
+        self%dynamics0 = self%dynamics
+        do j = 1, size(q)
+            delta = sqrt(epsilon(1.0_wp))*max(abs(qd(j)), self%scale(j))
+            self%qd(j) = qd(j) + delta
+            delta = self%qd(j) - qd(j)
+            call self%residuals(missing, t, qd, self%qd, qdd, lambda, counts, stat)
+            if (stat /= status_ok) return
+            self%qd(j) = qd(j)
+            if (iand(fused, need_acceleration_qd) == 0) derivatives%acceleration_qd(:, j) = &
+                (self%acceleration - self%acceleration0)/delta
+            if (iand(fused, need_dynamics_qd) == 0) derivatives%dynamics_qd(:, j) = (self%dynamics - self%dynamics0)/delta
+        end do
+    end subroutine differentiate_qd
+
+    !> The missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. The velocity that multiplies C
+    !> is constant; gamma and the forces see `qd_moved`.
+    subroutine residuals(self, missing, t, qd, qd_moved, qdd, lambda, counts, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: missing
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: qd(:), qd_moved(:), qdd(:), lambda(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: need
+
+        need = 0
+        if (iand(missing, from_jacobian + from_reaction) /= 0) need = ior(need, need_jacobian)
+        if (iand(missing, from_nu) /= 0) need = ior(need, need_nu)
+        if (iand(missing, from_gamma) /= 0 .and. self%has_gamma) need = ior(need, need_gamma)
+        if (iand(missing, from_mass) /= 0) need = ior(need, need_mass)
+        if (iand(missing, from_force) /= 0) need = ior(need, need_force)
+        counts%difference_evaluations = counts%difference_evaluations + 1
+        self%velocity = 0.0_wp
+        self%acceleration = 0.0_wp
+        self%dynamics = 0.0_wp
+        stat = status_ok
+        if (iand(missing, from_gamma) /= 0 .and. .not. self%has_gamma) then
+            call self%evaluate_gamma(t, self%q, qd_moved, self%acceleration, counts, stat)
+            if (stat /= status_ok) return
+        end if
+        call self%probe%evaluate(need, t, self%q, qd_moved, counts, stat)
+        if (stat /= status_ok) return
+        associate (terms => self%probe%terms)
+            if (iand(missing, from_jacobian) /= 0) then
+                call add_product(terms%jacobian, qd, 1.0_wp, self%velocity)
+                call add_product(terms%jacobian, qdd, 1.0_wp, self%acceleration)
+            end if
+            if (iand(missing, from_nu) /= 0) self%velocity = self%velocity - terms%nu
+            if (iand(missing, from_gamma) /= 0 .and. self%has_gamma) self%acceleration = self%acceleration + terms%gamma
+            if (iand(missing, from_mass) /= 0) call add_product(terms%mass, qdd, 1.0_wp, self%dynamics)
+            if (iand(missing, from_reaction) /= 0) call add_transposed_product(terms%jacobian, lambda, 1.0_wp, self%dynamics)
+            if (iand(missing, from_force) /= 0) self%dynamics = self%dynamics - terms%force
+        end associate
+    end subroutine residuals
+end module tandem_model_differences

@@ -1,0 +1,613 @@
+! SPDX-License-Identifier: MIT
+!> The three-wheel motorcycle of section 9: a chassis on two rear wheels and a steered front wheel on a sprung fork that is
+!> inclined by `fork_angle`; no wheel slips sideways. The steering angle is theta(t) = -amplitude sin(frequency t) for one
+!> period, then zero, so that its rate, and with it nu, jumps at the end of the period.
+!>
+!> q = (r, p, a, s): the chassis' centre r and Euler parameters p, the vector a = (a1, a2) from the front wheel's centre to its
+!> contact point in the wheel's plane, and the fork's length s. With y = b - s es + a1 y1 + a2 es and z = -a2 y1 + a1 es in the
+!> chassis' frame, es along the fork and y1(theta) across it in the wheel's plane, the front contact point is
+!> r + A y (116) and the rim's tangent there is A z (115).
+!>
+!> M is singular: a and s carry no mass. The printed start of the paper leaves the pitch out; `start` computes the equilibrium.
+module tandem_models_motorcycle
+    use tandem_kinds, only: wp
+    use tandem_linalg_lu, only: lu_type
+    use tandem_model, only: label_length, model_type
+    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
+        need_dynamics_q, need_dynamics_qd, need_velocity_q
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use tandem_rigid_euler_parameters, only: b_matrix, b_product, g_product, g_sandwich, g_transposed_product, k_matrix, &
+        rotation, t_matrix
+    implicit none
+    private
+
+    public :: motorcycle_type
+
+    real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+
+    type, extends(model_type) :: motorcycle_type
+        !> Mass (kg) and principal moments of inertia of the chassis (kg m^2); acceleration due to gravity (m/s^2).
+        real(wp) :: mass = 200.0_wp, inertia(3) = [30.0_wp, 15.0_wp, 30.0_wp], gravity = 9.6_wp
+        !> Inclination of the fork (rad): 0.2 for the standard motorcycle, pi/4 for the chopper.
+        real(wp) :: fork_angle = 0.2_wp
+        !> Stiffness (N/m) and damping (N s/m) of the front suspension.
+        real(wp) :: stiffness = 15000.0_wp, damping = 1500.0_wp
+        !> Steering amplitude (rad) and angular frequency (rad/s); a frequency of 0 steers straight.
+        real(wp) :: amplitude = 0.004_wp, frequency = 1.0_wp
+        !> Driving force along the chassis' y' axis (N).
+        real(wp) :: driving_force = 0.0_wp
+        !> Wheel radius, distance from the centre back to the rear axle, half the rear track (m).
+        real(wp) :: wheel_radius = 0.3_wp, rear_length = 0.6_wp, half_track = 0.5_wp
+        !> Top of the fork in front of and above the centre (m).
+        real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
+        !> Free length of the suspension spring (m); 0 stands for the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
+        real(wp) :: free_length = 0.0_wp
+    contains
+        procedure :: define
+        procedure :: start
+        procedure :: spring_length
+        procedure, private :: steering
+        procedure, private :: fork
+        procedure, private :: equilibrium_pitch
+    end type motorcycle_type
+
+    !> The fork at a time, in the chassis' frame: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
+    type :: fork_type
+        real(wp) :: es(3) = 0.0_wp, y1(3) = 0.0_wp, y1_theta(3) = 0.0_wp, rate = 0.0_wp, second_rate = 0.0_wp
+    end type fork_type
+
+contains
+
+    !> Associate the procedures and name everything; to be called after the parameters are set.
+    subroutine define(self)
+        class(motorcycle_type), intent(inout) :: self
+        real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
+
+        self%name = 'motorcycle'
+        self%n = 10
+        self%n_holonomic = 6
+        self%n_nonholonomic = 2
+        self%coordinate_name = [character(len=label_length) :: 'rx', 'ry', 'rz', 'e0', 'e1', 'e2', 'e3', 'a1', 'a2', 's']
+        self%coordinate_unit = [character(len=label_length) :: 'm', 'm', 'm', '1', '1', '1', '1', 'm', 'm', 'm']
+        self%holonomic_name = [character(len=label_length) :: 'right rear wheel height', 'left rear wheel height', &
+            'front contact height', 'front contact tangent', 'Euler parameters', 'front contact radius']
+        self%nonholonomic_name = [character(len=label_length) :: 'no slip rear', 'no slip front']
+        self%breakpoints = [real(wp) ::]
+        self%nu_jumps = [logical ::]
+        if (abs(self%frequency) > 0.0_wp) then
+            self%breakpoints = [two_pi/abs(self%frequency)]
+            self%nu_jumps = [.true.]
+        end if
+        self%evaluate => evaluate
+        self%provides = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
+        self%evaluate_derivatives => evaluate_derivatives
+        self%provides_derivatives = need_all_derivatives
+        self%potential_energy => potential_energy
+    end subroutine define
+
+    !> The free length of the suspension spring (m).
+    pure real(wp) function spring_length(self)
+        class(motorcycle_type), intent(in) :: self
+
+        spring_length = self%free_length
+        if (spring_length > 0.0_wp) return
+        spring_length = (self%fork_height + self%mass*self%gravity/(2*self%stiffness))/cos(self%fork_angle)
+    end function spring_length
+
+    !> The static equilibrium over the origin, heading along y, with the rear axle's centre at a speed (m/s) and no pitch rate.
+    !> stat > 0: there is no equilibrium near, or the velocity constraints do not fix the rest.
+    subroutine start(self, speed, q, qd, stat)
+        class(motorcycle_type), intent(inout) :: self
+        real(wp), intent(in) :: speed
+        real(wp), intent(out) :: q(10), qd(10)
+        integer, intent(out) :: stat
+        type(terms_type) :: terms
+        type(lu_type) :: lu
+        real(wp) :: pitch, tilt, system(10, 10), pitch_row(4), rear(3, 4)
+
+        q = 0.0_wp
+        qd = 0.0_wp
+        call self%equilibrium_pitch(pitch, stat)
+        if (stat /= 0) return
+        tilt = self%fork_angle + pitch
+        q(3) = self%wheel_radius + self%rear_length*sin(pitch)
+        q(4:5) = [cos(pitch/2), sin(pitch/2)]
+        q(8:9) = -self%wheel_radius*[sin(tilt), cos(tilt)]
+        q(10) = fork_length(self, pitch)
+        ! C qd = nu, the y velocity of the rear axle's centre, and 2 (G pd)_x = 0, which is ux' 2 G(p) pd.
+        self%segment = 1
+        call terms%allocate(10, 6, 2)
+        call evaluate(self, need_jacobian + need_nu, 0.0_wp, q, qd, terms, stat)
+        system = 0.0_wp
+        system(:8, :) = terms%jacobian
+        rear = b_matrix(q(4:7), [0.0_wp, -self%rear_length, 0.0_wp])
+        system(9, 2) = 1.0_wp
+        system(9, 4:7) = rear(2, :)
+        pitch_row = g_transposed_product(q(4:7), ux)
+        system(10, 4:7) = 2*pitch_row
+        call lu%allocate(10)
+        call lu%factor(system, stat)
+        if (stat /= 0) return
+        qd(:8) = terms%nu
+        qd(9) = speed
+        call lu%solve(qd)
+    end subroutine start
+
+    !> The fork's length at a pitch with all wheels on the ground (m).
+    pure real(wp) function fork_length(self, pitch)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(in) :: pitch
+
+        fork_length = ((self%rear_length + self%fork_forward)*sin(pitch) + self%fork_height*cos(pitch))/ &
+            cos(self%fork_angle + pitch)
+    end function fork_length
+
+    !> The pitch of static equilibrium: the stationary point of m g rz + k (s - sf)^2 / 2 by Newton's iteration.
+    subroutine equilibrium_pitch(self, pitch, stat)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(out) :: pitch
+        integer, intent(out) :: stat
+        integer, parameter :: most_iterations = 50
+        real(wp) :: s, s1, s2, change
+        integer :: i
+
+        pitch = 0.0_wp
+        stat = 0
+        associate (l => self%rear_length + self%fork_forward, h => self%fork_height, phi => self%fork_angle)
+            do i = 1, most_iterations
+                ! s cos(phi + pitch) = l sin(pitch) + h cos(pitch), differentiated once and twice.
+                s = fork_length(self, pitch)
+                s1 = (l*cos(pitch) - h*sin(pitch) + s*sin(phi + pitch))/cos(phi + pitch)
+                s2 = (-l*sin(pitch) - h*cos(pitch) + 2*s1*sin(phi + pitch) + s*cos(phi + pitch))/cos(phi + pitch)
+                change = -(self%mass*self%gravity*self%rear_length*cos(pitch) + self%stiffness*(s - self%spring_length())*s1)/ &
+                    (-self%mass*self%gravity*self%rear_length*sin(pitch) + &
+                    self%stiffness*(s1**2 + (s - self%spring_length())*s2))
+                pitch = pitch + change
+                if (.not. abs(pitch) < 1.0_wp) exit
+                if (abs(change) <= 4*epsilon(1.0_wp)) return
+            end do
+        end associate
+        stat = 1
+    end subroutine equilibrium_pitch
+
+    !> theta and its rates in the current segment.
+    pure subroutine steering(self, t, theta, rate, second_rate)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: theta, rate, second_rate
+
+        theta = 0.0_wp
+        rate = 0.0_wp
+        second_rate = 0.0_wp
+        if (self%segment > 1) return
+        theta = -self%amplitude*sin(self%frequency*t)
+        rate = -self%amplitude*self%frequency*cos(self%frequency*t)
+        second_rate = self%amplitude*self%frequency**2*sin(self%frequency*t)
+    end subroutine steering
+
+    !> The fork at a time.
+    pure type(fork_type) function fork(self, t)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp) :: theta, c, s
+
+        call self%steering(t, theta, fork%rate, fork%second_rate)
+        c = cos(self%fork_angle)
+        s = sin(self%fork_angle)
+        ! A1 turns by the fork angle about x', A2 by theta about the fork.
+        fork%es = [0.0_wp, -s, c]
+        fork%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
+        fork%y1_theta = [-cos(theta), -c*sin(theta), -s*sin(theta)]
+    end function fork
+
+    !> The terms (117), (118).
+    subroutine evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+        type(fork_type) :: f
+        real(wp) :: p(4), a(3, 3), y(3), z(3), rear(3)
+        integer :: i
+
+        stat = 0
+        p = q(4:7)
+        select type (self)
+        class is (motorcycle_type)
+            if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
+                f = self%fork(t)
+                a = rotation(p)
+                y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
+                z = q(8)*f%es - q(9)*f%y1
+                rear = [0.0_wp, -self%rear_length, 0.0_wp]
+            end if
+            if (iand(need, need_phi) /= 0) then
+                terms%phi(1) = q(3) + dot_product(a(3, :), rear + self%half_track*ux) - self%wheel_radius
+                terms%phi(2) = q(3) + dot_product(a(3, :), rear - self%half_track*ux) - self%wheel_radius
+                terms%phi(3) = q(3) + dot_product(a(3, :), y)
+                terms%phi(4) = dot_product(a(3, :), z)
+                terms%phi(5) = 0.5_wp*(dot_product(p, p) - 1.0_wp)
+                terms%phi(6) = 0.5_wp*(q(8)**2 + q(9)**2 - self%wheel_radius**2)
+            end if
+            if (iand(need, need_jacobian) /= 0) call set_jacobian(self, f, q, a, y, z, rear, terms%jacobian)
+            if (iand(need, need_nu) /= 0) call set_nu(f, q, a, z, terms%nu)
+            if (iand(need, need_gamma) /= 0) call set_gamma(self, f, q, qd, a, y, z, rear, terms%gamma)
+            if (iand(need, need_mass) /= 0) then
+                terms%mass = 0.0_wp
+                do i = 1, 3
+                    terms%mass(i, i) = self%mass
+                end do
+                terms%mass(4:7, 4:7) = 4*g_sandwich(p, self%inertia, p)
+            end if
+            if (iand(need, need_force) /= 0) then
+                terms%force = 0.0_wp
+                terms%force(3) = -self%mass*self%gravity
+                terms%force(4:7) = g_transposed_product(qd(4:7), 8*self%inertia*g_product(qd(4:7), p))
+                if (abs(self%driving_force) > 0.0_wp) then
+                    a = rotation(p)
+                    terms%force(1:3) = terms%force(1:3) + self%driving_force*a(:, 2)
+                    terms%force(4:7) = terms%force(4:7) + &
+                        2*self%wheel_radius*self%driving_force*g_transposed_product(p, ux)
+                end if
+                terms%force(10) = -self%stiffness*(q(10) - self%spring_length()) - self%damping*qd(10)
+            end if
+        end select
+    end subroutine evaluate
+
+    !> C: the wheels' heights and the norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
+    pure subroutine set_jacobian(self, f, q, a, y, z, rear, jacobian)
+        class(motorcycle_type), intent(in) :: self
+        type(fork_type), intent(in) :: f
+        real(wp), intent(in) :: q(:), a(3, 3), y(3), z(3), rear(3)
+        real(wp), intent(inout) :: jacobian(:, :)
+        real(wp) :: block(3, 4), a_y1(3), a_es(3), g(3)
+
+        jacobian = 0.0_wp
+        a_y1 = rotate(a, f%y1)
+        a_es = rotate(a, f%es)
+        jacobian(1:3, 3) = 1.0_wp
+        block = b_matrix(q(4:7), rear + self%half_track*ux)
+        jacobian(1, 4:7) = block(3, :)
+        block = b_matrix(q(4:7), rear - self%half_track*ux)
+        jacobian(2, 4:7) = block(3, :)
+        block = b_matrix(q(4:7), z)
+        jacobian(4, 4:7) = block(3, :)
+        jacobian(4, 8:9) = [a_es(3), -a_y1(3)]
+        jacobian(5, 4:7) = q(4:7)
+        jacobian(6, 8:9) = q(8:9)
+        block = b_matrix(q(4:7), rear)
+        jacobian(7, 1:3) = a(:, 1)
+        jacobian(7, 4:7) = along(a(:, 1), block)
+        g = sideways(rotate(a, z))
+        block = b_matrix(q(4:7), y)
+        jacobian(3, 4:7) = block(3, :)
+        jacobian(3, 8:10) = [a_y1(3), a_es(3), -a_es(3)]
+        jacobian(8, 1:3) = g
+        jacobian(8, 4:7) = along(g, block)
+        jacobian(8, 8:10) = [dot_product(g, a_y1), dot_product(g, a_es), -dot_product(g, a_es)]
+    end subroutine set_jacobian
+
+    !> nu = [-Phi_t; e]: y and z move with the steering while q stands still.
+    pure subroutine set_nu(f, q, a, z, nu)
+        type(fork_type), intent(in) :: f
+        real(wp), intent(in) :: q(:), a(3, 3), z(3)
+        real(wp), intent(inout) :: nu(:)
+        real(wp) :: turned(3), g(3)
+
+        nu = 0.0_wp
+        turned = f%rate*rotate(a, f%y1_theta)
+        g = sideways(rotate(a, z))
+        nu(3) = -q(8)*turned(3)
+        nu(4) = q(9)*turned(3)
+        nu(8) = -q(8)*dot_product(g, turned)
+    end subroutine set_nu
+
+    !> gamma: the accelerations of the constraints' points with qdd = 0.
+    pure subroutine set_gamma(self, f, q, qd, a, y, z, rear, gamma)
+        class(motorcycle_type), intent(in) :: self
+        type(fork_type), intent(in) :: f
+        real(wp), intent(in) :: q(:), qd(:), a(3, 3), y(3), z(3), rear(3)
+        real(wp), intent(inout) :: gamma(:)
+        real(wp) :: p(4), pd(4), yd(3), ydd(3), zd(3), zdd(3), v_rear(3), v_front(3), a_front(3), a_tangent(3), swing(3)
+
+        p = q(4:7)
+        pd = qd(4:7)
+        call move_fork(f, q, qd, yd, zd)
+        call bend_fork(f, q, qd, ydd, zdd)
+        swing = b_product(pd, rear + self%half_track*ux, pd)
+        gamma(1) = swing(3)
+        swing = b_product(pd, rear - self%half_track*ux, pd)
+        gamma(2) = swing(3)
+        a_front = rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
+        a_tangent = rotate(a, zdd) + b_product(pd, z, pd) + 2*b_product(p, zd, pd)
+        gamma(3) = a_front(3)
+        gamma(4) = a_tangent(3)
+        gamma(5) = dot_product(pd, pd)
+        gamma(6) = qd(8)**2 + qd(9)**2
+        v_rear = qd(1:3) + b_product(p, rear, pd)
+        gamma(7) = dot_product(a(:, 1), b_product(pd, rear, pd)) + dot_product(b_product(p, ux, pd), v_rear)
+        v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
+        gamma(8) = dot_product(sideways(rotate(a, z)), a_front) + &
+            dot_product(sideways(b_product(p, z, pd) + rotate(a, zd)), v_front)
+    end subroutine set_gamma
+
+    !> yd and zd, the velocities of y and z in the chassis' frame, steering included.
+    pure subroutine move_fork(f, q, qd, yd, zd)
+        type(fork_type), intent(in) :: f
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: yd(3), zd(3)
+
+        yd = qd(8)*f%y1 + (q(8)*f%rate)*f%y1_theta + (qd(9) - qd(10))*f%es
+        zd = qd(8)*f%es - qd(9)*f%y1 - (q(9)*f%rate)*f%y1_theta
+    end subroutine move_fork
+
+    !> The accelerations of y and z in the chassis' frame with qdd = 0; y1 differentiated twice by theta is y1 turned back,
+    !> as far as it lies across the fork, which it does.
+    pure subroutine bend_fork(f, q, qd, ydd, zdd)
+        type(fork_type), intent(in) :: f
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: ydd(3), zdd(3)
+        real(wp) :: y1dd(3)
+
+        y1dd = f%second_rate*f%y1_theta - f%rate**2*f%y1
+        ydd = (2*qd(8)*f%rate)*f%y1_theta + q(8)*y1dd
+        zdd = -(2*qd(9)*f%rate)*f%y1_theta - q(9)*y1dd
+    end subroutine bend_fork
+
+    !> A b.
+    pure function rotate(a, b) result(c)
+        real(wp), intent(in) :: a(3, 3), b(3)
+        real(wp) :: c(3)
+
+        c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
+    end function rotate
+
+    !> b x uz: from the rim's tangent to the direction in which its wheel must not slip.
+    pure function sideways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [b(2), -b(1), 0.0_wp]
+    end function sideways
+
+    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
+    pure function crossways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [-b(2), b(1), 0.0_wp]
+    end function crossways
+
+    !> a' B (4).
+    pure function along(a, block) result(row)
+        real(wp), intent(in) :: a(3), block(3, 4)
+        real(wp) :: row(4)
+
+        row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
+    end function along
+
+    !> The gradients of the velocity and acceleration constraints and of the equations of motion.
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        stat = 0
+        select type (self)
+        class is (motorcycle_type)
+            if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) &
+                call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+            if (iand(need, need_dynamics_q) /= 0) call differentiate_dynamics(self, t, q, qd, qdd, lambda, derivatives%dynamics_q)
+            if (iand(need, need_dynamics_qd) /= 0) then
+                derivatives%dynamics_qd = 0.0_wp
+                derivatives%dynamics_qd(4:7, 4:7) = 8*g_sandwich(qd(4:7), self%inertia, q(4:7)) &
+                    - 8*t_matrix(self%inertia*g_product(qd(4:7), q(4:7)))
+                derivatives%dynamics_qd(10, 10) = self%damping
+            end if
+        end select
+    end subroutine evaluate_derivatives
+
+    !> velocity_q, acceleration_q, acceleration_qd. The front contact point is r + A b + a1 (A y1) + (a2 - s) (A es), its rim's
+    !> tangent a1 (A es) - a2 (A y1), so that their gradients by a and s are A y1 and A es and their time derivatives.
+    subroutine differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+        class(motorcycle_type), intent(in) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(fork_type) :: f
+        real(wp) :: p(4), pd(4), pdd(4), a(3, 3), y(3), z(3), yd(3), zd(3), ydd(3), zdd(3), rear(3), right(3), left(3)
+        real(wp) :: y1(3), es(3), y1d(3), esd(3), y1dd(3), esdd(3), v_rear(3), a_rear(3), v_front(3), a_front(3)
+        real(wp) :: n(3), nd(3), g(3), gd(3), k(3), kd(3)
+        real(wp) :: front_p(3, 4), tangent_p(3, 4), front_vp(3, 4), tangent_vp(3, 4), block(3, 4), axle(3, 4)
+
+        p = q(4:7)
+        pd = qd(4:7)
+        pdd = qdd(4:7)
+        f = self%fork(t)
+        a = rotation(p)
+        rear = [0.0_wp, -self%rear_length, 0.0_wp]
+        right = rear + self%half_track*ux
+        left = rear - self%half_track*ux
+        y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
+        z = q(8)*f%es - q(9)*f%y1
+        call move_fork(f, q, qd, yd, zd)
+        call bend_fork(f, q, qd, ydd, zdd)
+        ydd = ydd + qdd(8)*f%y1 + (qdd(9) - qdd(10))*f%es
+        zdd = zdd + qdd(8)*f%es - qdd(9)*f%y1
+        ! A y1 and A es with their first and second time derivatives.
+        y1 = rotate(a, f%y1)
+        es = rotate(a, f%es)
+        y1d = b_product(p, f%y1, pd) + f%rate*rotate(a, f%y1_theta)
+        esd = b_product(p, f%es, pd)
+        y1dd = b_product(p, f%y1, pdd) + b_product(pd, f%y1, pd) + 2*f%rate*b_product(p, f%y1_theta, pd) + &
+            rotate(a, f%second_rate*f%y1_theta - f%rate**2*f%y1)
+        esdd = b_product(p, f%es, pdd) + b_product(pd, f%es, pd)
+        ! The rear axle's direction and the front wheel's sideways one; velocities and accelerations of the two points.
+        n = a(:, 1)
+        nd = b_product(p, ux, pd)
+        g = sideways(rotate(a, z))
+        gd = sideways(b_product(p, z, pd) + rotate(a, zd))
+        v_rear = qd(1:3) + b_product(p, rear, pd)
+        a_rear = qdd(1:3) + b_product(p, rear, pdd) + b_product(pd, rear, pd)
+        v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
+        a_front = qdd(1:3) + b_product(p, y, pdd) + rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
+        k = crossways(v_front)
+        kd = crossways(a_front)
+        ! Gradients by p of the positions and of the velocities of the front point and of the tangent; axle is that of n.
+        front_p = b_matrix(p, y)
+        tangent_p = b_matrix(p, z)
+        front_vp = b_matrix(pd, y) + b_matrix(p, yd)
+        tangent_vp = b_matrix(pd, z) + b_matrix(p, zd)
+        axle = b_matrix(p, ux)
+
+        if (iand(need, need_velocity_q) /= 0) then
+            associate (d => derivatives%velocity_q)
+                d = 0.0_wp
+                block = b_matrix(pd, right)
+                d(1, 4:7) = block(3, :)
+                block = b_matrix(pd, left)
+                d(2, 4:7) = block(3, :)
+                d(3, 4:7) = front_vp(3, :)
+                d(3, 8:10) = [y1d(3), esd(3), -esd(3)]
+                d(4, 4:7) = tangent_vp(3, :)
+                d(4, 8:9) = [esd(3), -y1d(3)]
+                d(5, 4:7) = pd
+                d(6, 8:9) = qd(8:9)
+                d(7, 4:7) = along(v_rear, axle) + along(n, b_matrix(pd, rear))
+                d(8, 4:7) = along(k, tangent_p) + along(g, front_vp)
+                d(8, 8:10) = [dot_product(k, es) + dot_product(g, y1d), -dot_product(k, y1) + dot_product(g, esd), &
+                    -dot_product(g, esd)]
+            end associate
+        end if
+        if (iand(need, need_acceleration_q) /= 0) then
+            associate (d => derivatives%acceleration_q)
+                d = 0.0_wp
+                block = b_matrix(pdd, right)
+                d(1, 4:7) = block(3, :)
+                block = b_matrix(pdd, left)
+                d(2, 4:7) = block(3, :)
+                block = b_matrix(pdd, z) + b_matrix(p, zdd) + 2*b_matrix(pd, zd)
+                d(4, 4:7) = block(3, :)
+                d(4, 8:9) = [esdd(3), -y1dd(3)]
+                d(5, 4:7) = pdd
+                d(6, 8:9) = qdd(8:9)
+                d(7, 4:7) = along(a_rear, axle) + along(n, b_matrix(pdd, rear)) + along(v_rear, b_matrix(pd, ux)) + &
+                    along(nd, b_matrix(pd, rear))
+                block = b_matrix(pdd, y) + b_matrix(p, ydd) + 2*b_matrix(pd, yd)
+                d(3, 4:7) = block(3, :)
+                d(3, 8:10) = [y1dd(3), esdd(3), -esdd(3)]
+                d(8, 4:7) = along(kd, tangent_p) + along(g, block) + along(k, tangent_vp) + along(gd, front_vp)
+                d(8, 8) = dot_product(kd, es) + dot_product(g, y1dd) + dot_product(k, esd) + dot_product(gd, y1d)
+                d(8, 9) = -dot_product(kd, y1) + dot_product(g, esdd) - dot_product(k, y1d) + dot_product(gd, esd)
+                d(8, 10) = -dot_product(g, esdd) - dot_product(gd, esd)
+            end associate
+        end if
+        if (iand(need, need_acceleration_qd) /= 0) then
+            associate (d => derivatives%acceleration_qd)
+                d = 0.0_wp
+                block = b_matrix(pd, right)
+                d(1, 4:7) = 2*block(3, :)
+                block = b_matrix(pd, left)
+                d(2, 4:7) = 2*block(3, :)
+                d(3, 4:7) = 2*front_vp(3, :)
+                d(3, 8:10) = 2*[y1d(3), esd(3), -esd(3)]
+                d(4, 4:7) = 2*tangent_vp(3, :)
+                d(4, 8:9) = 2*[esd(3), -y1d(3)]
+                d(5, 4:7) = 2*pd
+                d(6, 8:9) = 2*qd(8:9)
+                d(7, 1:3) = nd
+                d(7, 4:7) = 2*along(n, b_matrix(pd, rear)) + along(v_rear, axle) + along(nd, b_matrix(p, rear))
+                d(8, 1:3) = gd
+                d(8, 4:7) = 2*along(g, front_vp) + along(k, tangent_p) + along(gd, front_p)
+                d(8, 8) = 2*dot_product(g, y1d) + dot_product(k, es) + dot_product(gd, y1)
+                d(8, 9) = 2*dot_product(g, esd) - dot_product(k, y1) + dot_product(gd, es)
+                d(8, 10) = -2*dot_product(g, esd) - dot_product(gd, es)
+            end associate
+        end if
+    end subroutine differentiate_constraints
+
+    !> dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along
+    !> lambda3 uz + lambda8 g, whose g turns with the tangent, and at the rear axle along lambda7 A ux.
+    pure subroutine differentiate_dynamics(self, t, q, qd, qdd, lambda, d)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        real(wp), intent(out) :: d(:, :)
+        type(fork_type) :: f
+        real(wp) :: p(4), a(3, 3), y(3), z(3), rear(3), y1(3), es(3), push(3)
+        real(wp) :: front_p(3, 4), turn_p(3, 4), turn_1(3), turn_2(3), axle(3, 4), y1_p(3, 4), es_p(3, 4), row(4)
+        integer :: i, j
+
+        p = q(4:7)
+        f = self%fork(t)
+        a = rotation(p)
+        rear = [0.0_wp, -self%rear_length, 0.0_wp]
+        y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
+        z = q(8)*f%es - q(9)*f%y1
+        y1 = rotate(a, f%y1)
+        es = rotate(a, f%es)
+        y1_p = b_matrix(p, f%y1)
+        es_p = b_matrix(p, f%es)
+        front_p = b_matrix(p, y)
+        axle = b_matrix(p, ux)
+        push = lambda(3)*uz + lambda(8)*sideways(rotate(a, z))
+        ! Gradients of lambda8 g by p, a1 and a2.
+        turn_p = b_matrix(p, z)
+        do j = 1, 4
+            turn_p(:, j) = lambda(8)*sideways(turn_p(:, j))
+        end do
+        turn_1 = lambda(8)*sideways(es)
+        turn_2 = -lambda(8)*sideways(y1)
+
+        d = 0.0_wp
+        d(1:3, 4:7) = lambda(7)*axle + turn_p
+        d(1:3, 8) = turn_1
+        d(1:3, 9) = turn_2
+        d(4:7, 4:7) = 4*t_matrix(self%inertia*g_product(p, qdd(4:7))) - 4*g_sandwich(p, self%inertia, qdd(4:7)) &
+            - 8*g_sandwich(qd(4:7), self%inertia, qd(4:7)) &
+            + lambda(1)*k_matrix(rear + self%half_track*ux, uz) + lambda(2)*k_matrix(rear - self%half_track*ux, uz) &
+            + k_matrix(y, push) + lambda(4)*k_matrix(z, uz) + lambda(7)*k_matrix(rear, a(:, 1))
+        do j = 1, 4
+            d(3 + j, 3 + j) = d(3 + j, 3 + j) + lambda(5)
+            do i = 1, 4
+                d(3 + i, 3 + j) = d(3 + i, 3 + j) + dot_product(front_p(:, i), turn_p(:, j))
+            end do
+        end do
+        d(4:7, 4:7) = d(4:7, 4:7) + lambda(7)*matmul(transpose(b_matrix(p, rear)), axle)
+        d(4:7, 8) = along(push, y1_p) + lambda(4)*es_p(3, :) + along(turn_1, front_p)
+        d(4:7, 9) = along(push, es_p) - lambda(4)*y1_p(3, :) + along(turn_2, front_p)
+        d(4:7, 10) = -along(push, es_p)
+        d(8, 4:7) = along(push, y1_p) + lambda(4)*es_p(3, :) + along(y1, turn_p)
+        d(8, 8) = lambda(6) + dot_product(y1, turn_1)
+        d(8, 9) = dot_product(y1, turn_2)
+        row = along(push, es_p) + along(es, turn_p)
+        d(9, 4:7) = row - lambda(4)*y1_p(3, :)
+        d(9, 8) = dot_product(es, turn_1)
+        d(9, 9) = lambda(6) + dot_product(es, turn_2)
+        d(10, 4:7) = -row
+        d(10, 8) = -dot_product(es, turn_1)
+        d(10, 9) = -dot_product(es, turn_2)
+        d(10, 10) = self%stiffness
+        if (abs(self%driving_force) > 0.0_wp) then
+            d(1:3, 4:7) = d(1:3, 4:7) - self%driving_force*b_matrix(p, uy)
+            d(4:7, 4:7) = d(4:7, 4:7) - 2*self%wheel_radius*self%driving_force*t_matrix(ux)
+        end if
+    end subroutine differentiate_dynamics
+
+    !> V = m g rz + k (s - sf)^2 / 2.
+    subroutine potential_energy(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (motorcycle_type)
+            value = self%mass*self%gravity*q(3) + 0.5_wp*self%stiffness*(q(10) - self%spring_length())**2
+        end select
+    end subroutine potential_energy
+end module tandem_models_motorcycle

@@ -1,0 +1,106 @@
+! SPDX-License-Identifier: MIT
+!> Rates of past stages, and their extrapolation: start values for the next implicit stage. Rates are ambient, so that they
+!> outlive a chart.
+module tandem_stepper_history
+    use tandem_kinds, only: wp
+    use tandem_stepper_state, only: state_type
+    implicit none
+    private
+
+    public :: history_type
+
+    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less).
+    integer, parameter :: capacity = 10, most_nodes = 5
+
+    type :: history_type
+        private
+        integer :: n_kept = 0, last = 0
+        real(wp) :: t(capacity) = 0.0_wp
+        real(wp), allocatable :: qd(:, :), qdd(:, :)
+    contains
+        procedure, public :: allocate => allocate_history
+        procedure, public :: clear
+        procedure, public :: continue_from
+        procedure, public :: push
+        procedure, public :: extrapolate
+    end type history_type
+
+contains
+
+    !> Allocate for n coordinates.
+    subroutine allocate_history(self, n)
+        class(history_type), intent(inout) :: self
+        integer, intent(in) :: n
+
+        if (allocated(self%qd)) deallocate (self%qd, self%qdd)
+        allocate (self%qd(n, capacity), self%qdd(n, capacity), source=0.0_wp)
+        self%n_kept = 0
+    end subroutine allocate_history
+
+    !> Forget everything.
+    pure subroutine clear(self)
+        class(history_type), intent(inout) :: self
+
+        self%n_kept = 0
+    end subroutine clear
+
+    !> Begin a step at a state: where it is not the one pushed last (a start, a breakpoint), the past says nothing about it.
+    subroutine continue_from(self, state)
+        class(history_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+
+        if (self%n_kept > 0) then
+            if (abs(self%t(self%last) - state%t) <= 0.0_wp .and. &
+                all(abs(self%qd(:, self%last) - state%qd) <= 0.0_wp) .and. &
+                all(abs(self%qdd(:, self%last) - state%qdd) <= 0.0_wp)) return
+        end if
+        self%n_kept = 0
+        call self%push(state%t, state%qd, state%qdd)
+    end subroutine continue_from
+
+    !> Keep the rates at a time that is not kept yet.
+    subroutine push(self, t, qd, qdd)
+        class(history_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Velocities and accelerations (n).
+        real(wp), intent(in), contiguous :: qd(:), qdd(:)
+
+        self%last = merge(1, self%last + 1, self%n_kept == 0 .or. self%last == capacity)
+        self%n_kept = min(self%n_kept + 1, capacity)
+        self%t(self%last) = t
+        self%qd(:, self%last) = qd
+        self%qdd(:, self%last) = qdd
+    end subroutine push
+
+    !> The polynomial through the nearest rates, at t (Lagrange's form).
+    subroutine extrapolate(self, t, qd, qdd)
+        class(history_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(out), contiguous :: qd(:), qdd(:)
+        integer :: nodes(most_nodes), n_nodes, i, j, k
+        real(wp) :: weight
+
+        n_nodes = 0
+        do k = 1, self%n_kept
+            ! Insertion into the list of the nearest.
+            i = n_nodes + 1
+            do while (i > 1)
+                if (abs(self%t(nodes(i - 1)) - t) <= abs(self%t(k) - t)) exit
+                if (i <= most_nodes) nodes(i) = nodes(i - 1)
+                i = i - 1
+            end do
+            if (i <= most_nodes) nodes(i) = k
+            n_nodes = min(n_nodes + 1, most_nodes)
+        end do
+        qd = 0.0_wp
+        qdd = 0.0_wp
+        do i = 1, n_nodes
+            weight = 1.0_wp
+            do j = 1, n_nodes
+                if (j /= i) weight = weight*(t - self%t(nodes(j)))/(self%t(nodes(i)) - self%t(nodes(j)))
+            end do
+            qd = qd + weight*self%qd(:, nodes(i))
+            qdd = qdd + weight*self%qdd(:, nodes(i))
+        end do
+    end subroutine extrapolate
+end module tandem_stepper_history

@@ -1,0 +1,102 @@
+! SPDX-License-Identifier: MIT
+!> SDIRK54, Table 1: singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages share
+!> h a_ii = h / 4 and so one Newton matrix, made at the start of the step.
+!> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
+module tandem_stepper_sdirk54
+    use tandem_kinds, only: wp
+    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper_history, only: history_type
+    use tandem_stepper_newton, only: newton_type
+    use tandem_stepper_state, only: state_type
+    use tandem_status, only: status_ok
+    use tandem_tangent_chart, only: chart_type
+    implicit none
+    private
+
+    public :: sdirk54_type
+
+    !> Nodes and coefficients below the diagonal; the last row is b, and b_5 = a_55 = 1/4.
+    real(wp), parameter :: c(5) = [1.0_wp/4, 3.0_wp/4, 11.0_wp/20, 1.0_wp/2, 1.0_wp]
+    real(wp), parameter :: diagonal = 0.25_wp
+    real(wp), parameter :: a(4, 5) = reshape([ &
+        0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+        1.0_wp/2, 0.0_wp, 0.0_wp, 0.0_wp, &
+        17.0_wp/50, -1.0_wp/25, 0.0_wp, 0.0_wp, &
+        371.0_wp/1360, -137.0_wp/2720, 15.0_wp/544, 0.0_wp, &
+        25.0_wp/24, -49.0_wp/48, 125.0_wp/16, -85.0_wp/12], [4, 5])
+
+    type, extends(stepper_type) :: sdirk54_type
+        private
+        type(newton_type) :: newton
+        type(history_type) :: history
+        !> Rates of the stages (n, 4); the last one is not needed again.
+        real(wp), allocatable :: rate_q(:, :), rate_qd(:, :)
+    contains
+        procedure, nopass :: properties
+        procedure :: initialize
+        procedure :: advance
+    end type sdirk54_type
+
+contains
+
+    !> What the method is.
+    pure function properties() result(properties_)
+        type(properties_type) :: properties_
+
+        properties_ = properties_type('sdirk54', 4, 5, .true., 'L-stable, stiffly accurate', &
+            'Hairer, Wanner II, p. 100, table 6.5')
+    end function properties
+
+    !> Allocate the work space.
+    subroutine initialize(self, n, newton_tolerance)
+        class(sdirk54_type), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: newton_tolerance
+
+        call self%newton%allocate(n, 5, newton_tolerance)
+        call self%history%allocate(n)
+        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd)
+        allocate (self%rate_q(n, 4), self%rate_qd(n, 4), source=0.0_wp)
+    end subroutine initialize
+
+    !> One step.
+    subroutine advance(self, chart, state, h, next, stat)
+        class(sdirk54_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: h
+        type(state_type), intent(inout) :: next
+        integer, intent(out) :: stat
+        real(wp) :: ha, t
+        integer :: i, j
+
+        ha = diagonal*h
+        call self%history%continue_from(state)
+        call chart%factor_stage(state%t, state%q, state%qd, state%qdd, ha, stat)
+        if (stat /= status_ok) return
+        associate (newton => self%newton)
+            do i = 1, 5
+                t = state%t + c(i)*h
+                if (i == 5) t = next%t
+                newton%base_dq = state%dq
+                newton%base_dqd = state%dqd
+                do j = 1, i - 1
+                    newton%base_dq = newton%base_dq + (h*a(j, i))*self%rate_q(:, j)
+                    newton%base_dqd = newton%base_dqd + (h*a(j, i))*self%rate_qd(:, j)
+                end do
+                call newton%solve(chart, self%history, state, i, t, ha, stat)
+                if (stat /= status_ok) exit
+                if (i == 5) cycle
+                self%rate_q(:, i) = newton%rate_q
+                self%rate_qd(:, i) = newton%rate_qd
+                call self%history%push(t, newton%rate_q, newton%rate_qd)
+            end do
+            if (stat == status_ok) call newton%finish(chart, ha, next, stat)
+        end associate
+        if (stat == status_ok) then
+            call self%history%push(next%t, next%qd, next%qdd)
+        else
+            call self%history%clear()
+        end if
+    end subroutine advance
+end module tandem_stepper_sdirk54

@@ -1,0 +1,134 @@
+! SPDX-License-Identifier: MIT
+!> How C splits the space of velocities at a point: a right inverse R (C R = I) and a basis D of null(C).
+!>
+!> Three ways to them. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps. With the
+!> chart's bases X and W, R = X H and D = (I - X H C) W (31), where H = (C X)^-1 comes from a factorisation or from the
+!> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates.
+module tandem_tangent_split
+    use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: elimination_type
+    use tandem_linalg_kernels, only: set_product
+    use tandem_linalg_lu, only: lu_type
+    use tandem_status, only: status_chart_left, status_ok
+    use tandem_tangent_counts, only: counts_type
+    use tandem_tangent_refinement, only: refinement_type
+    implicit none
+    private
+
+    public :: split_type, by_elimination, by_factor, by_refinement
+
+    !> The ways to R and D.
+    integer, parameter :: by_elimination = 1, by_factor = 2, by_refinement = 3
+
+    type :: split_type
+        !> R (n, m) and D (n, k), k = n - m.
+        real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
+        !> After a failure: the row without a pivot, 0 where it is not one row's fault.
+        integer :: failed_row = 0
+        integer, private :: way = by_elimination
+        integer, private :: m = 0
+        real(wp), private :: htol = 0.0_wp
+        type(elimination_type), private :: elimination
+        type(refinement_type), private :: h
+        type(lu_type), private :: c_x_lu
+        !> C X (m, m), C W (m, k).
+        real(wp), allocatable, private :: c_x(:, :), c_w(:, :)
+    contains
+        procedure :: allocate => allocate_split
+        procedure :: start
+        procedure :: update
+        procedure :: last_corrections
+        procedure, private :: invert
+    end type split_type
+
+contains
+
+    !> Allocate for n coordinates and m constraints.
+    subroutine allocate_split(self, n, m, way, htol)
+        class(split_type), intent(inout) :: self
+        integer, intent(in) :: n, m
+        !> One of the ways above; the tolerance of (29) for `by_refinement`.
+        integer, intent(in) :: way
+        real(wp), intent(in) :: htol
+
+        self%m = m
+        self%way = way
+        self%htol = htol
+        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w)
+        allocate (self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
+        if (way == by_elimination) then
+            allocate (self%c_x(0, 0), self%c_w(0, 0))
+            call self%elimination%allocate(m, n)
+        else
+            allocate (self%c_x(m, m), self%c_w(m, n - m), source=0.0_wp)
+            call self%c_x_lu%allocate(m)
+            call self%h%allocate(m)
+        end if
+    end subroutine allocate_split
+
+    !> Begin at the origin of a new chart, where H is not near the last one.
+    subroutine start(self, jacobian, x_basis, stat)
+        class(split_type), intent(inout) :: self
+        !> C (m, n) at the origin and X (n, m).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :)
+        !> A status code.
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%way == by_refinement) call self%invert(jacobian, x_basis, stat)
+    end subroutine start
+
+    !> R and D for C at a point.
+    subroutine update(self, jacobian, scale, x_basis, w_basis, counts, stat)
+        class(split_type), intent(inout) :: self
+        !> C (m, n), coordinate scales (n), X (n, m) and W (n, k); the bases are not looked at `by_elimination`.
+        real(wp), intent(in), contiguous :: jacobian(:, :), scale(:), x_basis(:, :), w_basis(:, :)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        stat = status_ok
+        if (self%m > 0) counts%constraint_factorizations = counts%constraint_factorizations + 1
+        select case (self%way)
+        case (by_elimination)
+            call self%elimination%eliminate(jacobian, scale, self%failed_row)
+            if (self%failed_row /= 0) then
+                stat = status_chart_left
+                return
+            end if
+            call self%elimination%get_right_inverse(self%right_inverse)
+            call self%elimination%get_null_space(self%null_space)
+            return
+        case (by_factor)
+            call self%invert(jacobian, x_basis, stat)
+        case (by_refinement)
+            call set_product(jacobian, x_basis, self%c_x)
+            call self%h%refine(self%c_x, self%htol, counts%h_corrections, stat)
+        end select
+        if (stat /= status_ok) return
+        call set_product(x_basis, self%h%inverse, self%right_inverse)
+        call set_product(jacobian, w_basis, self%c_w)
+        call set_product(self%right_inverse, self%c_w, self%null_space)
+        self%null_space = w_basis - self%null_space
+    end subroutine update
+
+    !> Corrections of the last refinement of H.
+    pure integer function last_corrections(self)
+        class(split_type), intent(in) :: self
+
+        last_corrections = merge(self%h%last_corrections, 0, self%way == by_refinement)
+    end function last_corrections
+
+    !> H = (C X)^-1 by LU.
+    subroutine invert(self, jacobian, x_basis, stat)
+        class(split_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :)
+        integer, intent(out) :: stat
+
+        call set_product(jacobian, x_basis, self%c_x)
+        call self%c_x_lu%factor(self%c_x, stat)
+        if (stat == 0) call self%c_x_lu%invert(self%h%inverse)
+        stat = merge(status_ok, status_chart_left, stat == 0)
+    end subroutine invert
+end module tandem_tangent_split
