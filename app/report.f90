@@ -2,8 +2,8 @@
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem, only: error_type, long, n_reasons, n_terms, new_stepper, properties_type, reason_name, &
-        simulation_type, statistics_type, term_name, wp
+    use tandem, only: derivative_name, error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
+        properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_stepper, only: stepper_type
     implicit none
@@ -51,13 +51,28 @@ contains
         call print_line('largest errors', 'position '//short(s%position_error, 2)//', velocity '// &
             short(s%velocity_error, 2)//', acceleration '//short(s%acceleration_error, 2)// &
             ' over all steps (tolerance '//to_toml(scene%options%constraint_tolerance)//", on each row's natural scale)")
+        if (s%gamma_noise > 0.0_wp) then
+            call print_line('noise of gamma', short(s%gamma_noise, 2)// &
+                ' of its natural scale, since the model leaves gamma to differences')
+        end if
         call print_line('start moved', 'q by '//short(s%start_moved_q, 2)//', qd by '//short(s%start_moved_qd, 2))
         if (s%velocity_jump > 0.0_wp) call print_line('velocity jump', short(s%velocity_jump, 6))
         call print_energy(trajectory)
-        call print_line('output', scene%output%file//', '//counted(trajectory%rows, 'row'))
+        call print_line('output', scene%output%file//', '//rows_text(trajectory, error))
         call print_line('computed', computed(s))
         call print_line('left out', left_out(s, scene))
     end subroutine print_report
+
+    !> What is in the result file.
+    function rows_text(trajectory, error) result(text)
+        type(trajectory_type), intent(in) :: trajectory
+        type(error_type), allocatable, intent(in) :: error
+        character(len=:), allocatable :: text
+
+        text = counted(trajectory%rows, 'row')
+        if (.not. allocated(error)) return
+        if (error%stat == status_output_failed) text = 'INCOMPLETE: it could not be written to its end'
+    end function rows_text
 
     !> Energy and its drift, where it was written.
     subroutine print_energy(trajectory)
@@ -104,6 +119,14 @@ contains
             call add_count(phrase, trim(term_name(i)), s%terms(i))
         end do
         call add_count(phrase, 'calls of evaluate', s%fused_calls)
+        call add_count(phrase, 'implicit stages', s%implicit_stages)
+        call add_count(phrase, 'Newton corrections', s%newton_corrections)
+        call add_count(phrase, 'Newton matrices', s%newton_matrices)
+        do i = 1, n_derivatives
+            call add_count(phrase, trim(derivative_name(i)), s%derivatives(i))
+        end do
+        call add_count(phrase, 'terms for derivatives by differences', s%difference_evaluations)
+        call add_count(phrase, 'terms for gamma by differences', s%gamma_evaluations)
         call add_count(phrase, 'corrections of u', s%position_corrections)
         call add_count(phrase, 'corrections of B', s%b_corrections)
         call add_count(phrase, 'corrections of H', s%h_corrections)
@@ -143,7 +166,13 @@ contains
         if (s%kinetic_energies + s%potential_energies == 0) call phrase%add('energies (not asked for)')
         call new_stepper(scene%options%stepper, stepper)
         properties = stepper%properties()
-        if (.not. properties%implicit) call phrase%add('derivatives (the stepper is explicit)')
+        if (properties%implicit) then
+            do i = 1, n_derivatives
+                if (s%derivatives(i) == 0) call phrase%add(trim(derivative_name(i))//' (zero or by differences)')
+            end do
+        else
+            call phrase%add('derivatives (the stepper is explicit)')
+        end if
         text = 'nothing'
         if (allocated(phrase%text)) text = phrase%text
     end function left_out

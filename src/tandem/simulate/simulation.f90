@@ -12,8 +12,8 @@ module tandem_simulation
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_fbar, by_iterations, by_start, &
         by_step, by_v, by_w, statistics_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
-        status_invalid_option, status_ok, status_singular_mass, status_rank_deficient, status_step_limit, &
-        status_step_underflow, status_of
+        status_invalid_option, status_not_evaluable, status_not_finite, status_of, status_ok, status_rank_deficient, &
+        status_singular_mass, status_step_limit, status_step_underflow
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
@@ -278,27 +278,28 @@ contains
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
     end function statistics
 
-    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35).
+    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
+    !> the model cannot be evaluated there any more.
     subroutine multipliers(self, lambda)
         class(simulation_type), intent(inout) :: self
-        real(wp), intent(out) :: lambda(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer :: stat
 
-        call self%chart%multipliers(self%state%qdd, lambda)
+        call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
     end subroutine multipliers
 
     !> The kinetic energy at the current state.
     subroutine kinetic_energy(self, energy, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(out) :: energy
-        !> The status of the model's own procedure, 0 where it has none.
+        !> A status code, or the status of the model's own procedure.
         integer, intent(out) :: stat
 
-        self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
-        stat = status_ok
         if (associated(self%model%kinetic_energy)) then
+            self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
             call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
         else
-            call self%chart%kinetic_energy(self%state%qd, energy)
+            call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
         end if
     end subroutine kinetic_energy
 
@@ -474,7 +475,8 @@ contains
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) &
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
         end if
-        if (stat == status_callback_failed .and. allocated(self%chart%failed_term)) &
+        if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
+            allocated(self%chart%failed_term)) &
             message = message//', term '//self%chart%failed_term
         call set_error(error, stat, message)
     end subroutine fail

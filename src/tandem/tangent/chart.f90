@@ -150,13 +150,14 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine correct_stage_interface
 
-        !> The multipliers lambda (nh + nd) of the last point of `solve_dynamics`.
-        subroutine multipliers_interface(self, qdd, lambda)
+        !> The multipliers lambda (nh + nd) at a point where `solve_dynamics` gave qdd.
+        subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)
             import :: chart_type, wp
             class(chart_type), intent(inout) :: self
-            !> The acceleration (n) from `solve_dynamics`.
-            real(wp), intent(in), contiguous :: qdd(:)
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             real(wp), intent(out), contiguous :: lambda(:)
+            integer, intent(out) :: stat
         end subroutine multipliers_interface
 
         !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q): what an impact-free jump of nu does.
@@ -169,7 +170,7 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine project_velocity_interface
 
-        !> The constraint errors at the last point of `solve_dynamics`, max-norms on the natural scale of each row.
+        !> The constraint errors at a point, max-norms on the natural scale of each row.
         subroutine errors_interface(self, t, q, qd, qdd, errors, rows, stat)
             import :: chart_type, wp
             class(chart_type), intent(inout) :: self
@@ -190,12 +191,14 @@ module tandem_tangent_chart
             type(health_type), intent(out) :: health
         end subroutine health_interface
 
-        !> The kinetic energy qd' M qd / 2 at the last point of `solve_dynamics`.
-        subroutine energy_interface(self, qd, energy)
+        !> The kinetic energy qd' M qd / 2.
+        subroutine energy_interface(self, t, q, qd, energy, stat)
             import :: chart_type, wp
             class(chart_type), intent(inout) :: self
-            real(wp), intent(in), contiguous :: qd(:)
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(out) :: energy
+            integer, intent(out) :: stat
         end subroutine energy_interface
     end interface
 end module tandem_tangent_chart

@@ -56,10 +56,11 @@ module tandem_tangent_dense
         !> diag(s)^-2 N0 (n, n - m), N0' D and its factors, right sides (n - m), (m), (n).
         real(wp), allocatable :: null_origin(:, :), overlap(:, :), z(:), x(:), trial(:)
         type(lu_type) :: overlap_lu
-        !> The point where C, nu and M were evaluated last; whether R and D are those of it, and whether Phi is.
-        logical :: has_point = .false., is_split = .false., phi_is_current = .false.
+        !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
+        !> `qd_point`) are those of it.
+        logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
         real(wp) :: t_point = 0.0_wp
-        real(wp), allocatable :: q_point(:)
+        real(wp), allocatable :: q_point(:), qd_point(:)
         !> Work space: for |D| and |Fbar|, for stages, and for the condition of (38).
         real(wp), allocatable :: angles(:, :), b_phi(:, :), lambda(:), change_q(:), change_qd(:), equations(:, :)
         type(lu_type) :: equations_lu
@@ -80,10 +81,11 @@ module tandem_tangent_dense
         procedure :: kinetic_energy
         procedure, private :: move_to
         procedure, private :: split_here
-        procedure, private :: evaluate_motion
+        procedure, private :: move_with
         procedure, private :: load_bases
         procedure, private :: condition
         procedure, private :: fail_term
+        procedure, private :: name_infinite
     end type dense_chart_type
 
 contains
@@ -147,6 +149,7 @@ contains
         self%qd0 = self%q0
         self%trial = self%q0
         self%q_point = self%q0
+        self%qd_point = self%q0
     end subroutine initialize
 
     !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
@@ -232,6 +235,7 @@ contains
 
         self%has_point = .false.
         self%is_split = .false.
+        self%has_motion = .false.
         self%phi_is_current = .false.
     end subroutine forget
 
@@ -263,10 +267,16 @@ contains
         end if
         self%has_point = .false.
         self%is_split = .false.
+        self%has_motion = .false.
         ! None of these depends on the velocity; q stands in for it.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
         if (stat /= status_ok) then
             call self%fail_term()
+            return
+        end if
+        if (.not. sum(abs(self%model%terms%jacobian)) <= huge(1.0_wp)) then
+            self%failed_term = 'jacobian'
+            stat = status_not_finite
             return
         end if
         self%has_point = .true.
@@ -333,8 +343,8 @@ contains
         end associate
     end subroutine restore_velocity
 
-    !> gamma and the forces at a point of `move_to`.
-    subroutine evaluate_motion(self, t, q, qd, stat)
+    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last; R and D are those of the point.
+    subroutine move_with(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
@@ -343,12 +353,21 @@ contains
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
+        if (self%has_motion) then
+            if (all(abs(qd - self%qd_point) <= 0.0_wp)) return
+        end if
+        self%has_motion = .false.
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
         if (stat == status_ok .and. .not. self%has_gamma) &
             call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
-        if (stat /= status_ok) call self%fail_term()
-    end subroutine evaluate_motion
+        if (stat /= status_ok) then
+            call self%fail_term()
+            return
+        end if
+        self%has_motion = .true.
+        self%qd_point = qd
+    end subroutine move_with
 
     !> The acceleration at the point of `restore_velocity`.
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)
@@ -359,18 +378,36 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
-        call self%evaluate_motion(t, q, qd, stat)
+        call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%factor(terms%mass, d, stat)
             self%counts%mass_factorizations = self%counts%mass_factorizations + 1
-            if (stat /= status_ok) then
-                if (.not. sum(abs(terms%mass)) + sum(abs(terms%jacobian)) <= huge(1.0_wp)) stat = status_not_finite
-                return
-            end if
-            call self%dynamics%solve(terms%mass, terms%jacobian, d, r, terms%gamma, terms%force, .not. self%refines, qdd, stat)
+            if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, d, r, terms%gamma, terms%force, &
+                .not. self%refines, qdd, stat)
+            if (stat /= status_ok) call self%name_infinite(stat)
         end associate
     end subroutine solve_dynamics
+
+    !> After a failed solution: was a term not finite, and which?
+    subroutine name_infinite(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(inout) :: stat
+
+        self%failed_term = 'the velocity'
+        associate (terms => self%model%terms)
+            if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
+                self%failed_term = 'mass'
+            else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
+                self%failed_term = 'gamma'
+            else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
+                self%failed_term = 'force'
+            else
+                return
+            end if
+        end associate
+        stat = status_not_finite
+    end subroutine name_infinite
 
     !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
     subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
@@ -381,7 +418,7 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
-        call self%evaluate_motion(t, q, qd, stat)
+        call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
@@ -411,7 +448,7 @@ contains
 
         self%failed_row = 0
         change = 0.0_wp
-        call self%evaluate_motion(t, q, qd, stat)
+        call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
         call self%stage%correct(self%model%terms, self%v_basis, self%v_dual, self%w_dual, self%split%null_space, &
             self%split%right_inverse, qd, rate_q, rate_qd, self%change_q, self%change_qd)
@@ -423,12 +460,17 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
 
-    !> lambda at the last point of `solve_dynamics`.
-    subroutine multipliers(self, qdd, lambda)
+    !> lambda at (t, q, qd, qdd).
+    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: qdd(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
         real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
 
+        lambda = 0.0_wp
+        call self%move_with(t, q, qd, stat)
+        if (stat /= status_ok) return
         self%counts%multipliers = self%counts%multipliers + 1
         call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
     end subroutine multipliers
@@ -464,8 +506,12 @@ contains
 
         errors = 0.0_wp
         rows = 0
-        call self%move_to(t, q, stat)
-        if (stat /= status_ok .or. self%m == 0) return
+        if (self%m == 0) then
+            stat = status_ok
+            return
+        end if
+        call self%move_with(t, q, qd, stat)
+        if (stat /= status_ok) return
         if (self%nh > 0 .and. .not. self%phi_is_current) then
             call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
@@ -530,12 +576,18 @@ contains
         length_outside = norm2(rest)
     end function length_outside
 
-    !> qd' M qd / 2 at the last point.
-    subroutine kinetic_energy(self, qd, energy)
+    !> qd' M qd / 2 at (t, q, qd).
+    subroutine kinetic_energy(self, t, q, qd, energy, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
 
+        energy = 0.0_wp
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end subroutine kinetic_energy
 

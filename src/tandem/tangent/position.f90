@@ -7,7 +7,7 @@ module tandem_tangent_position
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_phi
-    use tandem_status, only: status_chart_left, status_ok, status_position_diverged
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
     implicit none
@@ -153,6 +153,12 @@ contains
             self%errors = abs(model%terms%phi)/self%row_scale
             error = maxval(self%errors)
             if (all(self%errors <= self%utol)) return
+            if (.not. sum(self%errors) <= huge(1.0_wp)) then
+                model%failed_term = 'phi'
+                stat = status_not_finite
+                self%u = 0.0_wp
+                return
+            end if
             if (k == 0) first_error = error
             if (k == most_corrections .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
             if (self%refines) then

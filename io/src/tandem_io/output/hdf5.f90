@@ -36,6 +36,12 @@ module tandem_io_output_hdf5
     end type hdf5_type
 
     interface
+        !> Keep the library from closing what is open when the program ends: it crashes there after a failure to write.
+        function h5_do_not_close_at_exit() result(stat) bind(c, name='H5dont_atexit')
+            import :: c_int
+            integer(c_int) :: stat
+        end function h5_do_not_close_at_exit
+
         !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
         function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
             import :: hid_t, c_char, c_int
@@ -75,7 +81,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5fflush_f(self%file, h5f_scope_global_f, stat)
-        call self%note(stat, 'flush the file')
+        call self%note(stat, 'bring the rows to the disk')
     end subroutine flush
 
     !> Close the file, if it is open.
@@ -85,7 +91,7 @@ contains
 
         if (self%file < 0) return
         call h5fclose_f(self%file, stat)
-        call self%note(stat, 'close the file')
+        call self%note(stat, 'bring the rows to the disk')
         self%file = -1_hid_t
     end subroutine close
 
@@ -186,7 +192,7 @@ contains
 
         if (dataset >= 0) then
             call h5dclose_f(dataset, stat)
-            call self%note(stat, 'close a dataset')
+            call self%note(stat, 'bring the rows to the disk')
         end if
         dataset = -1_hid_t
     end subroutine close_dataset
@@ -334,6 +340,8 @@ contains
     subroutine start_library(stat)
         integer, intent(out) :: stat
 
+        ! Before the first start; later calls have no effect.
+        stat = int(h5_do_not_close_at_exit())
         call h5open_f(stat)
         if (stat == 0) call h5eset_auto_f(0, stat)
     end subroutine start_library

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
-    use tandem, only: n_reasons, n_terms, reason_name, statistics_type, term_name
+    use tandem, only: derivative_name, n_derivatives, n_reasons, n_terms, reason_name, statistics_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none
     private
@@ -30,6 +30,15 @@ contains
                 call file%attach(place, 'evaluations_'//trim(term_name(i)), s%terms(i))
             end do
             call file%attach(place, 'fused_calls', s%fused_calls)
+            call file%attach(place, 'newton_matrices', s%newton_matrices)
+            call file%attach(place, 'newton_corrections', s%newton_corrections)
+            call file%attach(place, 'implicit_stages', s%implicit_stages)
+            do i = 1, n_derivatives
+                call file%attach(place, 'evaluations_'//trim(derivative_name(i)), s%derivatives(i))
+            end do
+            call file%attach(place, 'difference_evaluations', s%difference_evaluations)
+            call file%attach(place, 'gamma_evaluations', s%gamma_evaluations)
+            call file%attach(place, 'gamma_noise', s%gamma_noise)
             call file%attach(place, 'position_corrections', s%position_corrections)
             call file%attach(place, 'B_corrections', s%b_corrections)
             call file%attach(place, 'H_corrections', s%h_corrections)

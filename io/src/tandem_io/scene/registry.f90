@@ -4,6 +4,7 @@ module tandem_io_scene_registry
     use tandem, only: model_type, wp
     use tandem_io_scene_articulated_vehicle, only: build_articulated_vehicle
     use tandem_io_scene_ledger, only: key_length
+    use tandem_io_scene_motorcycle, only: build_motorcycle
     use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_rolling_disk, only: build_rolling_disk
     implicit none
@@ -37,6 +38,7 @@ contains
 
         list = [ &
             builder_type('articulated_vehicle', build_articulated_vehicle), &
+            builder_type('motorcycle', build_motorcycle), &
             builder_type('rolling_disk', build_rolling_disk)]
     end function builders
 

@@ -71,7 +71,12 @@ contains
         end do
         message = 'there is no scene "'//name//'"'
         if (nearest(name, names) /= '') message = message//'; did you mean "'//nearest(name, names)//'"?'
-        message = message//new_line('a')//'A scene is the path of a TOML file, or one of '//listed(names)
+        message = message//new_line('a')//'A scene is the path of a TOML file, or a name'
+        if (size(names) > 0) then
+            message = message//': '//listed(names)
+        else
+            message = message//'; no named scene was found, set TANDEM_SCENES to the folder that holds them'
+        end if
         call set_input_error(error, message)
     end subroutine find_scene
 

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the table [solver]. What values may be is `options_type`'s to say; here its word gets the line of the file.
 module tandem_io_scene_solver
-    use tandem, only: chart_policies, error_type, options_type, refresh_modes, stepper_names
+    use tandem, only: basis_methods, chart_policies, error_type, options_type, refresh_modes, stepper_names
     use tandem_io_scene_reader, only: reader_type
     implicit none
     private
@@ -23,6 +23,7 @@ contains
         call verify('step')
         call reader%get('chart', options%chart, chart_policies, 'when it is renewed')
         call reader%get('refresh', options%refresh, refresh_modes, 'how the inverses follow the motion')
+        call reader%get('basis', options%basis, basis_methods, 'where the bases of a chart come from')
         call reader%get('constraint_tolerance', options%constraint_tolerance, help="of each row's natural scale")
         call verify('constraint_tolerance')
         call reader%get('utol', options%utol, help='of the position iteration; '//unset)
@@ -31,10 +32,16 @@ contains
         call verify('Btol')
         call reader%get('Htol', options%htol, help='of the iteration for H, with refine; '//unset)
         call verify('Htol')
+        call reader%get('intol', options%intol, help='of the iteration of implicit stages; 0 for constraint_tolerance/100')
+        call verify('intol')
         call reader%get('v_limit', options%v_limit, help='of |v| in a chart, with paper; 0 for none')
         call verify('v_limit')
         call reader%get('w_limit', options%w_limit, help='of |w| in a chart, with paper; 0 for none')
         call verify('w_limit')
+        call reader%get('condition_limit', options%condition_limit, help='of the condition number of (38), with paper; 0 for none')
+        call verify('condition_limit')
+        call reader%get('iteration_limit', options%iteration_limit, help='of corrections of u, B, H, with paper; 0 for none')
+        call verify('iteration_limit')
         call reader%get('secant_limit', options%secant_limit, help='of |D| and |Fbar| in a chart, with adaptive')
         call verify('secant_limit')
         call reader%get('start_tolerance', options%start_tolerance, help='largest violation that the start may have')

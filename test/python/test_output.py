@@ -1,0 +1,541 @@
+# SPDX-License-Identifier: MIT
+"""The program `tandem` as its users meet it: result files read with h5py, and every error of the input.
+
+Runs build/tandem, or what the environment variable TANDEM names.
+"""
+
+import os
+import pty
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
+DEFAULT = ["q", "qd", "qdd", "position_error", "velocity_error", "acceleration_error", "step", "chart"]
+SHORT = ["--set", "time.end=0.1"]
+
+
+def run(*arguments, cwd, **kwargs):
+    environment = {key: value for key, value in os.environ.items() if key != "TANDEM_SCENES"}
+    environment |= {"OPENBLAS_NUM_THREADS": "1"} | kwargs.pop("env", {})
+    return subprocess.run([TANDEM, *arguments], cwd=cwd, env=environment, capture_output=True, text=True,
+                          errors="replace", timeout=60, **kwargs)
+
+
+class Case(unittest.TestCase):
+    """A test in an empty folder of its own."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def tandem(self, *arguments, code=0, **kwargs):
+        done = run(*arguments, cwd=self.folder, **kwargs)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        self.assertNotIn("Backtrace", done.stderr)
+        return done
+
+    def refused(self, *arguments, says, left=(), **kwargs):
+        """The input is wrong: exit code 2, a message that holds `says`, nothing on stdout and no file left behind."""
+        before = {path: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
+        done = self.tandem(*arguments, code=2, **kwargs)
+        for words in [says] if isinstance(says, str) else says:
+            self.assertIn(words, done.stderr)
+        self.assertEqual(done.stdout, "")
+        self.assertTrue(done.stderr.startswith("tandem: "), done.stderr)
+        self.assertEqual(before, {path: path.read_bytes() for path in self.folder.iterdir() if path.is_file()})
+        return done
+
+    def scene(self, text, name="scene.toml"):
+        path = self.folder / name
+        path.write_text(text)
+        return name
+
+    def disk(self, **tables):
+        """A scene file of the disk with more lines in its tables."""
+        tables = {"scene": 'model = "rolling_disk"', "time": "end = 0.1"} | tables
+        return self.scene("".join(f"[{table}]\n{lines}\n" for table, lines in tables.items()))
+
+
+class ResultFile(Case):
+    def result(self, *arguments, scene="rolling_disk"):
+        self.tandem("run", scene, "--output", "result.h5", *arguments)
+        return h5py.File(self.folder / "result.h5")
+
+    def test_default_fields_and_shapes(self):
+        with self.result(*SHORT, "--set", "output.every=10") as file:
+            time = file["trajectory/time"]
+            np.testing.assert_allclose(time, 0.01 * np.arange(11), rtol=0, atol=1e-15)
+            names = [*file["trajectory"], *file["diagnostics"]]
+            self.assertEqual(sorted(names), sorted(["time", *DEFAULT]))
+            for name in "q", "qd", "qdd":
+                self.assertEqual(file["trajectory"][name].shape, (11, 9))
+                self.assertEqual(file["trajectory"][name].dtype, np.float64)
+            for name in DEFAULT[3:]:
+                self.assertEqual(file["diagnostics"][name].shape, (11,))
+            self.assertEqual(file["diagnostics/chart"].dtype, np.int64)
+            self.assertEqual(file["diagnostics/chart"][:3].tolist(), [1, 10, 20])
+            np.testing.assert_allclose(file["diagnostics/step"], [0] + 10 * [1e-3], rtol=1e-12)
+            for level in "position", "velocity", "acceleration":
+                self.assertLessEqual(file[f"diagnostics/{level}_error"][:].max(), 1e-12)
+                self.assertLessEqual(file[f"diagnostics/{level}_error"][:].max(),
+                                     file["report"].attrs[f"largest_{level}_error"])
+
+    def test_the_columns_are_the_coordinates(self):
+        with self.result(*SHORT) as file:
+            q, qd = file["trajectory/q"], file["trajectory/qd"]
+            np.testing.assert_array_equal(q[0], [0, 0, 1, 1, 0, 0, 0, 0, -1])
+            self.assertAlmostEqual(qd[0, 1], 1.0, 12)
+            np.testing.assert_allclose(np.linalg.norm(q[:, 3:7], axis=1), 1, atol=1e-12)
+
+    def test_names_and_units_are_texts(self):
+        with self.result(*SHORT, "--set", 'output.fields=["q", "qd", "qdd", "lambda"]') as file:
+            names = ["rx", "ry", "rz", "e0", "e1", "e2", "e3", "a1", "a2"]
+            for name, per in ("q", ""), ("qd", "/s"), ("qdd", "/s^2"):
+                attributes = file["trajectory"][name].attrs
+                self.assertEqual(list(attributes["names"]), names)
+                self.assertEqual(list(attributes["units"]), [unit + per for unit in "mmm1111mm"])
+                self.assertIsInstance(attributes["names"][0], str)
+                self.assertIsInstance(attributes["meaning"], str)
+            rows = list(file["trajectory/lambda"].attrs["names"])
+            self.assertEqual(len(rows), 6)
+            self.assertEqual(len(set(rows)), 6)
+            self.assertEqual(file["trajectory/time"].attrs["unit"], "s")
+
+    def test_time_is_the_dimension_scale_of_the_others(self):
+        with self.result(*SHORT, "--set", 'output.fields=["q", "lambda", "kinetic_energy", "chart"]') as file:
+            time = file["trajectory/time"]
+            self.assertTrue(time.is_scale)
+            for path in "trajectory/q", "trajectory/lambda", "diagnostics/kinetic_energy", "diagnostics/chart":
+                scale = file[path].dims[0]
+                self.assertEqual(scale.keys(), ["time"])
+                np.testing.assert_array_equal(scale[0], time)
+                self.assertEqual(len(time), len(file[path]))
+
+    def test_attributes_of_the_root(self):
+        with self.result(*SHORT) as file:
+            attributes = file.attrs
+            self.assertEqual(attributes["status"], "complete")
+            self.assertEqual(attributes["status_message"], "")
+            self.assertEqual(attributes["format_version"], 1)
+            version = re.search(r'^version = "(.*)"', (ROOT / "fpm.toml").read_text(), re.M)[1]
+            self.assertEqual(attributes["tandem_version"], version)
+            self.assertRegex(attributes["created"], r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d\d:\d\d$")
+            self.assertIn("run rolling_disk --output result.h5", attributes["command"])
+            self.assertIn("(nt, n) in C", attributes["layout"])
+            self.assertIn("[model]\nmass = 10.0", attributes["scene"])
+            for value in attributes.values():
+                self.assertIsInstance(value, (str, np.int64))
+
+    def test_the_report_counts_the_whole_run(self):
+        with self.result(*SHORT, "--set", "output.every=50") as file:
+            report = dict(file["report"].attrs)
+            self.assertEqual(len(file["trajectory/time"]), 3)
+            self.assertEqual((report["steps"], report["rejected"], report["status_code"]), (100, 0, 0))
+            self.assertEqual(report["charts"], 100)
+            self.assertEqual(report["charts"], sum(value for key, value in report.items() if key.startswith("charts_by_")))
+            for name in "right_hand_sides", "evaluations_phi", "evaluations_force", "basis_factorizations", "wall_seconds":
+                self.assertGreater(report[name], 0, name)
+            for name in "evaluations_nu", "multipliers", "kinetic_energies", "potential_energies", "velocity_jump":
+                self.assertEqual(report[name], 0, name)
+
+    def test_only_what_is_asked_for(self):
+        with self.result(*SHORT, "--set", 'output.fields=["potential_energy"]', "--set", "output.every=10") as file:
+            self.assertEqual(list(file["trajectory"]), ["time"])
+            self.assertEqual(list(file["diagnostics"]), ["potential_energy"])
+            report = file["report"].attrs
+            self.assertEqual((report["potential_energies"], report["kinetic_energies"], report["multipliers"]), (11, 0, 0))
+        with self.result(*SHORT, "--set", "output.fields=[]") as file:
+            self.assertEqual((list(file["trajectory"]), list(file["diagnostics"])), (["time"], []))
+
+    def test_energies_and_multipliers(self):
+        fields = 'output.fields=["q", "qdd", "lambda", "kinetic_energy", "potential_energy"]'
+        with self.result("--set", "time.end=1", "--set", fields) as file:
+            energy = file["diagnostics/kinetic_energy"][:] + file["diagnostics/potential_energy"][:]
+            self.assertAlmostEqual(energy[0], 103.500625005, 9)
+            self.assertLess(np.ptp(energy), 1e-6 * energy[0])
+            np.testing.assert_allclose(file["diagnostics/potential_energy"], 96.0 * file["trajectory/q"][:, 2], rtol=1e-13)
+            # Upright and straight, the contact carries the weight: m rz'' + lambda = -m g in the row of the height.
+            lambda_, qdd = file["trajectory/lambda"], file["trajectory/qdd"]
+            self.assertAlmostEqual(lambda_[0, 0] + 10 * qdd[0, 2], -96.0, 3)
+
+    def test_the_last_state_is_there_off_the_grid_too(self):
+        with self.result("--set", "time.end=0.0257", "--set", "output.every=10") as file:
+            np.testing.assert_allclose(file["trajectory/time"], [0, 0.01, 0.02, 0.0257], atol=1e-15)
+            self.assertAlmostEqual(file["diagnostics/step"][-1], 0.0007, 12)
+
+    def test_more_rows_than_the_buffer_holds(self):
+        with self.result("--set", "time.end=2", "--set", "output.every=1") as fine:
+            time, q = fine["trajectory/time"][:], fine["trajectory/q"][:]
+        np.testing.assert_allclose(time, 1e-3 * np.arange(2001), atol=1e-12)
+        with self.result("--set", "time.end=2", "--set", "output.every=7") as coarse:
+            np.testing.assert_array_equal(coarse["trajectory/q"][:-1], q[::7])
+            np.testing.assert_array_equal(coarse["trajectory/q"][-1], q[-1])
+
+    def test_the_vehicle(self):
+        fields = 'output.fields=["q", "lambda", "kinetic_energy"]'
+        with self.result("--set", fields, scene="articulated_vehicle") as file:
+            q = file["trajectory/q"]
+            self.assertEqual(list(q.attrs["names"]), ["x1", "y1", "phi1", "x2", "y2", "phi2"])
+            self.assertEqual(list(q.attrs["units"]), ["m", "m", "rad", "m", "m", "rad"])
+            np.testing.assert_allclose(q[-1, :2], [155.873568637815, 4.00289058254929], atol=1e-9)
+            np.testing.assert_allclose(file["diagnostics/kinetic_energy"], 337500, rtol=1e-8)
+            self.assertEqual(file["report"].attrs["evaluations_mass"], 1)
+            self.assertEqual(file["report"].attrs["evaluations_force"], 0)
+
+    def test_the_motorcycle(self):
+        settings = ["--set", "solver.stepper=sdirk54", "--set", "solver.step=0.02", "--set", "time.end=7", "--set",
+                    'output.fields=["q", "qd", "chart"]', "--set", "output.every=1"]
+        for scene, fork in ("motorcycle", 0.6207), ("motorcycle_chopper", 0.9103):
+            with self.result(*settings, scene=scene) as file:
+                q, report = file["trajectory/q"], file["report"].attrs
+                self.assertEqual(q.shape[1], 10)
+                self.assertAlmostEqual(q[0, list(q.attrs["names"]).index("s")], fork, 4)
+                self.assertEqual(report["charts_by_breakpoint"], 1)
+                self.assertGreater(report["velocity_jump"], 0)
+                self.assertEqual(report["evaluations_dynamics_q"], report["newton_matrices"])
+                self.assertGreater(report["newton_corrections"], report["implicit_stages"] / 2)
+
+    def test_the_scene_in_the_file_runs_again_to_the_same_numbers(self):
+        with self.result(*SHORT, "--set", "initial.omega=[-1, 0.1, 0.3]", "--set", "initial.tilt=0.1") as file:
+            q, scene = file["trajectory/q"][:], file.attrs["scene"]
+        with self.result(scene=self.scene(scene)) as again:
+            np.testing.assert_array_equal(again["trajectory/q"], q)
+
+    def test_the_example_of_the_documentation(self):
+        self.tandem("run", "rolling_disk", *SHORT)
+        example = re.search(r"```python\n(.*?)```", (ROOT / "doc" / "output.md").read_text(), re.S)[1]
+        done = subprocess.run([sys.executable, "-c", example], cwd=self.folder, capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("complete", done.stdout)
+        self.assertRegex(done.stdout, r"lowest point 1\.0000 m at t = 0\.\d\d s")
+
+
+class Outcome(Case):
+    def test_a_failed_run_keeps_its_rows(self):
+        done = self.tandem("run", "rolling_disk", "--set", "solver.step=0.5", "--set", "output.every=1", code=1)
+        self.assertRegex(done.stderr, r"(?m)^tandem: \w+: .*0\.5")
+        self.assertIn("FAILED", done.stdout)
+        with h5py.File(self.folder / "rolling_disk.h5") as file:
+            self.assertEqual(file.attrs["status"], "failed")
+            self.assertIn(file.attrs["status_message"], done.stderr)
+            self.assertLess(file["report"].attrs["status_code"], 0)
+            steps = file["report"].attrs["steps"]
+            self.assertGreaterEqual(steps, 1)
+            np.testing.assert_allclose(file["trajectory/time"], 0.5 * np.arange(steps + 1))
+
+    def test_too_many_steps(self):
+        done = self.tandem("run", "rolling_disk", "--set", "solver.max_steps=10", "--output", "a.h5", code=1)
+        self.assertIn("tandem: step_limit: ", done.stderr)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file["trajectory/time"][-1], 0.01)
+
+    def test_the_report_names_what_was_computed_and_what_not(self):
+        report = self.tandem("run", "articulated_vehicle", *SHORT).stdout
+        for words in "in 100 steps", "100: start 1, every step 99", "tolerance 1e-12", "articulated_vehicle.h5", "mass 1,":
+            self.assertIn(words, report)
+        left_out = report[report.index("left out"):]
+        for words in "nu", "force", "multipliers", "energies", "derivatives":
+            self.assertIn(words, left_out)
+        fields = 'output.fields=["lambda", "kinetic_energy"]'
+        report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", fields).stdout
+        self.assertIn("kinetic 337500.0 J at the start", report)
+        self.assertNotIn("multipliers", report[report.index("left out"):])
+
+    def test_progress_is_a_line_per_ten_percent(self):
+        done = self.tandem("run", "rolling_disk", "--set", "time.end=2")
+        lines = done.stderr.splitlines()
+        self.assertEqual(len(lines), 10, done.stderr)
+        self.assertEqual([int(line.split()[0]) // 10 for line in lines], list(range(1, 11)))
+
+    def test_quiet(self):
+        self.assertEqual(self.tandem("run", "rolling_disk", *SHORT, "--quiet").stderr, "")
+
+    def test_progress_overwrites_itself_on_a_terminal(self):
+        ours, theirs = pty.openpty()
+        try:
+            done = subprocess.run([TANDEM, "run", "rolling_disk", *SHORT], cwd=self.folder, timeout=60,
+                                  stdout=subprocess.PIPE, stderr=theirs)
+            os.close(theirs)
+            seen = os.read(ours, 100000).decode()
+        finally:
+            os.close(ours)
+        self.assertEqual(done.returncode, 0)
+        self.assertIn("\r", seen)
+        self.assertNotIn("\n", seen)
+        self.assertTrue(seen.endswith("\r"))
+
+
+class Target(Case):
+    def test_the_default_name_is_the_scenes(self):
+        self.tandem("run", self.disk(), "--set", "scene.name=wheel")
+        self.assertTrue((self.folder / "wheel.h5").exists())
+        self.tandem("run", "scene.toml")
+        self.assertTrue((self.folder / "scene.h5").exists())
+
+    def test_a_result_is_overwritten(self):
+        for end in "0.1", "0.05":
+            self.tandem("run", "rolling_disk", "--set", "time.end=" + end)
+        with h5py.File(self.folder / "rolling_disk.h5") as file:
+            self.assertEqual(file["trajectory/time"][-1], 0.05)
+
+    def test_another_file_is_not(self):
+        (self.folder / "text.h5").write_text("not HDF5\n")
+        with h5py.File(self.folder / "other.h5", "w") as file:
+            file["x"] = 1
+        for name in "text.h5", "other.h5":
+            self.refused("run", "rolling_disk", *SHORT, "--output", name, says=[name, "no result of tandem", "--force"])
+            self.tandem("run", "rolling_disk", *SHORT, "--output", name, "--force")
+            with h5py.File(self.folder / name) as file:
+                self.assertEqual(file.attrs["status"], "complete")
+
+    def test_the_scene_itself_is_not(self):
+        self.refused("run", self.disk(), "--output", "scene.toml", "--force", says="is the scene itself")
+
+    def test_a_file_that_another_run_writes_is_not(self):
+        with h5py.File(self.folder / "busy.h5", "w") as file:
+            file.attrs["tandem_version"] = "0"
+            file.flush()
+            done = self.tandem("run", "rolling_disk", *SHORT, "--output", "busy.h5", code=2)
+            self.assertIn("another run is writing it", done.stderr)
+
+    def test_no_such_folder(self):
+        self.refused("run", "rolling_disk", "--output", "no/such/a.h5", says="there is no folder no/such/")
+
+    def test_a_folder(self):
+        (self.folder / "sub").mkdir()
+        self.refused("run", "rolling_disk", "--output", "sub", says="it is a folder")
+        self.refused("run", "rolling_disk", "--output", "sub/", says="it is a folder")
+
+    def test_nobody_may_write_there(self):
+        self.refused("run", "rolling_disk", "--output", "/proc/a.h5", says=["/proc/a.h5", "may write"])
+
+    @unittest.skipIf(os.geteuid() == 0, "root may write everywhere")
+    def test_read_only(self):
+        self.tandem("run", "rolling_disk", *SHORT, "--output", "a.h5")
+        (self.folder / "a.h5").chmod(0o444)
+        self.refused("run", "rolling_disk", *SHORT, "--output", "a.h5", says="ermission denied")
+        (self.folder / "sub").mkdir(mode=0o555)
+        self.refused("run", "rolling_disk", *SHORT, "--output", "sub/a.h5", says="ermission denied")
+
+
+class SceneErrors(Case):
+    """What a scene file can get wrong: file, line, the line itself with a marker, and what may stand there."""
+
+    def refused_file(self, says, line, **tables):
+        done = self.refused("run", self.disk(**tables), says=says)
+        self.assertIn(f"--> scene.toml:{line}:", done.stderr)
+        self.assertIn("^", done.stderr)
+        return done
+
+    def test_unknown_key(self):
+        done = self.refused_file(['unknown key "masss" in [model]', "masss = 3", 'did you mean "mass"?'], 6, model="masss = 3")
+        self.assertIn("the keys of [model]: mass, inertia, radius, gravity", done.stderr)
+        done = self.refused_file(['unknown key "btol"', 'did you mean "Btol"?'], 6, solver="btol = 1e-9")
+        self.assertIn("stepper, step, chart, refresh, basis, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
+        self.refused_file("the keys of [initial]: omega, tilt, q, qd", 6, initial="x = 1")
+        self.refused_file("the keys of [output]: file, every, fields", 6, output="x = 1")
+        self.refused_file("the keys of [time]: start, end", 5, time="end = 1\nx = 1")
+        self.refused_file("the keys of [scene]: name, description, model", 3, scene='model = "rolling_disk"\nx = 1')
+
+    def test_unknown_table(self):
+        done = self.refused_file(['unknown table or key "solvr"', 'did you mean "solver"?'], 5, solvr="step = 1e-3")
+        self.assertIn("the tables of a scene: scene, model, initial, time, solver, output", done.stderr)
+        self.scene('end = 1\n[scene]\nmodel = "rolling_disk"\n')
+        self.refused("run", "scene.toml", says=['unknown table or key "end"', "scene.toml:1:"])
+        self.scene("scene = 1\n")
+        self.refused("run", "scene.toml", says=['"scene" is a table', "scene.toml:1:"])
+        self.scene('[[scene]]\nmodel = "rolling_disk"\n')
+        self.refused("run", "scene.toml", says='"scene" is a table')
+
+    def test_wrong_type(self):
+        for key, says in {
+            'mass = "heavy"': "mass must be a number, not a text",
+            "mass = true": "mass must be a number, not true or false",
+            "mass = [1.0]": "mass must be a number, not an array",
+            "mass = 2026-01-01": "mass must be a number, not a date",
+            "mass = {kg = 1}": "mass must be a number, not a table",
+            "inertia = 5.0": "inertia must be an array of numbers",
+            "inertia = [1, 2]": "inertia has 2 elements; it must have 3",
+            'inertia = [1, 2, "3"]': "inertia element 3 must be a number",
+        }.items():
+            with self.subTest(key):
+                self.refused_file([says, key], 6, model=key)
+        self.refused_file("every must be an integer, not a number with a fraction", 6, output="every = 1.5")
+        self.refused_file("file must be a text in quotes", 6, output="file = 3")
+        self.refused_file("fields must be an array of texts", 6, output='fields = "q"')
+        self.refused_file("fields element 2 must be a text", 6, output='fields = ["q", 1]')
+        self.refused_file("model must be a text", 2, scene="model = 3")
+
+    def test_impossible_value(self):
+        for table, key, says in [
+            ("model", "mass = -1", "mass must be positive"), ("model", "mass = 0", "mass must be positive"),
+            ("model", "mass = nan", "must be a finite number"), ("model", "mass = 1e999", "must be a finite number"),
+            ("model", "gravity = -inf", "must be a finite number"), ("model", "inertia = [1, -2, 3]", "element 2 must be"),
+            ("model", "mass = 123456789012345678901", "too many digits"), ("initial", "tilt = 2.0", "between -pi/2 and pi/2"),
+            ("solver", "step = 0.0", "step must be positive"), ("solver", 'stepper = "rk5"', 'did you mean "rk4"?'),
+            ("solver", 'chart = "papre"', 'did you mean "paper"?'), ("solver", 'refresh = "never"', "factor, refine"),
+            ("solver", "constraint_tolerance = 1", "between 1e-15 and 1e-2"), ("solver", "utol = -1", "utol must"),
+            ("solver", "Btol = 1", "Btol must"), ("solver", "Htol = 1", "Htol must"), ("solver", "v_limit = -1", "v_limit must"),
+            ("solver", "w_limit = -1", "w_limit must"), ("solver", "secant_limit = 0.5", "must be above 1"),
+            ("solver", "start_tolerance = 0", "start_tolerance must"), ("solver", 'basis = "lu"', "qr, svd"),
+            ("solver", "intol = 1", "intol must"), ("solver", "condition_limit = -1", "condition_limit must"),
+            ("solver", "iteration_limit = -1", "iteration_limit must"), ("solver", "max_steps = 0", "must be at least 1"),
+            ("solver", "max_steps = 3000000000", "must lie between"), ("output", "every = 0", "every must be positive"),
+            ("output", 'file = ""', "must not be empty"), ("output", 'file = "a\\nb"', "control characters"),
+            ("output", 'fields = ["q", "qqd"]', 'did you mean "qd"?'), ("output", 'fields = ["q", "q"]', "more than once"),
+        ]:
+            with self.subTest(key):
+                self.refused_file([says, key], 6, **{table: key})
+        self.refused_file("end must be after the start", 4, time="end = -1")
+        self.refused_file("end must be after the start, 2.0", 4, time="end = 1\nstart = 2")
+        self.refused_file("name must be letters", 3, scene='model = "rolling_disk"\nname = "../x"')
+        self.refused_file('did you mean "rolling_disk"?', 2, scene='model = "rolling_disc"')
+
+    def test_parameters_without_an_equilibrium(self):
+        self.scene('[scene]\nmodel = "motorcycle"\n[model]\ngravity = 9.6e4\n[time]\nend = 1\n')
+        self.refused("run", "scene.toml", says=["needs an equilibrium", "scene.toml"])
+
+    def test_a_field_that_the_model_does_not_have(self):
+        self.scene('[scene]\nmodel = "articulated_vehicle"\n[time]\nend = 1\n[output]\nfields = ["potential_energy"]\n')
+        self.refused("run", "scene.toml", says=["potential_energy", "scene.toml:6:"])
+
+    def test_missing_keys(self):
+        self.scene("")
+        self.refused("run", "scene.toml", says="the key model is missing in [scene] of scene.toml")
+        self.scene('[scene]\nmodel = "rolling_disk"\n')
+        self.refused("run", "scene.toml", says="the key end is missing in [time] of scene.toml")
+        self.refused("run", self.disk(initial="q = [0, 0, 1, 1, 0, 0, 0, 0, -1]"), says="the key qd is missing in [initial]")
+
+    def test_a_start_that_cannot_be(self):
+        both = "q = [0, 0, 1, 1, 0, 0, 0, 0, -1]\nqd = [0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
+        self.refused_file("omega cannot be combined with q and qd", 8, initial=both + "omega = [1, 0, 0]")
+        self.refused_file("q has 3 elements; it must have 9", 6, initial="q = [1, 2, 3]\nqd = [1, 2, 3]")
+        done = self.refused("run", self.disk(initial=both.replace("0, 0, 1,", "0, 0, 2,")), says="inconsistent_start")
+        self.assertIn("contact height", done.stderr)
+        self.refused("run", self.disk(initial=both.replace("qd = [0,", "qd = [1,")), says=["inconsistent_start", "velocity"])
+        self.tandem("run", self.disk(initial=both))
+
+    def test_toml_that_is_none(self):
+        for text, says in {
+            "[scene]\nmodel = \n": "scene.toml:2:", "[scene\n": "scene.toml:1:", "x": "scene.toml:1:",
+            '[scene]\nmodel = "rolling_disk"\nmodel = "rolling_disk"\n': "first defined here",
+            "[scene]\n[model]\n[scene]\n": "already exists", "[model]\nmass = 1.\n": "scene.toml:2:",
+            "a = " + 3000 * "[": "unclosed", 6000 * "[": "no scene", 20000 * "\n": "no scene", 2000 * "a." + "a = 1": "no scene",
+        }.items():
+            with self.subTest(text[:40]):
+                self.scene(text)
+                self.refused("run", "scene.toml", says=says)
+
+    def test_files_that_are_no_scenes(self):
+        (self.folder / "junk.toml").write_bytes(bytes(range(256)) * 10)
+        self.refused("show", "junk.toml", says="is it a binary file?")
+        (self.folder / "latin.toml").write_bytes(b'[scene]\nname = "\xff\xfe"\n')
+        self.refused("show", "latin.toml", says="name must be letters")
+        (self.folder / "large.toml").write_bytes(b"#" * 2_000_000)
+        self.refused("show", "large.toml", says="more than 1048576 bytes")
+        self.refused("show", "missing.toml", says=["missing.toml", "No such file"])
+        self.refused("show", str(self.folder), says="Is a directory")
+
+    def test_a_scene_may_come_through_a_pipe(self):
+        text = self.tandem("show", "rolling_disk").stdout
+        self.assertEqual(self.tandem("show", "/dev/stdin", input=text).stdout, text)
+
+
+class CommandLine(Case):
+    def test_help(self):
+        for words in [], ["help"], ["--help"], ["run", "--help"], ["show", "--help"], ["list", "--help"]:
+            done = self.tandem(*words)
+            self.assertIn("tandem run SCENE", done.stdout)
+            self.assertEqual(done.stderr, "")
+
+    def test_version(self):
+        self.assertRegex(self.tandem("--version").stdout, r"^tandem \d+\.\d+\.\d+\n$")
+
+    def test_list(self):
+        lines = self.tandem("list").stdout.splitlines()
+        for scene in (ROOT / "scenes").glob("*.toml"):
+            line = next(line for line in lines if line.split()[:1] == [scene.stem])
+            self.assertNotIn("error", line)
+        self.assertTrue(any(re.match(r"rk4 +4, 4 +explicit", line) for line in lines))
+
+    def test_words_that_do_not_exist(self):
+        self.refused("runn", "rolling_disk", says=['no subcommand "runn"', 'Did you mean "run"?'])
+        self.refused("run", "rolling_disk", "--quite", says=["no option --quite", "did you mean --quiet?"])
+        self.refused("show", "rolling_disk", "--quiet", says="no option --quiet")
+        self.refused("list", "rolling_disk", says="does not know what to do")
+        self.refused("run", "rolling_disk", "articulated_vehicle", says="does not know what to do")
+        self.refused("run", says="needs a SCENE")
+        self.refused("run", "rolling_disk", "--set", says="needs a value after --set")
+        self.refused("run", "rolling_disk", "--output", says="needs a value after --output")
+        self.refused("run", "rolling_disk", "--force=yes", says="takes no value")
+        self.refused("run", "", says="no scene")
+
+    def test_unknown_scene(self):
+        self.refused("run", "rolling_disc", says=['no scene "rolling_disc"', 'did you mean "rolling_disk"?', "articulated_vehicle"])
+
+    def test_scenes_of_ones_own(self):
+        text = self.tandem("show", "rolling_disk", "--set", "scene.description=mine").stdout
+        for place, environment in ("scenes", {}), ("mine", {"TANDEM_SCENES": str(self.folder / "mine")}):
+            (self.folder / place).mkdir()
+            (self.folder / place / f"{place}_disk.toml").write_text(text)
+            self.assertRegex(self.tandem("list", env=environment).stdout, rf"(?m)^{place}_disk +rolling_disk +mine$")
+            self.assertIn("mine", self.tandem("show", f"{place}_disk", env=environment).stdout)
+
+    def test_bad_settings(self):
+        for setting, says in {
+            "solver.stp=1e-3": ['unknown key "stp"', "solver.stp=1e-3", 'did you mean "step"?'],
+            "sover.step=1": ['unknown table or key "sover"', 'did you mean "solver"?'],
+            "solver.step=fast": ["step must be a number", "--set"], "solver.step=-1": ["step must be positive", "solver.step=-1"],
+            "solver.step": "must be table.key=value", "step=1": "must be table.key=value", "=": "must be table.key=value",
+            "solver.step=": "has no value", "solver={step=1}": "must be table.key=value", "a.b.c=1": "must be table.key=value",
+            "model.inertia=[1, 2": "model.inertia=[1, 2", 'output.file="x': 'output.file="x', "time.end=1\ntime.start=0": "one line",
+        }.items():
+            with self.subTest(setting):
+                self.refused("run", "rolling_disk", "--set", setting, says=says)
+
+    def test_settings_override_the_file_and_the_last_one_wins(self):
+        text = self.tandem("show", "rolling_disk", "--set", "solver.step=1", "--set", "solver.step=2e-3", "--set=model.mass=7",
+                           "--set", "output.file=some/where.h5", "--set", "solver.chart=paper").stdout
+        for line in "step = 0.002 ", "mass = 7.0 ", 'file = "some/where.h5"', 'chart = "paper"':
+            self.assertIn("\n" + line, text)
+        start = ["--set", "initial.q=[0, 0, 1, 1, 0, 0, 0, 0, -1]", "--set", "initial.qd=[0, 0, 0, 0, 0, 0, 0, 0, 0]"]
+        text = self.tandem("show", "rolling_disk", *start).stdout
+        self.assertIn("\nq = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0]", text)
+        self.assertNotIn("\nomega", text)
+
+    def test_what_show_prints_is_the_same_scene(self):
+        for scene in sorted((ROOT / "scenes").glob("*.toml")):
+            text = self.tandem("show", scene.stem).stdout
+            self.scene(text, "again.toml")
+            self.assertEqual(self.tandem("show", "again.toml").stdout, text)
+            self.assertEqual(self.tandem("show", str(scene)).stdout, text)
+
+    def test_numbers_come_back_to_the_last_bit(self):
+        numbers = [0.1, 1 / 3, 1e-300, 5e-324, 1.7976931348623157e308, 123456789.123456789, 1e22, 2**53 + 2.0, 1e-5]
+        for number in numbers:
+            text = self.tandem("show", "rolling_disk", "--set", f"model.mass={number!r}").stdout
+            shown = re.search(r"\nmass = (\S+)", text)[1]
+            self.assertEqual(float(shown), number)
+            self.assertLessEqual(len(shown), 25)
+        self.assertIn("\nstep = 0.001 ", self.tandem("show", "rolling_disk").stdout)
+
+    def test_show_then_run_gives_the_same_motion(self):
+        settings = [*SHORT, "--set", "model.mass=3.3333333333333335", "--set", "initial.omega=[-1.1, 0.01, 0.2]"]
+        text = self.tandem("show", "rolling_disk", *settings).stdout
+        self.tandem("run", self.scene(text), "--output", "a.h5")
+        self.tandem("run", "rolling_disk", *settings, "--output", "b.h5")
+        with h5py.File(self.folder / "a.h5") as a, h5py.File(self.folder / "b.h5") as b:
+            np.testing.assert_array_equal(a["trajectory/q"], b["trajectory/q"])
+
+
+if __name__ == "__main__":
+    unittest.main()
