@@ -8,6 +8,7 @@ module tandem
         need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, &
         terms_type
+    use tandem_model_verification, only: finding_type, verify_model
     use tandem_models_articulated_vehicle, only: articulated_vehicle_type
     use tandem_models_motorcycle, only: motorcycle_type
     use tandem_models_rolling_disk, only: rolling_disk_type
@@ -26,6 +27,7 @@ module tandem
     public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
     public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
+    public :: finding_type, verify_model
     public :: options_type, basis_methods, chart_policies, refresh_modes
     public :: simulation_type, observer_type, at_start, at_step, at_end
     public :: statistics_type, n_reasons, reason_name

@@ -1,0 +1,306 @@
+! SPDX-License-Identifier: MIT
+!> Checks every procedure of a model against differences of another one at random states: which is wrong, where, by how much.
+!>
+!> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only E, e, M and the
+!> forces themselves have nothing to be compared with; M is checked for symmetry. States need not satisfy the constraints.
+module tandem_model_verification
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_check, only: check_model
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_tangent_counts, only: counts_type
+    implicit none
+    private
+
+    public :: finding_type, verify_model
+
+    !> What the comparison of one procedure gave.
+    type :: finding_type
+        !> The procedure, or the part of a fused one.
+        character(len=48) :: name = ''
+        !> Largest difference over all states, relative to the largest entry of either side.
+        real(wp) :: error = 0.0_wp
+        !> Where: row and column of that entry (column 0 for a vector), its value and what differences give.
+        integer :: row = 0, column = 0
+        real(wp) :: value = 0.0_wp, expected = 0.0_wp
+        !> False where the error is above what differences may leave, or a procedure failed.
+        logical :: passed = .true.
+    end type finding_type
+
+    !> Central differences of fourth order leave about eps**(4/5) = 3e-13 of the function's size; a wrong formula leaves 1e-3
+    !> and more. Functions may be large against their derivatives.
+    real(wp), parameter :: tolerance = 1.0e-6_wp
+    real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
+    real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+
+    !> Derivatives by differences at one state, every part by itself.
+    type :: parts_type
+        real(wp), allocatable :: phi_q(:, :), phi_t(:), gamma(:), c_qd_q(:, :), c_qdd_q(:, :), nu_q(:, :)
+        real(wp), allocatable :: gamma_q(:, :), gamma_qd(:, :), mass_q(:, :), reaction_q(:, :), force_q(:, :), force_qd(:, :)
+    end type parts_type
+
+contains
+
+    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be
+    !> evaluated; wrong procedures are findings.
+    subroutine verify_model(model, t, q, qd, n_states, findings, error)
+        class(model_type), intent(inout), target :: model
+        !> A state that the model can be evaluated at (n); velocities near zero are replaced by random ones of their scale.
+        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(in) :: n_states
+        !> One for each procedure that could be compared.
+        type(finding_type), allocatable, intent(out) :: findings(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(evaluator_type) :: evaluator
+        type(counts_type) :: counts
+        type(parts_type) :: parts
+        real(wp) :: scale(model%n), q1(model%n), qd1(model%n), qdd1(model%n), lambda(model%n_constraints())
+        integer :: state, seed, stat
+
+        allocate (findings(0))
+        call check_model(model, error)
+        if (allocated(error)) return
+        scale = 1.0_wp
+        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        call evaluator%initialize(model)
+        seed = 12345
+        do state = 1, n_states
+            q1 = q + 0.1_wp*scale*random_vector(seed, model%n)
+            qd1 = qd + scale*random_vector(seed, model%n)
+            qdd1 = scale*random_vector(seed, model%n)
+            lambda = random_vector(seed, size(lambda))
+            call differentiate(evaluator, model, t, q1, qd1, qdd1, lambda, scale, parts, counts, stat)
+            if (stat == 0) call compare_terms(evaluator, model, t, q1, qd1, parts, counts, findings, stat)
+            if (stat == 0) call compare_single(model, t, q1, qd1, qdd1, lambda, parts, findings, stat)
+            if (stat == 0) call compare_fused(model, t, q1, qd1, qdd1, lambda, parts, findings, stat)
+            if (stat /= 0) call add_finding(findings, finding_type(name='evaluation of '//evaluator%failed_term, &
+                passed=.false.))
+        end do
+    end subroutine verify_model
+
+    !> Differences of every term.
+    subroutine differentiate(evaluator, model, t, q, qd, qdd, lambda, scale, parts, counts, stat)
+        type(evaluator_type), intent(inout) :: evaluator
+        class(model_type), intent(in) :: model
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:), scale(:)
+        type(parts_type), intent(out) :: parts
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
+        real(wp) :: moved(size(q)), h, w
+        integer :: i, j, m, n, everything
+
+        n = model%n
+        m = model%n_constraints()
+        allocate (parts%phi_q(model%n_holonomic, n), parts%phi_t(model%n_holonomic), parts%gamma(m), source=0.0_wp)
+        allocate (parts%c_qd_q(m, n), parts%c_qdd_q(m, n), parts%nu_q(m, n), parts%gamma_q(m, n), parts%gamma_qd(m, n), &
+            parts%mass_q(n, n), parts%reaction_q(n, n), parts%force_q(n, n), parts%force_qd(n, n), source=0.0_wp)
+        everything = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
+        associate (terms => evaluator%terms)
+            do j = 1, n
+                h = step*max(abs(q(j)), scale(j))
+                do i = 1, 4
+                    moved = q
+                    moved(j) = q(j) + place(i)*h
+                    call evaluator%evaluate(everything, t, moved, qd, counts, stat)
+                    if (stat /= 0) return
+                    w = weight(i)/h
+                    parts%phi_q(:, j) = parts%phi_q(:, j) + w*terms%phi
+                    parts%c_qd_q(:, j) = parts%c_qd_q(:, j) + w*matmul(terms%jacobian, qd)
+                    parts%c_qdd_q(:, j) = parts%c_qdd_q(:, j) + w*matmul(terms%jacobian, qdd)
+                    parts%nu_q(:, j) = parts%nu_q(:, j) + w*terms%nu
+                    parts%gamma_q(:, j) = parts%gamma_q(:, j) + w*terms%gamma
+                    parts%mass_q(:, j) = parts%mass_q(:, j) + w*matmul(terms%mass, qdd)
+                    parts%reaction_q(:, j) = parts%reaction_q(:, j) + w*matmul(lambda, terms%jacobian)
+                    parts%force_q(:, j) = parts%force_q(:, j) + w*terms%force
+                end do
+                h = step*max(abs(qd(j)), scale(j))
+                do i = 1, 4
+                    moved = qd
+                    moved(j) = qd(j) + place(i)*h
+                    call evaluator%evaluate(need_gamma + need_force, t, q, moved, counts, stat)
+                    if (stat /= 0) return
+                    parts%gamma_qd(:, j) = parts%gamma_qd(:, j) + weight(i)/h*terms%gamma
+                    parts%force_qd(:, j) = parts%force_qd(:, j) + weight(i)/h*terms%force
+                end do
+            end do
+            do i = 1, 4
+                call evaluator%evaluate(need_phi, t + place(i)*step, q, qd, counts, stat)
+                if (stat /= 0) return
+                parts%phi_t = parts%phi_t + weight(i)/step*terms%phi
+                h = step/max(1.0_wp, maxval(abs(qd)/max(abs(q), scale)))
+                call evaluator%evaluate(need_jacobian + need_nu, t + place(i)*h, q + place(i)*h*qd, qd, counts, stat)
+                if (stat /= 0) return
+                parts%gamma = parts%gamma + weight(i)/h*(matmul(terms%jacobian, qd) - terms%nu)
+            end do
+        end associate
+    end subroutine differentiate
+
+    !> Phi_q, nu and gamma, and the symmetry of M.
+    subroutine compare_terms(evaluator, model, t, q, qd, parts, counts, findings, stat)
+        type(evaluator_type), intent(inout) :: evaluator
+        class(model_type), intent(in) :: model
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(parts_type), intent(in) :: parts
+        type(counts_type), intent(inout) :: counts
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+        integer, intent(out) :: stat
+
+        call evaluator%evaluate(need_jacobian + need_nu + need_gamma + need_mass, t, q, qd, counts, stat)
+        if (stat /= 0) return
+        associate (terms => evaluator%terms, nh => model%n_holonomic)
+            if (nh > 0) then
+                call compare('holonomic_jacobian', terms%jacobian(:nh, :), parts%phi_q, findings)
+                call compare_vector('holonomic_rate', -terms%nu(:nh), parts%phi_t, findings)
+            end if
+            if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) &
+                call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
+            call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
+        end associate
+    end subroutine compare_terms
+
+    !> The single derivative procedures that the model has.
+    subroutine compare_single(model, t, q, qd, qdd, lambda, parts, findings, stat)
+        class(model_type), intent(inout) :: model
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(parts_type), intent(in) :: parts
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+        integer, intent(out) :: stat
+        real(wp) :: block_m(model%n_constraints(), model%n), block_n(model%n, model%n)
+
+        stat = 0
+        if (associated(model%jacobian_derivative)) then
+            call model%jacobian_derivative(t, q, qd, block_m, stat)
+            if (stat /= 0) return
+            call compare('jacobian_derivative', block_m, parts%c_qd_q, findings)
+        end if
+        if (associated(model%nu_derivative)) then
+            call model%nu_derivative(t, q, block_m, stat)
+            if (stat /= 0) return
+            call compare('nu_derivative', block_m, parts%nu_q, findings)
+        end if
+        if (associated(model%gamma_q)) then
+            call model%gamma_q(t, q, qd, block_m, stat)
+            if (stat /= 0) return
+            call compare('gamma_q', block_m, parts%gamma_q, findings)
+        end if
+        if (associated(model%gamma_qd)) then
+            call model%gamma_qd(t, q, qd, block_m, stat)
+            if (stat /= 0) return
+            call compare('gamma_qd', block_m, parts%gamma_qd, findings)
+        end if
+        if (associated(model%mass_derivative)) then
+            call model%mass_derivative(q, qdd, block_n, stat)
+            if (stat /= 0) return
+            call compare('mass_derivative', block_n, parts%mass_q, findings)
+        end if
+        if (associated(model%reaction_derivative)) then
+            call model%reaction_derivative(t, q, lambda, block_n, stat)
+            if (stat /= 0) return
+            call compare('reaction_derivative', block_n, parts%reaction_q, findings)
+        end if
+        if (associated(model%force_q)) then
+            call model%force_q(t, q, qd, block_n, stat)
+            if (stat /= 0) return
+            call compare('force_q', block_n, parts%force_q, findings)
+        end if
+        if (associated(model%force_qd)) then
+            call model%force_qd(t, q, qd, block_n, stat)
+            if (stat /= 0) return
+            call compare('force_qd', block_n, parts%force_qd, findings)
+        end if
+    end subroutine compare_single
+
+    !> The five sums of the fused procedure, as far as the model provides them.
+    subroutine compare_fused(model, t, q, qd, qdd, lambda, parts, findings, stat)
+        class(model_type), intent(inout) :: model
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(parts_type), intent(in) :: parts
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+        integer, intent(out) :: stat
+        type(derivatives_type) :: d
+
+        stat = 0
+        if (model%provides_derivatives == 0) return
+        call d%allocate(model%n, model%n_constraints())
+        call model%evaluate_derivatives(model%provides_derivatives, t, q, qd, qdd, lambda, d, stat)
+        if (stat /= 0) return
+        if (btest(model%provides_derivatives, 0)) &
+            call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
+        if (btest(model%provides_derivatives, 1)) &
+            call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
+        if (btest(model%provides_derivatives, 2)) &
+            call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
+        if (btest(model%provides_derivatives, 3)) call compare('evaluate_derivatives: dynamics_q', d%dynamics_q, &
+            parts%mass_q + parts%reaction_q - parts%force_q, findings)
+        if (btest(model%provides_derivatives, 4)) &
+            call compare('evaluate_derivatives: dynamics_qd', d%dynamics_qd, -parts%force_qd, findings)
+    end subroutine compare_fused
+
+    !> Compare vectors.
+    subroutine compare_vector(name, value, expected, findings)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value(:), expected(:)
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+
+        call compare(name, reshape(value, [size(value), 1]), reshape(expected, [size(expected), 1]), findings)
+        findings(:)%column = merge(0, findings%column, findings%name == name)
+    end subroutine compare_vector
+
+    !> Compare matrices and keep the worst.
+    subroutine compare(name, value, expected, findings)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value(:, :), expected(:, :)
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+        type(finding_type) :: finding
+        real(wp) :: scale
+        integer :: place_of_worst(2)
+
+        finding%name = name
+        if (size(value) > 0) then
+            scale = max(maxval(abs(value)), maxval(abs(expected)), 1.0e-3_wp)
+            place_of_worst = maxloc(abs(value - expected))
+            ! A NaN hides from maxloc.
+            if (any(place_of_worst < 1)) place_of_worst = 1
+            finding%row = place_of_worst(1)
+            finding%column = place_of_worst(2)
+            finding%value = value(finding%row, finding%column)
+            finding%expected = expected(finding%row, finding%column)
+            finding%error = abs(finding%value - finding%expected)/scale
+            finding%passed = sum(abs(value)) <= huge(1.0_wp) .and. finding%error <= tolerance
+        end if
+        call add_finding(findings, finding)
+    end subroutine compare
+
+    !> Add a finding, or keep the worse of two of the same name.
+    subroutine add_finding(findings, finding)
+        type(finding_type), allocatable, intent(inout) :: findings(:)
+        type(finding_type), intent(in) :: finding
+        integer :: i
+
+        do i = 1, size(findings)
+            if (findings(i)%name /= finding%name) cycle
+            if ((findings(i)%passed .and. .not. finding%passed) .or. finding%error > findings(i)%error) findings(i) = finding
+            return
+        end do
+        findings = [findings, finding]
+    end subroutine add_finding
+
+    !> Numbers between -1 and 1 by a linear congruence (Lehmer; Park and Miller 1988): the same everywhere, no global state.
+    function random_vector(seed, n) result(values)
+        integer, intent(inout) :: seed
+        integer, intent(in) :: n
+        real(wp) :: values(n)
+        integer, parameter :: multiplier = 48271, quotient = 44488, remainder = 3399, modulus = 2147483647
+        integer :: i
+
+        do i = 1, n
+            seed = multiplier*mod(seed, quotient) - remainder*(seed/quotient)
+            if (seed <= 0) seed = seed + modulus
+            values(i) = 2*real(seed, wp)/real(modulus, wp) - 1.0_wp
+        end do
+    end function random_vector
+end module tandem_model_verification
