@@ -18,7 +18,7 @@ module tandem
     use tandem_status, only: is_input_error, status_name, status_ok, status_output_failed
     use tandem_stepper, only: properties_type
     use tandem_stepper_factory, only: new_stepper, stepper_names
-    implicit none
+    implicit none (type, external)
     private
 
     public :: wp, long

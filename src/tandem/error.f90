@@ -2,7 +2,7 @@
 !> How cold paths report failure: an allocatable `error_type`, unallocated on success.
 module tandem_error
     use tandem_status, only: status_name, status_of, status_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: error_type, set_error, to_text

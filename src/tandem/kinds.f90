@@ -2,7 +2,7 @@
 !> Kinds of the numbers that tandem computes with.
 module tandem_kinds
     use, intrinsic :: iso_fortran_env, only: real64, int64
-    implicit none
+    implicit none (type, external)
     private
 
     public :: wp, long

@@ -5,7 +5,7 @@ module tandem_options
     use tandem_kinds, only: wp
     use tandem_status, only: status_invalid_option
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    implicit none
+    implicit none (type, external)
     private
 
     public :: options_type, chart_policies, refresh_modes, basis_methods

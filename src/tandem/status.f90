@@ -2,7 +2,7 @@
 !> The one table of outcomes: name, code, meaning, and what to do about it. Zero is success; every failure is negative.
 !> Codes are part of the interface and are never reused.
 module tandem_status
-    implicit none
+    implicit none (type, external)
     private
 
     public :: status_type, status_of, status_name, is_input_error

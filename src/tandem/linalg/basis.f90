@@ -10,7 +10,7 @@
 module tandem_linalg_basis
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgeqp3, dgesvd, dorgqr, dormqr
-    implicit none
+    implicit none (type, external)
     private
 
     public :: basis_type, rank_tolerance

@@ -3,7 +3,7 @@
 module tandem_linalg_cholesky
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dpotrf, dpotrs
-    implicit none
+    implicit none (type, external)
     private
 
     public :: cholesky_type

@@ -7,7 +7,7 @@
 !> without a search, and the search is made anew when an entry of Y has grown too much.
 module tandem_linalg_elimination
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: elimination_type

@@ -3,7 +3,7 @@
 !> `matmul` costs more than the product itself.
 module tandem_linalg_kernels
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: add_product, add_transposed_product, set_gram, set_product

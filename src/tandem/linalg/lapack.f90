@@ -3,13 +3,14 @@
 !> Source: Anderson et al., LAPACK Users' Guide, 3rd ed., SIAM 1999.
 module tandem_linalg_lapack
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     public
 
     interface
         !> QR factorisation with column pivoting, A P = Q R.
         subroutine dgeqp3(m, n, a, lda, jpvt, tau, work, lwork, info)
             import :: wp
+            implicit none (type, external)
             integer, intent(in) :: m, n, lda, lwork
             real(wp), intent(inout) :: a(lda, *)
             integer, intent(inout) :: jpvt(*)
@@ -20,6 +21,7 @@ module tandem_linalg_lapack
         !> The first n columns of the orthogonal Q of k reflectors.
         subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
             import :: wp
+            implicit none (type, external)
             integer, intent(in) :: m, n, k, lda, lwork
             real(wp), intent(inout) :: a(lda, *)
             real(wp), intent(in) :: tau(*)
@@ -30,6 +32,7 @@ module tandem_linalg_lapack
         !> C := Q C or Q' C with the Q of a QR factorisation.
         subroutine dormqr(side, trans, m, n, k, a, lda, tau, c, ldc, work, lwork, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: side, trans
             integer, intent(in) :: m, n, k, lda, ldc, lwork
             real(wp), intent(in) :: a(lda, *), tau(*)
@@ -41,6 +44,7 @@ module tandem_linalg_lapack
         !> Singular value decomposition A = U diag(s) V'.
         subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: jobu, jobvt
             integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
             real(wp), intent(inout) :: a(lda, *)
@@ -51,6 +55,7 @@ module tandem_linalg_lapack
         !> LU factorisation with row pivoting.
         subroutine dgetrf(m, n, a, lda, ipiv, info)
             import :: wp
+            implicit none (type, external)
             integer, intent(in) :: m, n, lda
             real(wp), intent(inout) :: a(lda, *)
             integer, intent(out) :: ipiv(*), info
@@ -59,6 +64,7 @@ module tandem_linalg_lapack
         !> Solution with the factors of `dgetrf`.
         subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: trans
             integer, intent(in) :: n, nrhs, lda, ldb
             real(wp), intent(in) :: a(lda, *)
@@ -70,6 +76,7 @@ module tandem_linalg_lapack
         !> Reciprocal condition number from the factors of `dgetrf`.
         subroutine dgecon(norm, n, a, lda, anorm, rcond, work, iwork, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: norm
             integer, intent(in) :: n, lda
             real(wp), intent(in) :: a(lda, *), anorm
@@ -80,6 +87,7 @@ module tandem_linalg_lapack
         !> Cholesky factorisation.
         subroutine dpotrf(uplo, n, a, lda, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: uplo
             integer, intent(in) :: n, lda
             real(wp), intent(inout) :: a(lda, *)
@@ -89,6 +97,7 @@ module tandem_linalg_lapack
         !> Solution with the factor of `dpotrf`.
         subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
             import :: wp
+            implicit none (type, external)
             character(len=1), intent(in) :: uplo
             integer, intent(in) :: n, nrhs, lda, ldb
             real(wp), intent(in) :: a(lda, *)

@@ -3,7 +3,7 @@
 module tandem_linalg_lu
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
-    implicit none
+    implicit none (type, external)
     private
 
     public :: lu_type

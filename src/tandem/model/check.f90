@@ -7,7 +7,7 @@ module tandem_model_check
     use tandem_kinds, only: wp
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    implicit none
+    implicit none (type, external)
     private
 
     public :: check_model
@@ -59,10 +59,12 @@ contains
             call require(nonholonomic, need_jacobian, associated(model%nonholonomic_jacobian), 'nonholonomic_jacobian')
             call require(.true., need_mass, associated(model%mass_matrix), 'mass_matrix')
             if (allocated(error)) return
-            if (associated(model%holonomic_rate) .and. .not. holonomic) &
-                call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
-            if (associated(model%nonholonomic_rhs) .and. .not. nonholonomic) &
-                call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
+            if (associated(model%holonomic_rate) .and. .not. holonomic) then
+              call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
+            end if
+            if (associated(model%nonholonomic_rhs) .and. .not. nonholonomic) then
+              call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
+            end if
         end associate
 
     contains
@@ -81,19 +83,24 @@ contains
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
 
-        if (allocated(model%coordinate_name)) &
-            call check_length('coordinate_name', size(model%coordinate_name), model%n)
-        if (allocated(model%coordinate_unit)) &
-            call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
-        if (allocated(model%holonomic_name)) &
-            call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
-        if (allocated(model%nonholonomic_name)) &
-            call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
+        if (allocated(model%coordinate_name)) then
+          call check_length('coordinate_name', size(model%coordinate_name), model%n)
+        end if
+        if (allocated(model%coordinate_unit)) then
+          call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
+        end if
+        if (allocated(model%holonomic_name)) then
+          call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
+        end if
+        if (allocated(model%nonholonomic_name)) then
+          call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
+        end if
         if (allocated(model%coordinate_scale)) then
             call check_length('coordinate_scale', size(model%coordinate_scale), model%n)
             if (allocated(error)) return
-            if (.not. all(model%coordinate_scale > 0.0_wp .and. ieee_is_finite(model%coordinate_scale))) &
-                call refuse('an entry of coordinate_scale is not positive and finite', 'give typical magnitudes', error)
+            if (.not. all(model%coordinate_scale > 0.0_wp .and. ieee_is_finite(model%coordinate_scale))) then
+              call refuse('an entry of coordinate_scale is not positive and finite', 'give typical magnitudes', error)
+            end if
         end if
 
     contains
@@ -120,8 +127,9 @@ contains
         end if
         if (allocated(error) .or. .not. allocated(model%breakpoints)) return
         n = size(model%breakpoints)
-        if (.not. all(ieee_is_finite(model%breakpoints)) .or. any(model%breakpoints(2:) <= model%breakpoints(:n - 1))) &
-            call refuse('the breakpoints do not ascend', 'sort them, each once', error)
+        if (.not. all(ieee_is_finite(model%breakpoints)) .or. any(model%breakpoints(2:) <= model%breakpoints(:n - 1))) then
+          call refuse('the breakpoints do not ascend', 'sort them, each once', error)
+        end if
     end subroutine check_breakpoints
 
     subroutine refuse(problem, advice, error)

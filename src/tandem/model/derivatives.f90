@@ -7,7 +7,7 @@
 !> it, but never changes the solution.
 module tandem_model_derivatives
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives

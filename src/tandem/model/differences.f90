@@ -10,7 +10,7 @@ module tandem_model_differences
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_tangent_counts, only: counts_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: differences_type
@@ -135,10 +135,12 @@ contains
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
                 return
             end if
-            if (missing_q /= 0) &
-                call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
-            if (stat == status_ok .and. missing_qd /= 0) &
-                call self%differentiate_qd(missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            if (missing_q /= 0) then
+              call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            end if
+            if (stat == status_ok .and. missing_qd /= 0) then
+              call self%differentiate_qd(missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            end if
         end associate
     end subroutine evaluate_derivatives
 

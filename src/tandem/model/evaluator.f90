@@ -8,7 +8,7 @@ module tandem_model_evaluator
         term_name, terms_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_tangent_counts, only: counts_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: evaluator_type

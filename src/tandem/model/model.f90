@@ -13,7 +13,7 @@ module tandem_model
     use tandem_kinds, only: wp
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: model_type, label_length
@@ -106,6 +106,7 @@ module tandem_model
         !> A vector that depends on time and position.
         subroutine vector_of_position(self, t, q, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time.
             real(wp), intent(in) :: t
@@ -120,6 +121,7 @@ module tandem_model
         !> A matrix that depends on time and position: one row a constraint, one column a coordinate.
         subroutine matrix_of_position(self, t, q, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(:)
             !> The matrix, zeros included.
@@ -130,6 +132,7 @@ module tandem_model
         !> A vector that depends on time, position and velocity.
         subroutine vector_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time, coordinates (n), velocities (n).
             real(wp), intent(in) :: t, q(:), qd(:)
@@ -140,6 +143,7 @@ module tandem_model
         !> The mass matrix.
         subroutine mass_interface(self, q, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: q(:)
             real(wp), intent(out) :: value(:, :)
@@ -149,6 +153,7 @@ module tandem_model
         !> The inertia force, without the time.
         subroutine inertia_interface(self, q, qd, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: q(:), qd(:)
             real(wp), intent(out) :: value(:)
@@ -158,6 +163,7 @@ module tandem_model
         !> An energy that depends on the velocity.
         subroutine energy_of_motion(self, q, qd, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: q(:), qd(:)
             real(wp), intent(out) :: value
@@ -167,6 +173,7 @@ module tandem_model
         !> An energy that depends on the position.
         subroutine energy_of_position(self, t, q, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(:)
             real(wp), intent(out) :: value
@@ -176,6 +183,7 @@ module tandem_model
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
             import :: model_type, wp, terms_type
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> The terms wanted, a sum of need bits; only those in `provides` are asked for.
             integer, intent(in) :: need
@@ -189,6 +197,7 @@ module tandem_model
         !> A derivative of C x or C' x with respect to q for a constant x.
         subroutine direction_derivative(self, t, q, x, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time, coordinates (n), and x: (n) for C x, (nh + nd) for C' x.
             real(wp), intent(in) :: t, q(:), x(:)
@@ -199,6 +208,7 @@ module tandem_model
         !> The derivative of M x with respect to q for a constant x.
         subroutine mass_derivative_interface(self, q, x, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: q(:), x(:)
             real(wp), intent(out) :: value(:, :)
@@ -208,6 +218,7 @@ module tandem_model
         !> A matrix that depends on time, position and velocity.
         subroutine matrix_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(:), qd(:)
             real(wp), intent(out) :: value(:, :)
@@ -217,6 +228,7 @@ module tandem_model
         !> Several derivatives at once.
         subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
             import :: model_type, wp, derivatives_type
+            implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> The derivatives wanted, a sum of need bits; only those in `provides_derivatives` are asked for.
             integer, intent(in) :: need

@@ -2,7 +2,7 @@
 !> The terms of the equations of motion at one point (t, q, qd), and the bits that name them in a need mask.
 module tandem_model_terms
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: terms_type, n_terms, term_name

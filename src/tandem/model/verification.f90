@@ -12,7 +12,7 @@ module tandem_model_verification
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_tangent_counts, only: counts_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: finding_type, verify_model
@@ -156,8 +156,9 @@ contains
                 call compare('holonomic_jacobian', terms%jacobian(:nh, :), parts%phi_q, findings)
                 call compare_vector('holonomic_rate', -terms%nu(:nh), parts%phi_t, findings)
             end if
-            if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) &
-                call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
+            if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) then
+              call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
+            end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
         end associate
     end subroutine compare_terms
@@ -228,16 +229,20 @@ contains
         call d%allocate(model%n, model%n_constraints())
         call model%evaluate_derivatives(model%provides_derivatives, t, q, qd, qdd, lambda, d, stat)
         if (stat /= 0) return
-        if (btest(model%provides_derivatives, 0)) &
-            call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
-        if (btest(model%provides_derivatives, 1)) &
-            call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
-        if (btest(model%provides_derivatives, 2)) &
-            call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
+        if (btest(model%provides_derivatives, 0)) then
+          call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
+        end if
+        if (btest(model%provides_derivatives, 1)) then
+          call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
+        end if
+        if (btest(model%provides_derivatives, 2)) then
+          call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
+        end if
         if (btest(model%provides_derivatives, 3)) call compare('evaluate_derivatives: dynamics_q', d%dynamics_q, &
             parts%mass_q + parts%reaction_q - parts%force_q, findings)
-        if (btest(model%provides_derivatives, 4)) &
-            call compare('evaluate_derivatives: dynamics_qd', d%dynamics_qd, -parts%force_qd, findings)
+        if (btest(model%provides_derivatives, 4)) then
+          call compare('evaluate_derivatives: dynamics_qd', d%dynamics_qd, -parts%force_qd, findings)
+        end if
     end subroutine compare_fused
 
     !> Compare vectors.

@@ -10,7 +10,7 @@ module tandem_models_articulated_vehicle
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi, terms_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: articulated_vehicle_type

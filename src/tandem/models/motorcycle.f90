@@ -18,7 +18,7 @@ module tandem_models_motorcycle
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, g_product, g_sandwich, g_transposed_product, k_matrix, &
         rotation, t_matrix
-    implicit none
+    implicit none (type, external)
     private
 
     public :: motorcycle_type
@@ -398,8 +398,9 @@ contains
         stat = 0
         select type (self)
         class is (motorcycle_type)
-            if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) &
-                call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+            if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) then
+              call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+            end if
             if (iand(need, need_dynamics_q) /= 0) call differentiate_dynamics(self, t, q, qd, qdd, lambda, derivatives%dynamics_q)
             if (iand(need, need_dynamics_qd) /= 0) then
                 derivatives%dynamics_qd = 0.0_wp

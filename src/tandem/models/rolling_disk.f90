@@ -14,7 +14,7 @@ module tandem_models_rolling_disk
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, c_matrix, g_product, g_sandwich, &
         g_transposed_product, k_matrix, rotation, rotation_rate, t_matrix
-    implicit none
+    implicit none (type, external)
     private
 
     public :: rolling_disk_type

@@ -4,7 +4,7 @@
 !> doi 10.1080/08905459808945425; section 5 of the method's description in doc/theory.md.
 module tandem_rigid_euler_parameters
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: rotation, e_matrix, g_matrix, b_matrix, skew

@@ -21,7 +21,7 @@ module tandem_simulation
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_dense, only: dense_chart_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    implicit none
+    implicit none (type, external)
     private
 
     public :: simulation_type, observer_type
@@ -78,6 +78,7 @@ module tandem_simulation
         !> Look at `simulation`, whose state is accepted. An error ends the run with that error.
         subroutine observe_interface(self, simulation, occasion, error)
             import :: observer_type, simulation_type, error_type
+            implicit none (type, external)
             class(observer_type), intent(inout) :: self
             class(simulation_type), intent(inout) :: simulation
             !> `at_start`, `at_step` or `at_end`.
@@ -172,8 +173,9 @@ contains
                 state%dq = 0.0_wp
                 state%dqd = 0.0_wp
                 call chart%restore_position(state%t, state%dq, self%next%q, stat)
-                if (stat == status_ok) &
-                    call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+                if (stat == status_ok) then
+                  call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+                end if
                 if (stat /= status_ok) then
                     call self%fail(stat, 'at the start', error)
                     return
@@ -472,12 +474,14 @@ contains
         message = trim(adjustl(meaning(stat)))//' '//where_
         if (self%chart%failed_row > 0) then
             message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
-            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) &
-                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
+              message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+            end if
         end if
         if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
-            allocated(self%chart%failed_term)) &
-            message = message//', term '//self%chart%failed_term
+            allocated(self%chart%failed_term)) then
+          message = message//', term '//self%chart%failed_term
+        end if
         call set_error(error, stat, message)
     end subroutine fail
 

@@ -3,7 +3,7 @@
 module tandem_simulate_statistics
     use tandem_kinds, only: long, wp
     use tandem_tangent_counts, only: counts_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: statistics_type, n_reasons, reason_name

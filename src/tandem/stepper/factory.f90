@@ -5,7 +5,7 @@ module tandem_stepper_factory
     use tandem_stepper_rk4, only: rk4_type
     use tandem_stepper_sdirk54, only: sdirk54_type
     use tandem_stepper_trapezoid, only: trapezoid_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: new_stepper, stepper_names
@@ -28,6 +28,8 @@ contains
             allocate (trapezoid_type :: stepper)
         case ('sdirk54')
             allocate (sdirk54_type :: stepper)
+        case default
+            return
         end select
     end subroutine new_stepper
 end module tandem_stepper_factory

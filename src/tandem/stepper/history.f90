@@ -4,7 +4,7 @@
 module tandem_stepper_history
     use tandem_kinds, only: wp
     use tandem_stepper_state, only: state_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: history_type

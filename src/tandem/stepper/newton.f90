@@ -10,7 +10,7 @@ module tandem_stepper_newton
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_newton_failed, status_ok
     use tandem_tangent_chart, only: chart_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: newton_type

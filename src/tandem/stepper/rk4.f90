@@ -10,7 +10,7 @@ module tandem_stepper_rk4
     use tandem_kinds, only: wp
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_state, only: state_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: rk4_type

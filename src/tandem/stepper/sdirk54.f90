@@ -10,7 +10,7 @@ module tandem_stepper_sdirk54
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_ok
     use tandem_tangent_chart, only: chart_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: sdirk54_type

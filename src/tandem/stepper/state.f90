@@ -2,7 +2,7 @@
 !> The state of the motion at one time.
 module tandem_stepper_state
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: state_type

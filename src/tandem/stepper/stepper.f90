@@ -4,7 +4,7 @@ module tandem_stepper
     use tandem_tangent_chart, only: chart_type
     use tandem_kinds, only: wp
     use tandem_stepper_state, only: state_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: stepper_type, properties_type
@@ -33,12 +33,14 @@ module tandem_stepper
         !> What the method is.
         pure function properties_interface() result(properties)
             import :: properties_type
+            implicit none (type, external)
             type(properties_type) :: properties
         end function properties_interface
 
         !> Allocate the stages for n coordinates, once.
         subroutine initialize_interface(self, n, newton_tolerance)
             import :: stepper_type, wp
+            implicit none (type, external)
             class(stepper_type), intent(inout) :: self
             !> Number of coordinates.
             integer, intent(in) :: n
@@ -49,6 +51,7 @@ module tandem_stepper
         !> One step from `state` to `next`. `state` must be complete (qdd included) and stays as it is.
         subroutine advance_interface(self, chart, state, h, next, stat)
             import :: stepper_type, chart_type, state_type, wp
+            implicit none (type, external)
             class(stepper_type), intent(inout) :: self
             class(chart_type), intent(inout) :: chart
             type(state_type), intent(in) :: state

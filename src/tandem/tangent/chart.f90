@@ -10,7 +10,7 @@ module tandem_tangent_chart
     use tandem_model, only: model_type
     use tandem_options, only: options_type
     use tandem_tangent_counts, only: counts_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: chart_type, health_type
@@ -55,6 +55,7 @@ module tandem_tangent_chart
         !> Attach the model and allocate the work space, once.
         subroutine initialize_interface(self, model, options, implicit, error)
             import :: chart_type, model_type, options_type, error_type
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             !> The model; it must outlive the chart.
             class(model_type), intent(inout), target :: model
@@ -67,6 +68,7 @@ module tandem_tangent_chart
         !> Make (t, q, qd) the chart's origin; the increments there are zero.
         subroutine renew_interface(self, t, q, qd, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             !> Time, coordinates (n) and velocities (n) that satisfy the constraints.
             real(wp), intent(in) :: t
@@ -78,6 +80,7 @@ module tandem_tangent_chart
         !> Bring what is kept from step to step to the last point; called before a step on an old chart.
         subroutine refresh_interface(self, stat)
             import :: chart_type
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             integer, intent(out) :: stat
         end subroutine refresh_interface
@@ -85,12 +88,14 @@ module tandem_tangent_chart
         !> Forget what was evaluated at the last point, because the model has changed there (a new segment).
         subroutine forget_interface(self)
             import :: chart_type
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
         end subroutine forget_interface
 
         !> The point q(t) of the manifold that belongs to a position increment: Phi(t, q) = 0 (14).
         subroutine restore_position_interface(self, t, increment, q, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             !> Position increment (n).
@@ -102,6 +107,7 @@ module tandem_tangent_chart
         !> The velocity at (t, q) that belongs to a velocity increment: C qd = nu (6).
         subroutine restore_velocity_interface(self, t, q, increment, qd, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             !> Time and coordinates (n) from `restore_position`.
             real(wp), intent(in) :: t
@@ -115,6 +121,7 @@ module tandem_tangent_chart
         !> The acceleration at (t, q, qd): C qdd = -gamma and the equations of motion (35).
         subroutine solve_dynamics_interface(self, t, q, qd, qdd, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             !> Time, coordinates (n) and velocities (n) from the calls before.
             real(wp), intent(in) :: t
@@ -126,6 +133,7 @@ module tandem_tangent_chart
         !> Form and factor the Newton matrix of implicit stages at the last point of `solve_dynamics` (97).
         subroutine factor_stage_interface(self, t, q, qd, qdd, ha, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
@@ -137,6 +145,7 @@ module tandem_tangent_chart
         !> One Newton correction of the ambient rates of a stage whose position and velocity were restored from them.
         subroutine correct_stage_interface(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             !> The restored coordinates and velocities (n).
@@ -153,6 +162,7 @@ module tandem_tangent_chart
         !> The multipliers lambda (nh + nd) at a point where `solve_dynamics` gave qdd.
         subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
@@ -163,6 +173,7 @@ module tandem_tangent_chart
         !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q): what an impact-free jump of nu does.
         subroutine project_velocity_interface(self, t, q, qd, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:)
@@ -173,6 +184,7 @@ module tandem_tangent_chart
         !> The constraint errors at a point, max-norms on the natural scale of each row.
         subroutine errors_interface(self, t, q, qd, qdd, errors, rows, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
@@ -186,6 +198,7 @@ module tandem_tangent_chart
         !> How the chart stands at the last point of `solve_dynamics`.
         subroutine health_interface(self, q, qd, health)
             import :: chart_type, health_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in), contiguous :: q(:), qd(:)
             type(health_type), intent(out) :: health
@@ -194,6 +207,7 @@ module tandem_tangent_chart
         !> The kinetic energy qd' M qd / 2.
         subroutine energy_interface(self, t, q, qd, energy, stat)
             import :: chart_type, wp
+            implicit none (type, external)
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:)

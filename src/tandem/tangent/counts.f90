@@ -4,7 +4,7 @@ module tandem_tangent_counts
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: n_derivatives
     use tandem_model_terms, only: n_terms
-    implicit none
+    implicit none (type, external)
     private
 
     public :: counts_type

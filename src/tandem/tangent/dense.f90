@@ -27,7 +27,7 @@ module tandem_tangent_dense
     use tandem_tangent_position, only: position_type
     use tandem_tangent_split, only: by_elimination, by_factor, by_refinement, split_type
     use tandem_tangent_stage, only: stage_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: dense_chart_type
@@ -359,8 +359,9 @@ contains
         self%has_motion = .false.
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
-        if (stat == status_ok .and. .not. self%has_gamma) &
-            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+        if (stat == status_ok .and. .not. self%has_gamma) then
+          call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+        end if
         if (stat /= status_ok) then
             call self%fail_term()
             return

@@ -10,7 +10,7 @@ module tandem_tangent_dynamics
     use tandem_linalg_cholesky, only: cholesky_type
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
     use tandem_status, only: status_not_finite, status_ok, status_singular_mass
-    implicit none
+    implicit none (type, external)
     private
 
     public :: dynamics_type

@@ -6,7 +6,7 @@
 !> mechanism at rest or at the origin has a scale too.
 module tandem_tangent_natural_scale
     use tandem_kinds, only: wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: position_errors, velocity_errors, acceleration_errors

@@ -10,7 +10,7 @@ module tandem_tangent_position
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: position_type

@@ -5,7 +5,7 @@ module tandem_tangent_refinement
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: set_product
     use tandem_status, only: status_chart_left, status_ok
-    implicit none
+    implicit none (type, external)
     private
 
     public :: refinement_type

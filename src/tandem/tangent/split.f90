@@ -12,7 +12,7 @@ module tandem_tangent_split
     use tandem_status, only: status_chart_left, status_ok
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: split_type, by_elimination, by_factor, by_refinement
@@ -102,7 +102,7 @@ contains
             return
         case (by_factor)
             call self%invert(jacobian, x_basis, stat)
-        case (by_refinement)
+        case default ! by_refinement
             call set_product(jacobian, x_basis, self%c_x)
             call self%h%refine(self%c_x, self%htol, counts%h_corrections, stat)
         end select

@@ -21,7 +21,7 @@ module tandem_tangent_stage
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
     use tandem_status, only: status_newton_failed, status_ok
-    implicit none
+    implicit none (type, external)
     private
 
     public :: stage_type
