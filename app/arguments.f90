@@ -4,7 +4,7 @@ module tandem_app_arguments
     use tandem, only: error_type
     use tandem_io, only: nearest
     use tandem_status, only: status_invalid_option
-    implicit none
+    implicit none (type, external)
     private
 
     public :: arguments_type, read_arguments

@@ -4,13 +4,13 @@ module tandem_app_help
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem_app_messages, only: complain, done, input_wrong
     use tandem_io, only: nearest
-    implicit none
+    implicit none (type, external)
     private
 
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=8), parameter :: commands(4) = [character(len=8) :: 'help', 'list', 'run', 'show']
+    character(len=8), parameter :: commands(5) = [character(len=8) :: 'check', 'help', 'list', 'run', 'show']
 
     character(len=96), parameter :: text(*) = [character(len=96) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
@@ -19,12 +19,13 @@ module tandem_app_help
         '  tandem list                  scenes and steppers, a line each', &
         '  tandem show SCENE [OPTIONS]  the complete scene as TOML, every default filled in', &
         '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
+        '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem help, tandem --version  this text, the version', &
         '', &
         'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &
         'looked for in the folder that TANDEM_SCENES names, in ./scenes, and in the checkout.', &
         '', &
-        'Options of run and show:', &
+        'Options of run, show and check:', &
         '  --set table.key=value   override a key of the scene, as often as you like', &
         '  --output FILE           the result file, as --set output.file=FILE', &
         'Options of run:', &

@@ -8,7 +8,7 @@ module tandem_app_list
     use tandem_app_messages, only: complain, done, input_wrong
     use tandem_io, only: read_scene, scene_type, shipped_scenes
     use tandem_stepper, only: stepper_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: list

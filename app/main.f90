@@ -4,12 +4,13 @@
 program tandem_program
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem_app_arguments, only: arguments_type, read_arguments
+    use tandem_app_check, only: check
     use tandem_app_help, only: help, refuse_command
     use tandem_app_list, only: list
     use tandem_app_run, only: run
     use tandem_app_show, only: show
     use tandem_io, only: tandem_version
-    implicit none
+    implicit none (type, external)
     type(arguments_type) :: arguments
     integer :: code
 
@@ -24,6 +25,8 @@ program tandem_program
         call list(arguments, code)
     case ('show')
         call show(arguments, code)
+    case ('check')
+        call check(arguments, code)
     case ('run')
         call run(arguments, code)
     case default

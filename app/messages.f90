@@ -2,7 +2,7 @@
 !> How the program speaks on stderr, and its exit codes.
 module tandem_app_messages
     use, intrinsic :: iso_fortran_env, only: error_unit
-    implicit none
+    implicit none (type, external)
     private
 
     public :: complain, done, run_failed, input_wrong

@@ -4,7 +4,7 @@ module tandem_app_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: at_end, at_start, error_type, long, observer_type, simulation_type, to_text, wp
     use tandem_app_terminal, only: stderr_is_terminal
-    implicit none
+    implicit none (type, external)
     private
 
     public :: progress_type

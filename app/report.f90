@@ -6,7 +6,7 @@ module tandem_app_report
         properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_stepper, only: stepper_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: print_report

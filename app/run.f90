@@ -8,7 +8,7 @@ module tandem_app_run
     use tandem_app_progress, only: progress_type
     use tandem_app_report, only: print_report
     use tandem_io, only: find_scene, observer_list_type, read_scene, scene_type, trajectory_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: run

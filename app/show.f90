@@ -7,7 +7,7 @@ module tandem_app_show
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong
     use tandem_io, only: find_scene, read_scene, scene_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: show

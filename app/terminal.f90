@@ -2,7 +2,7 @@
 !> Whether somebody watches.
 module tandem_app_terminal
     use, intrinsic :: iso_c_binding, only: c_int
-    implicit none
+    implicit none (type, external)
     private
 
     public :: stderr_is_terminal
@@ -11,6 +11,7 @@ module tandem_app_terminal
         !> Whether a file descriptor is a terminal: 1 or 0.
         function is_terminal(descriptor) result(answer) bind(c, name='isatty')
             import :: c_int
+            implicit none (type, external)
             integer(c_int), value :: descriptor
             integer(c_int) :: answer
         end function is_terminal

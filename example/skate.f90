@@ -1,7 +1,7 @@
 !> A skate on an inclined plane cannot slip sideways, and so it does not slide down: it moves along a cycloid.
 module skate
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, terms_type, wp
-    implicit none
+    implicit none (type, external)
     private
     public :: skate_terms, slope, spin
     real(wp), parameter :: slope = 9.81_wp*sin(0.3_wp), spin = 1.5_wp
@@ -27,7 +27,7 @@ program main
     use skate, only: skate_terms, slope, spin
     use tandem, only: error_type, model_type, need_force, need_gamma, need_jacobian, need_mass, options_type, &
         simulation_type, wp
-    implicit none
+    implicit none (type, external)
     type(model_type), target :: model
     type(simulation_type) :: simulation
     type(error_type), allocatable :: error

@@ -9,7 +9,7 @@ module tandem_io
     use tandem_io_scene_shipped, only: find_scene, shipped_scenes
     use tandem_io_scene_text, only: nearest, to_toml
     use tandem_io_version, only: format_version, tandem_version
-    implicit none
+    implicit none (type, external)
     private
 
     public :: scene_type, read_scene, find_scene, shipped_scenes, model_names, nearest, to_toml

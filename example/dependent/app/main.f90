@@ -3,7 +3,7 @@
 program main
     use pendulum, only: pendulum_type
     use tandem, only: error_type, options_type, simulation_type, wp
-    implicit none
+    implicit none (type, external)
     real(wp), parameter :: pi = acos(-1.0_wp), start_angle = pi/3
     type(pendulum_type), target :: model
     type(simulation_type) :: simulation

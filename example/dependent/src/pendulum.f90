@@ -1,7 +1,7 @@
 !> A mass on a rod that turns about the origin: q = (x, y), y upward.
 module pendulum
     use tandem, only: label_length, model_type, wp
-    implicit none
+    implicit none (type, external)
     private
 
     public :: pendulum_type

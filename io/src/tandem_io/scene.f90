@@ -8,7 +8,7 @@ module tandem_io_scene
     use tandem_io_scene_registry, only: build_model, model_names
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_text, only: listed, to_toml
-    implicit none
+    implicit none (type, external)
     private
 
     public :: scene_type, read_scene

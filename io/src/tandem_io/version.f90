@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The version of this package, as in fpm.toml, and of the result file.
 module tandem_io_version
-    implicit none
+    implicit none (type, external)
     private
 
     public :: tandem_version, format_version

@@ -2,7 +2,7 @@
 !> What a result file may hold besides the time, and what was asked for. This table is the only list of the fields.
 module tandem_io_output_fields
     use tandem, only: model_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: output_type, field_type, fields, field_names, field_length, default_fields

@@ -2,6 +2,9 @@
 !> The little of HDF5 that results need: groups, attributes, and datasets that grow by rows. Objects are named by their path.
 !>
 !> The first failure is kept in `problem`, in words; what comes after it does nothing, so a user may look once in a while.
+!>
+!> HDF5 is one for the whole process. For every user of it there, this module turns the printing of its error stack off, and
+!> the closing of what is open when the program ends.
 module tandem_io_output_hdf5
     use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, h5dclose_f, &
         h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, h5f_acc_trunc_f, &
@@ -12,7 +15,7 @@ module tandem_io_output_hdf5
         h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
     use tandem, only: long, wp
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_loc, c_null_char, c_ptr
-    implicit none
+    implicit none (type, external)
     private
 
     public :: hdf5_type, holds_attribute
@@ -39,12 +42,14 @@ module tandem_io_output_hdf5
         !> Keep the library from closing what is open when the program ends: it crashes there after a failure to write.
         function h5_do_not_close_at_exit() result(stat) bind(c, name='H5dont_atexit')
             import :: c_int
+            implicit none (type, external)
             integer(c_int) :: stat
         end function h5_do_not_close_at_exit
 
         !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
         function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
             import :: hid_t, c_char, c_int
+            implicit none (type, external)
             integer(hid_t), value :: dataset
             character(kind=c_char), intent(in) :: name(*)
             integer(c_int) :: stat
@@ -53,6 +58,7 @@ module tandem_io_output_hdf5
         !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
         function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
             import :: hid_t, c_int
+            implicit none (type, external)
             integer(hid_t), value :: dataset, scale
             integer(c_int), value :: dimension
             integer(c_int) :: stat

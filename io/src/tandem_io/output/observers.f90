@@ -2,7 +2,7 @@
 !> Several observers as one.
 module tandem_io_output_observers
     use tandem, only: error_type, observer_type, simulation_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: observer_list_type

@@ -3,7 +3,7 @@
 module tandem_io_output_report
     use tandem, only: derivative_name, n_derivatives, n_reasons, n_terms, reason_name, statistics_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: write_report

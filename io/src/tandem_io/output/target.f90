@@ -4,7 +4,7 @@ module tandem_io_output_target
     use tandem, only: error_type, set_error
     use tandem_status, only: status_output_failed
     use tandem_io_output_hdf5, only: holds_attribute
-    implicit none
+    implicit none (type, external)
     private
 
     public :: check_target, remove_file

@@ -15,7 +15,7 @@ module tandem_io_output_trajectory
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
     use tandem_status, only: status_callback_failed, status_invalid_option
-    implicit none
+    implicit none (type, external)
     private
 
     public :: trajectory_type, energy_type

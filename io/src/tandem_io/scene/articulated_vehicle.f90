@@ -3,7 +3,7 @@
 module tandem_io_scene_articulated_vehicle
     use tandem, only: articulated_vehicle_type, model_type, wp
     use tandem_io_scene_reader, only: positive, reader_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: build_articulated_vehicle

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What a reader has read: every key with its value. It is the list of the keys that exist, and the complete scene as text.
 module tandem_io_scene_ledger
-    implicit none
+    implicit none (type, external)
     private
 
     public :: ledger_type, key_length

@@ -3,7 +3,7 @@
 module tandem_io_scene_motorcycle
     use tandem, only: model_type, motorcycle_type, wp
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: build_motorcycle

@@ -10,7 +10,7 @@ module tandem_io_scene_reader
     use tandem_io_scene_text, only: listed, nearest, to_toml
     use tandem_io_scene_values, only: convert, place_of
     use tomlf, only: toml_key, toml_table, toml_value
-    implicit none
+    implicit none (type, external)
     private
 
     public :: reader_type, anything, positive, not_negative

@@ -7,7 +7,7 @@ module tandem_io_scene_registry
     use tandem_io_scene_motorcycle, only: build_motorcycle
     use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_rolling_disk, only: build_rolling_disk
-    implicit none
+    implicit none (type, external)
     private
 
     public :: model_names, build_model
@@ -16,6 +16,7 @@ module tandem_io_scene_registry
         !> Read [model] and what the model has in [initial]; the latter table stays open. Errors stay in the reader.
         subroutine build_interface(reader, model, q, qd)
             import :: reader_type, model_type, wp
+            implicit none (type, external)
             class(reader_type), intent(inout) :: reader
             !> The model, defined; not allocated where the reader has failed.
             class(model_type), allocatable, intent(out) :: model

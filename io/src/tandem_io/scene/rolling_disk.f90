@@ -3,7 +3,7 @@
 module tandem_io_scene_rolling_disk
     use tandem, only: model_type, rolling_disk_type, wp
     use tandem_io_scene_reader, only: positive, reader_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: build_rolling_disk

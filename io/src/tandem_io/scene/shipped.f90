@@ -7,7 +7,7 @@ module tandem_io_scene_shipped
     use tandem_io_scene_source, only: set_input_error
     use tandem_io_scene_text, only: listed, nearest
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_intptr_t, c_null_char, c_size_t
-    implicit none
+    implicit none (type, external)
     private
 
     public :: find_scene, shipped_scenes
@@ -25,6 +25,7 @@ module tandem_io_scene_shipped
         !> The names in a folder, a newline after each; the number of bytes written.
         function list_folder(path, names, size) result(length) bind(c, name='tandem_list_folder')
             import :: c_char, c_int
+            implicit none (type, external)
             character(kind=c_char), intent(in) :: path(*)
             character(kind=c_char), intent(out) :: names(*)
             integer(c_int), value :: size
@@ -34,6 +35,7 @@ module tandem_io_scene_shipped
         !> Where a symbolic link points to, without a null at its end; its length, or -1.
         function read_link(path, target_, size) result(length) bind(c, name='readlink')
             import :: c_char, c_size_t, c_intptr_t
+            implicit none (type, external)
             character(kind=c_char), intent(in) :: path(*)
             character(kind=c_char), intent(out) :: target_(*)
             integer(c_size_t), value :: size

@@ -3,7 +3,7 @@
 module tandem_io_scene_solver
     use tandem, only: basis_methods, chart_policies, error_type, options_type, refresh_modes, stepper_names
     use tandem_io_scene_reader, only: reader_type
-    implicit none
+    implicit none (type, external)
     private
 
     public :: read_solver

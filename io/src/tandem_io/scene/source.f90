@@ -8,7 +8,7 @@ module tandem_io_scene_source
     use tomlf, only: toml_context, toml_error, toml_parser_config, toml_table
     use tomlf_de_lexer, only: new_lexer_from_string, toml_lexer
     use tomlf_de_parser, only: parse
-    implicit none
+    implicit none (type, external)
     private
 
     public :: source_type, set_input_error

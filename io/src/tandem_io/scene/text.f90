@@ -3,7 +3,7 @@
 module tandem_io_scene_text
     use tandem, only: wp
     use tomlf_utils, only: toml_escape_string
-    implicit none
+    implicit none (type, external)
     private
 
     public :: to_toml, listed, nearest

@@ -7,7 +7,7 @@ module tandem_io_scene_values
     use tomlf, only: len, toml_array, toml_keyval, toml_table, toml_value
     use tomlf_constants, only: tfi, tfr, toml_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    implicit none
+    implicit none (type, external)
     private
 
     public :: convert, place_of

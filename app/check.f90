@@ -1,0 +1,115 @@
+! SPDX-License-Identifier: MIT
+!> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
+module tandem_app_check
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model, wp
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_io, only: find_scene, read_scene, scene_type
+    implicit none (type, external)
+    private
+
+    public :: check
+
+    !> States at which procedures are compared.
+    integer, parameter :: n_states = 10
+
+contains
+
+    !> Check a scene. The exit code is 1 where a procedure is wrong, 2 where the scene cannot be started.
+    subroutine check(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(scene_type), target :: scene
+        type(finding_type), allocatable :: findings(:)
+        type(error_type), allocatable :: error, start_error
+        character(len=:), allocatable :: path
+
+        call arguments%parse([character(len=8) :: '--set', '--help'], .true., error)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        if (.not. allocated(error)) call find_scene(arguments%scene, path, error)
+        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error)
+        if (.not. allocated(error)) then
+          call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
+        end if
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+            return
+        end if
+        associate (model => scene%model)
+            write (output_unit, '(a)') scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
+                ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints, '// &
+                to_text(model%n - model%n_constraints())//' degrees of freedom'
+        end associate
+        call print_findings(scene, findings)
+        call print_start(scene, start_error)
+        code = merge(done, run_failed, all(findings%passed))
+        if (.not. allocated(start_error)) return
+        call complain(start_error%message)
+        code = input_wrong
+    end subroutine check
+
+    !> One line a procedure; the place and the numbers of what is wrong.
+    subroutine print_findings(scene, findings)
+        type(scene_type), intent(in) :: scene
+        type(finding_type), intent(in) :: findings(:)
+        character(len=:), allocatable :: place
+        integer :: i
+
+        write (output_unit, '(a)') 'procedures against differences at '//to_text(n_states)//' random states:'
+        do i = 1, size(findings)
+            associate (finding => findings(i))
+                if (finding%passed) then
+                    write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'right, within '//brief(finding%error)
+                    cycle
+                end if
+                place = 'row '//to_text(finding%row)
+                if (finding%row == 0) place = 'it could not be evaluated'
+                if (finding%column > 0) place = place//', column '//to_text(finding%column)// &
+                    ' ('//coordinate(scene, finding%column)//')'
+                write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'WRONG by '//brief(finding%error)// &
+                    ' of its largest entry: '//place//' is '//to_text(finding%value)//', differences give '// &
+                    to_text(finding%expected)
+            end associate
+        end do
+    end subroutine print_findings
+
+    !> Whether the simulation would start, with the rank and how far it is off the constraints.
+    subroutine print_start(scene, error)
+        type(scene_type), intent(inout), target :: scene
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error)
+        if (allocated(error)) return
+        write (output_unit, '(a)') 'start: C has full rank '//to_text(scene%model%n_constraints())// &
+            ', the errors of position, velocity and acceleration are '//brief(simulation%errors(1))//', '// &
+            brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales'
+    end subroutine print_start
+
+    !> The name of a coordinate.
+    function coordinate(scene, i) result(name)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: i
+        character(len=:), allocatable :: name
+
+        name = 'q'//to_text(i)
+        if (allocated(scene%model%coordinate_name)) name = trim(scene%model%coordinate_name(i))
+    end function coordinate
+
+    !> A number with two digits.
+    pure function brief(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=12) :: buffer
+
+        write (buffer, '(es8.1)') value
+        text = trim(adjustl(buffer))
+    end function brief
+end module tandem_app_check
