@@ -2,7 +2,7 @@
 !> The command line: a subcommand, then words and options in any order.
 module tandem_app_arguments
     use tandem, only: error_type
-    use tandem_io, only: nearest
+    use tandem_io, only: nearest_name
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
@@ -91,7 +91,7 @@ contains
         if (name == '-h') name = '--help'
         i = findloc(options%name == name .and. [(any(options(i)%name == allowed), i=1, size(options))], .true., dim=1)
         if (i == 0) then
-            value = nearest(name, allowed)
+            value = nearest_name(name, allowed)
             if (value /= '') value = '; did you mean '//value//'?'
             call set_usage_error(error, self%command, 'has no option '//name//value)
             return
@@ -127,16 +127,12 @@ contains
     subroutine add_setting(self, setting)
         class(arguments_type), intent(inout) :: self
         character(len=*), intent(in) :: setting
-        character(len=:), allocatable :: longer(:)
-        integer :: i, n
+        character(len=max(len(self%settings), len(setting))) :: longer(size(self%settings) + 1)
 
-        n = size(self%settings)
-        allocate (character(len=max(len(self%settings), len(setting))) :: longer(n + 1))
-        do i = 1, n
-            longer(i) = self%settings(i)
-        end do
-        longer(n + 1) = setting
-        call move_alloc(longer, self%settings)
+        longer(:size(self%settings)) = self%settings
+        longer(size(longer)) = setting
+        deallocate (self%settings)
+        allocate (self%settings, source=longer)
     end subroutine add_setting
 
     !> A text in TOML's quotes.

@@ -3,7 +3,7 @@
 module tandem_app_help
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem_app_messages, only: complain, done, input_wrong
-    use tandem_io, only: nearest
+    use tandem_io, only: nearest_name
     implicit none (type, external)
     private
 
@@ -59,7 +59,7 @@ contains
         integer, intent(out) :: code
         character(len=:), allocatable :: guess
 
-        guess = nearest(command, commands)
+        guess = nearest_name(command, commands)
         if (guess /= '') guess = ' Did you mean "'//guess//'"?'
         call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
         code = input_wrong

@@ -6,7 +6,7 @@ module tandem_app_list
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong
-    use tandem_io, only: read_scene, scene_type, shipped_scenes
+    use tandem_io, only: path_length, read_scene, scene_type, shipped_scenes
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
     private
@@ -38,12 +38,12 @@ contains
 
     !> The scenes.
     subroutine list_scenes()
-        character(len=:), allocatable :: paths(:)
+        character(len=path_length), allocatable :: paths(:)
         type(scene_type) :: scene
         type(error_type), allocatable :: error
         integer :: i
 
-        paths = shipped_scenes()
+        allocate (paths, source=shipped_scenes())
         if (size(paths) == 0) then
             write (output_unit, '(a)') 'No scenes were found; set TANDEM_SCENES to the folder that holds them.'
             return

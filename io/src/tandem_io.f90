@@ -6,13 +6,13 @@ module tandem_io
     use tandem_io_output_trajectory, only: energy_type, trajectory_type
     use tandem_io_scene, only: read_scene, scene_type
     use tandem_io_scene_registry, only: model_names
-    use tandem_io_scene_shipped, only: find_scene, shipped_scenes
-    use tandem_io_scene_text, only: nearest, to_toml
+    use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
+    use tandem_io_scene_text, only: nearest_name, to_toml
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene, find_scene, shipped_scenes, model_names, nearest, to_toml
+    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, nearest_name, to_toml
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: tandem_version, format_version
 end module tandem_io

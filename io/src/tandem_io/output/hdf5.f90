@@ -14,7 +14,7 @@ module tandem_io_output_hdf5
         h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_string, &
         h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
     use tandem, only: long, wp
-    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_loc, c_null_char, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
     private
 
@@ -48,18 +48,18 @@ module tandem_io_output_hdf5
 
         !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
         function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
-            import :: hid_t, c_char, c_int
+            import :: c_char, c_int, c_int64_t
             implicit none (type, external)
-            integer(hid_t), value :: dataset
+            integer(c_int64_t), value :: dataset
             character(kind=c_char), intent(in) :: name(*)
             integer(c_int) :: stat
         end function h5ds_set_scale
 
         !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
         function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
-            import :: hid_t, c_int
+            import :: c_int, c_int64_t
             implicit none (type, external)
-            integer(hid_t), value :: dataset, scale
+            integer(c_int64_t), value :: dataset, scale
             integer(c_int), value :: dimension
             integer(c_int) :: stat
         end function h5ds_attach_scale
@@ -149,9 +149,9 @@ contains
         call h5sclose_f(space, stat)
         if (allocated(self%problem)) return
         if (present(scale)) then
-            stat = int(h5ds_attach_scale(dataset, scale, 0_c_int))
+            stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(scale, c_int64_t), 0_c_int))
         else
-            stat = int(h5ds_set_scale(dataset, [character(kind=c_char) :: 't', 'i', 'm', 'e', c_null_char]))
+            stat = int(h5ds_set_scale(int(dataset, c_int64_t), [character(kind=c_char) :: 't', 'i', 'm', 'e', c_null_char]))
         end if
         call self%note(stat, 'attach the time to '//path)
     end subroutine add_dataset

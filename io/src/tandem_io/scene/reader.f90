@@ -7,7 +7,7 @@ module tandem_io_scene_reader
     use tandem, only: error_type, wp
     use tandem_io_scene_ledger, only: key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
-    use tandem_io_scene_text, only: listed, nearest, to_toml
+    use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_scene_values, only: convert, place_of
     use tomlf, only: toml_key, toml_table, toml_value
     implicit none (type, external)
@@ -285,7 +285,7 @@ contains
             call convert(self%sources(source), found, text, problem)
             if (problem == '' .and. .not. any(text == choices)) then
                 problem = 'must be one of '//listed(choices)
-                if (nearest(text, choices) /= '') problem = problem//'; did you mean "'//nearest(text, choices)//'"?'
+                if (nearest_name(text, choices) /= '') problem = problem//'; did you mean "'//nearest_name(text, choices)//'"?'
             end if
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
@@ -305,7 +305,7 @@ contains
         character(len=*), intent(in), optional :: unit, help
         real(wp), allocatable :: numbers(:)
 
-        numbers = values
+        allocate (numbers, source=values)
         call self%get_reals(key, numbers, size(values), check, unit, help)
         if (size(numbers) == size(values)) values = numbers
     end subroutine get_vector
@@ -361,8 +361,8 @@ contains
                 if (problem /= '') exit
                 if (.not. any(values(i) == choices)) then
                     problem = '"'//trim(values(i))//'" is none of '//listed(choices)
-                    if (nearest(trim(values(i)), choices) /= '') then
-                        problem = problem//'; did you mean "'//nearest(trim(values(i)), choices)//'"?'
+                    if (nearest_name(trim(values(i)), choices) /= '') then
+                        problem = problem//'; did you mean "'//nearest_name(trim(values(i)), choices)//'"?'
                     end if
                 else if (count(values == values(i)) > 1) then
                     problem = 'has "'//trim(values(i))//'" more than once'
@@ -465,7 +465,7 @@ contains
         character(len=*), intent(in) :: word, names(:)
         character(len=:), allocatable :: question
 
-        question = nearest(word, names)
+        question = nearest_name(word, names)
         if (question /= '') question = 'did you mean "'//question//'"?'
     end function meant
 end module tandem_io_scene_reader

@@ -48,7 +48,7 @@ contains
         character(len=key_length), allocatable :: names(:)
         type(builder_type), allocatable :: list(:)
 
-        list = builders()
+        allocate (list, source=builders())
         names = list%name
     end function model_names
 
@@ -62,7 +62,7 @@ contains
         type(builder_type), allocatable :: list(:)
         integer :: i
 
-        list = builders()
+        allocate (list, source=builders())
         do i = 1, size(list)
             if (list(i)%name == name) call list(i)%build(reader, model, q, qd)
         end do

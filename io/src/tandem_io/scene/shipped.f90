@@ -5,19 +5,19 @@
 module tandem_io_scene_shipped
     use tandem, only: error_type
     use tandem_io_scene_source, only: set_input_error
-    use tandem_io_scene_text, only: listed, nearest
+    use tandem_io_scene_text, only: listed, nearest_name
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_intptr_t, c_null_char, c_size_t
     implicit none (type, external)
     private
 
-    public :: find_scene, shipped_scenes
+    public :: find_scene, path_length, shipped_scenes
 
     !> How many folders above the program are looked at.
     integer, parameter :: levels = 4
     !> Most scenes in a list.
     integer, parameter :: most = 256
     !> Longest path.
-    integer, parameter :: longest = 4096
+    integer, parameter :: path_length = 4096
     !> How the name of a scene file ends.
     character(len=*), parameter :: ending = '.toml'
 
@@ -51,8 +51,9 @@ contains
         character(len=*), intent(in) :: name
         character(len=:), allocatable, intent(out) :: path
         type(error_type), allocatable, intent(out) :: error
-        character(len=longest), allocatable :: folders(:)
-        character(len=:), allocatable :: names(:), message
+        character(len=path_length), allocatable :: folders(:)
+        character(len=path_length), allocatable :: names(:)
+        character(len=:), allocatable :: message
         logical :: exists
         integer :: i
 
@@ -61,18 +62,18 @@ contains
         if (len(name) > len(ending)) then
             if (name(len(name) - len(ending) + 1:) == ending) return
         end if
-        folders = scene_folders()
+        allocate (folders, source=scene_folders())
         do i = 1, size(folders)
             path = trim(folders(i))//'/'//name//ending
             inquire (file=path, exist=exists)
             if (exists) return
         end do
-        names = shipped_scenes()
+        allocate (names, source=shipped_scenes())
         do i = 1, size(names)
             names(i) = name_of(names(i))
         end do
         message = 'there is no scene "'//name//'"'
-        if (nearest(name, names) /= '') message = message//'; did you mean "'//nearest(name, names)//'"?'
+        if (nearest_name(name, names) /= '') message = message//'; did you mean "'//nearest_name(name, names)//'"?'
         message = message//new_line('a')//'A scene is the path of a TOML file, or a name'
         if (size(names) > 0) then
             message = message//': '//listed(names)
@@ -84,13 +85,13 @@ contains
 
     !> The paths of all scenes that have a name, sorted by it.
     function shipped_scenes() result(paths)
-        character(len=:), allocatable :: paths(:)
-        character(len=longest), allocatable :: folders(:)
-        character(len=longest), allocatable :: found(:)
-        character(len=longest) :: swap
+        character(len=path_length), allocatable :: paths(:)
+        character(len=path_length), allocatable :: folders(:)
+        character(len=path_length), allocatable :: found(:)
+        character(len=path_length) :: swap
         integer :: i, j, n
 
-        folders = scene_folders()
+        allocate (folders, source=scene_folders())
         allocate (found(most))
         n = 0
         do i = 1, size(folders)
@@ -104,14 +105,13 @@ contains
                 found(j - 1) = swap
             end do
         end do
-        allocate (character(len=longest) :: paths(n))
-        paths = found(:n)
+        allocate (paths, source=found(:n))
     end function shipped_scenes
 
     !> Add the scenes of a folder whose names are not taken.
     subroutine add_scenes(folder, found, n)
         character(len=*), intent(in) :: folder
-        character(len=longest), intent(inout) :: found(:)
+        character(len=path_length), intent(inout) :: found(:)
         integer, intent(inout) :: n
         character(kind=c_char), allocatable :: names(:)
         character(len=:), allocatable :: name
@@ -150,9 +150,9 @@ contains
 
     !> The folders to look in, in their order.
     function scene_folders() result(folders)
-        character(len=longest), allocatable :: folders(:)
+        character(len=path_length), allocatable :: folders(:)
         character(len=:), allocatable :: program_
-        character(len=longest) :: named
+        character(len=path_length) :: named
         integer :: i, n, last, length, stat
 
         allocate (folders(levels + 3))
@@ -181,11 +181,11 @@ contains
     !> The real path of this program, or how it was called.
     function program_path() result(path)
         character(len=:), allocatable :: path
-        character(kind=c_char) :: letters(longest)
-        character(len=longest) :: called
+        character(kind=c_char) :: letters(path_length)
+        character(len=path_length) :: called
         integer :: i, length, stat
 
-        length = int(read_link('/proc/self/exe'//c_null_char, letters, int(longest, c_size_t)))
+        length = int(read_link('/proc/self/exe'//c_null_char, letters, int(path_length, c_size_t)))
         if (length > 0) then
             allocate (character(len=length) :: path)
             do i = 1, length

@@ -6,7 +6,7 @@ module tandem_io_scene_text
     implicit none (type, external)
     private
 
-    public :: to_toml, listed, nearest
+    public :: to_toml, listed, nearest_name
 
     !> A value as TOML: real, integer, text, and arrays of reals and of texts.
     interface to_toml
@@ -125,7 +125,7 @@ contains
     end function listed
 
     !> The name that the writer may have meant, or nothing: the one that the fewest edits reach, a third of its length at most.
-    pure function nearest(word, names) result(name)
+    pure function nearest_name(word, names) result(name)
         !> What was written.
         character(len=*), intent(in) :: word
         !> What exists.
@@ -143,7 +143,7 @@ contains
                 name = trim(names(i))
             end if
         end do
-    end function nearest
+    end function nearest_name
 
     !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
     pure integer function edits(a, b)
@@ -157,9 +157,10 @@ contains
             do i = 1, len(a)
                 cost(i, j) = min(cost(i - 1, j) + 1, cost(i, j - 1) + 1, &
                     cost(i - 1, j - 1) + merge(0, 1, a(i:i) == b(j:j)))
-                if (i == 1 .or. j == 1) cycle
-                if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) then
-                    cost(i, j) = min(cost(i, j), cost(i - 2, j - 2) + 1)
+                if (min(i, j) > 1) then
+                    if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) then
+                        cost(i, j) = min(cost(i, j), cost(max(0, i - 2), max(0, j - 2)) + 1)
+                    end if
                 end if
             end do
         end do
