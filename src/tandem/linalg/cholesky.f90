@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Cholesky factorisation of a symmetric positive definite matrix; work space allocated once.
+!> Cholesky factorisation of a symmetric positive definite matrix; work space allocated once. Up to order 16 by loops of our
+!> own, LAPACK above, for the reasons given with the LU factorisation.
 module tandem_linalg_cholesky
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dpotrf, dpotrs
@@ -7,6 +8,9 @@ module tandem_linalg_cholesky
     private
 
     public :: cholesky_type
+
+    !> Largest order of the loops.
+    integer, parameter :: largest_small = 16
 
     type :: cholesky_type
         private
@@ -16,6 +20,8 @@ module tandem_linalg_cholesky
         procedure :: allocate => allocate_cholesky
         procedure :: factor
         procedure :: solve
+        procedure, private :: factor_small
+        procedure, private :: solve_small
     end type cholesky_type
 
 contains
@@ -43,7 +49,11 @@ contains
         stat = 0
         if (self%n == 0) return
         self%factor_ = matrix
-        call dpotrf('L', self%n, self%factor_, self%n, stat)
+        if (self%n <= largest_small) then
+            call self%factor_small(stat)
+        else
+            call dpotrf('L', self%n, self%factor_, self%n, stat)
+        end if
         if (stat /= 0) return
         do i = 1, self%n
             if (self%factor_(i, i)**2 > smallest_pivot*matrix(i, i)) cycle
@@ -58,6 +68,59 @@ contains
         real(wp), intent(inout), contiguous :: b(:)
         integer :: info
 
-        if (self%n > 0) call dpotrs('L', self%n, 1, self%factor_, self%n, b, self%n, info)
+        if (self%n <= largest_small) then
+            call self%solve_small(b)
+        else
+            call dpotrs('L', self%n, 1, self%factor_, self%n, b, self%n, info)
+        end if
     end subroutine solve
+
+    !> The factor, column by column. stat > 0: the leading minor of that order is not positive.
+    subroutine factor_small(self, stat)
+        class(cholesky_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        real(wp) :: f
+        integer :: i, j, k
+
+        stat = 0
+        associate (l => self%factor_, n => self%n)
+            do j = 1, n
+                do k = 1, j - 1
+                    f = l(j, k)
+                    do i = j, n
+                        l(i, j) = l(i, j) - l(i, k)*f
+                    end do
+                end do
+                if (.not. l(j, j) > 0.0_wp) then
+                    stat = j
+                    return
+                end if
+                l(j, j) = sqrt(l(j, j))
+                f = 1.0_wp/l(j, j)
+                do i = j + 1, n
+                    l(i, j) = l(i, j)*f
+                end do
+            end do
+        end associate
+    end subroutine factor_small
+
+    !> Forward and back substitution.
+    pure subroutine solve_small(self, b)
+        class(cholesky_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: b(:)
+        integer :: i, k
+
+        do k = 1, self%n
+            b(k) = b(k)/self%factor_(k, k)
+            do i = k + 1, self%n
+                b(i) = b(i) - self%factor_(i, k)*b(k)
+            end do
+        end do
+        do k = self%n, 1, -1
+            do i = k + 1, self%n
+                b(k) = b(k) - self%factor_(i, k)*b(i)
+            end do
+            b(k) = b(k)/self%factor_(k, k)
+        end do
+    end subroutine solve_small
 end module tandem_linalg_cholesky

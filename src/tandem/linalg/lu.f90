@@ -1,5 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> LU factorisation of a square matrix, with its solution and condition estimate; work space allocated once.
+!>
+!> Up to order 16 by loops of our own, which store factors and pivots as LAPACK does: there a call of LAPACK costs more than
+!> its arithmetic (2 to 4 times measured), and a threaded BLAS may start threads for it. LAPACK above.
 module tandem_linalg_lu
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
@@ -7,6 +10,9 @@ module tandem_linalg_lu
     private
 
     public :: lu_type
+
+    !> Largest order of the loops.
+    integer, parameter :: largest_small = 16
 
     type :: lu_type
         private
@@ -21,6 +27,8 @@ module tandem_linalg_lu
         procedure :: solve_transposed
         procedure :: invert
         procedure :: reciprocal_condition
+        procedure, private :: factor_small
+        procedure, private :: solve_small
     end type lu_type
 
 contains
@@ -46,7 +54,11 @@ contains
         if (self%n == 0) return
         self%factors = matrix
         self%norm = maxval(sum(abs(matrix), dim=1))
-        call dgetrf(self%n, self%n, self%factors, self%n, self%pivots, stat)
+        if (self%n <= largest_small) then
+            call self%factor_small(stat)
+        else
+            call dgetrf(self%n, self%n, self%factors, self%n, self%pivots, stat)
+        end if
         if (stat == 0 .and. .not. self%norm <= huge(1.0_wp)) stat = 1
     end subroutine factor
 
@@ -56,7 +68,11 @@ contains
         real(wp), intent(inout), contiguous :: b(:)
         integer :: info
 
-        if (self%n > 0) call dgetrs('N', self%n, 1, self%factors, self%n, self%pivots, b, self%n, info)
+        if (self%n <= largest_small) then
+            call self%solve_small(b)
+        else
+            call dgetrs('N', self%n, 1, self%factors, self%n, self%pivots, b, self%n, info)
+        end if
     end subroutine solve
 
     !> b := A'^-1 b for a vector (n).
@@ -78,8 +94,85 @@ contains
         do i = 1, self%n
             inverse(i, i) = 1.0_wp
         end do
-        if (self%n > 0) call dgetrs('N', self%n, self%n, self%factors, self%n, self%pivots, inverse, self%n, info)
+        if (self%n <= largest_small) then
+            do i = 1, self%n
+                call self%solve_small(inverse(:, i))
+            end do
+        else
+            call dgetrs('N', self%n, self%n, self%factors, self%n, self%pivots, inverse, self%n, info)
+        end if
     end subroutine invert
+
+    !> Gaussian elimination with row pivoting, column by column. stat > 0: no pivot in that column.
+    subroutine factor_small(self, stat)
+        class(lu_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        real(wp) :: largest, swap, f
+        integer :: i, j, k, p
+
+        stat = 0
+        associate (a => self%factors, n => self%n)
+            do k = 1, n
+                p = k
+                largest = abs(a(k, k))
+                do i = k + 1, n
+                    if (.not. abs(a(i, k)) > largest) cycle
+                    largest = abs(a(i, k))
+                    p = i
+                end do
+                self%pivots(k) = p
+                if (.not. largest > 0.0_wp) then
+                    stat = k
+                    return
+                end if
+                if (p /= k) then
+                    do j = 1, n
+                        swap = a(k, j)
+                        a(k, j) = a(p, j)
+                        a(p, j) = swap
+                    end do
+                end if
+                f = 1.0_wp/a(k, k)
+                do i = k + 1, n
+                    a(i, k) = a(i, k)*f
+                end do
+                do j = k + 1, n
+                    f = a(k, j)
+                    do i = k + 1, n
+                        a(i, j) = a(i, j) - a(i, k)*f
+                    end do
+                end do
+            end do
+        end associate
+    end subroutine factor_small
+
+    !> Forward and back substitution.
+    pure subroutine solve_small(self, b)
+        class(lu_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: b(:)
+        real(wp) :: f
+        integer :: i, k, p
+
+        do k = 1, self%n
+            p = self%pivots(k)
+            f = b(p)
+            b(p) = b(k)
+            b(k) = f
+        end do
+        do k = 1, self%n
+            f = b(k)
+            do i = k + 1, self%n
+                b(i) = b(i) - self%factors(i, k)*f
+            end do
+        end do
+        do k = self%n, 1, -1
+            b(k) = b(k)/self%factors(k, k)
+            f = b(k)
+            do i = 1, k - 1
+                b(i) = b(i) - self%factors(i, k)*f
+            end do
+        end do
+    end subroutine solve_small
 
     !> An estimate of 1/cond in the 1-norm; 1 for n = 0.
     real(wp) function reciprocal_condition(self)
