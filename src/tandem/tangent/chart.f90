@@ -21,7 +21,7 @@ module tandem_tangent_chart
         real(wp) :: v = 0.0_wp, w = 0.0_wp
         !> |D|_2 and |Fbar|_2: 1 at the origin, then the secant of the angle between the tangent spaces.
         real(wp) :: d = 1.0_wp, fbar = 1.0_wp
-        !> Condition number of (38), and corrections of the last iteration for u.
+        !> Condition number of (38) or (81), and the most corrections of an iteration for u, B or H since the last look.
         real(wp) :: condition = 1.0_wp
         integer :: corrections = 0
     end type health_type

@@ -43,7 +43,7 @@ module tandem_tangent_dense
         type(derivatives_type) :: derivatives
         !> n coordinates, nh holonomic and m constraints.
         integer :: n = 0, nh = 0, m = 0
-        logical :: refines = .false., has_bases = .false., uses_svd = .false., has_gamma = .true.
+        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false., has_gamma = .true.
         logical :: watches_v = .false., watches_w = .false., watches_secants = .false., watches_condition = .false.
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
@@ -100,6 +100,7 @@ contains
         integer :: way
 
         self%refines = options%refresh == 'refine'
+        self%is_implicit = implicit
         self%has_bases = implicit .or. self%refines
         self%uses_svd = options%basis == 'svd'
         self%watches_v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
@@ -533,7 +534,9 @@ contains
         real(wp), intent(in), contiguous :: q(:), qd(:)
         type(health_type), intent(out) :: health
 
-        health%corrections = max(self%position%last_corrections, self%position%last_b_corrections, self%split%last_corrections())
+        health%corrections = max(self%position%most_corrections, self%split%most_corrections)
+        self%position%most_corrections = 0
+        self%split%most_corrections = 0
         if (self%watches_v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
         if (self%watches_w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
         if (self%watches_condition) call self%condition(health%condition)
@@ -547,13 +550,18 @@ contains
         end if
     end subroutine measure_health
 
-    !> The condition number of [M D, C'], the matrix of (38) without its unit block; infinite where it is singular.
+    !> The condition number of the equations: for explicit steps of [M D, C'], the matrix of (38) without its unit block, for
+    !> implicit ones of the Newton matrix (81), reduced; infinite where it is singular.
     subroutine condition(self, value)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(out) :: value
         real(wp) :: reciprocal
         integer :: stat
 
+        if (self%is_implicit) then
+            value = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
+            return
+        end if
         associate (k => self%n - self%m)
             self%equations(:, :k) = matmul(self%model%terms%mass, self%split%null_space)
             self%equations(:, k + 1:) = transpose(self%model%terms%jacobian)

@@ -21,8 +21,8 @@ module tandem_tangent_position
         !> After a failure: the worst row and its error on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_value = 0.0_wp
-        !> Corrections of the last iteration for u, and of the last refinement of B.
-        integer :: last_corrections = 0, last_b_corrections = 0
+        !> Most corrections that an iteration for u, or a refinement of B, has taken since the caller set this to zero.
+        integer :: most_corrections = 0
         logical, private :: refines = .false.
         integer, private :: n = 0, nh = 0
         real(wp), private :: utol = 0.0_wp, btol = 0.0_wp
@@ -118,7 +118,7 @@ contains
         if (self%nh == 0 .or. .not. self%refines) return
         call self%set_phi_u(jacobian)
         call self%b%refine(self%phi_u, self%btol, counts%b_corrections, stat)
-        self%last_b_corrections = self%b%last_corrections
+        self%most_corrections = max(self%most_corrections, self%b%last_corrections)
     end subroutine refine
 
     !> q = origin + increment - U u with Phi(t, q) = 0; leaves Phi at q in the evaluator.
@@ -133,18 +133,17 @@ contains
         !> A status code.
         integer, intent(out) :: stat
         !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
-        integer, parameter :: most_corrections = 40
+        integer, parameter :: limit = 40
         real(wp) :: error, first_error
         integer :: k
 
         stat = status_ok
         self%failed_row = 0
-        self%last_corrections = 0
         self%origin = origin + increment
         q = self%origin
         if (self%nh == 0) return
         first_error = 0.0_wp
-        do k = 0, most_corrections
+        do k = 0, limit
             q = self%origin
             call add_product(self%u_basis, self%u, -1.0_wp, q)
             ! Phi does not depend on the velocity; q stands in for it.
@@ -160,7 +159,7 @@ contains
                 return
             end if
             if (k == 0) first_error = error
-            if (k == most_corrections .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
+            if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
             if (self%refines) then
                 self%correction = 0.0_wp
                 call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%correction)
@@ -170,7 +169,7 @@ contains
             end if
             self%u = self%u + self%correction
             counts%position_corrections = counts%position_corrections + 1
-            self%last_corrections = k + 1
+            self%most_corrections = max(self%most_corrections, k + 1)
         end do
         stat = status_position_diverged
         self%failed_row = maxloc(self%errors, dim=1)

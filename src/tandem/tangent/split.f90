@@ -25,6 +25,8 @@ module tandem_tangent_split
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
         !> After a failure: the row without a pivot, 0 where it is not one row's fault.
         integer :: failed_row = 0
+        !> Most corrections that a refinement of H has taken since the caller set this to zero.
+        integer :: most_corrections = 0
         integer, private :: way = by_elimination
         integer, private :: m = 0
         real(wp), private :: htol = 0.0_wp
@@ -37,7 +39,6 @@ module tandem_tangent_split
         procedure :: allocate => allocate_split
         procedure :: start
         procedure :: update
-        procedure :: last_corrections
         procedure, private :: invert
     end type split_type
 
@@ -105,6 +106,7 @@ contains
         case default ! by_refinement
             call set_product(jacobian, x_basis, self%c_x)
             call self%h%refine(self%c_x, self%htol, counts%h_corrections, stat)
+            self%most_corrections = max(self%most_corrections, self%h%last_corrections)
         end select
         if (stat /= status_ok) return
         call set_product(x_basis, self%h%inverse, self%right_inverse)
@@ -112,13 +114,6 @@ contains
         call set_product(self%right_inverse, self%c_w, self%null_space)
         self%null_space = w_basis - self%null_space
     end subroutine update
-
-    !> Corrections of the last refinement of H.
-    pure integer function last_corrections(self)
-        class(split_type), intent(in) :: self
-
-        last_corrections = merge(self%h%last_corrections, 0, self%way == by_refinement)
-    end function last_corrections
 
     !> H = (C X)^-1 by LU.
     subroutine invert(self, jacobian, x_basis, stat)
