@@ -1,6 +1,45 @@
+! SPDX-License-Identifier: MIT
+!> Runs the tests: all of them, one suite, or one test. Usage: tandem-test [SUITE [TEST]]
 program main
-    use testdrive, only: error_type
-    use tandem, only: wp
+    use test_linalg_basis, only: collect_linalg_basis
+    use test_linalg_elimination, only: collect_linalg_elimination
+    use test_linalg_solvers, only: collect_linalg_solvers
+    use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
+    use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
-    print *, wp
+    type(testsuite_type), allocatable :: suites(:)
+    character(len=:), allocatable :: suite_name, test_name
+    integer :: i, n_failed
+
+    suites = [ &
+        new_testsuite('linalg_basis', collect_linalg_basis), &
+        new_testsuite('linalg_solvers', collect_linalg_solvers), &
+        new_testsuite('linalg_elimination', collect_linalg_elimination)]
+    n_failed = 0
+    call get_argument(1, suite_name)
+    call get_argument(2, test_name)
+    if (allocated(suite_name)) then
+        i = select_suite(suites, suite_name)
+        if (i < 1 .or. i > size(suites)) then
+            write (error_unit, '(a)') 'no suite "'//suite_name//'"; there are:'
+            write (error_unit, '(2x, a)') (suites(i)%name, i=1, size(suites))
+            error stop 2
+        end if
+        write (error_unit, '(a)') '# '//suites(i)%name
+        if (allocated(test_name)) then
+            call run_selected(suites(i)%collect, test_name, error_unit, n_failed)
+            if (n_failed < 0) error stop 2
+        else
+            call run_testsuite(suites(i)%collect, error_unit, n_failed)
+        end if
+    else
+        do i = 1, size(suites)
+            write (error_unit, '(a)') '# '//suites(i)%name
+            call run_testsuite(suites(i)%collect, error_unit, n_failed)
+        end do
+    end if
+    if (n_failed > 0) then
+        write (error_unit, '(i0, a)') n_failed, ' tests failed'
+        error stop 1
+    end if
 end program main

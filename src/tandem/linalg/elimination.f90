@@ -18,6 +18,8 @@ module tandem_linalg_elimination
         logical :: has_pivots = .false.
         !> The working copy of C' (n, m).
         real(wp), allocatable :: rows(:, :)
+        !> Largest scaled entry of each row of C (m).
+        real(wp), allocatable :: row_size(:)
         !> Pivot column of each row (m); the remaining columns (n - m).
         integer, allocatable :: pivot(:), free(:)
         logical, allocatable :: taken(:)
@@ -41,8 +43,8 @@ contains
         self%m = m
         self%n = n
         self%has_pivots = .false.
-        if (allocated(self%rows)) deallocate (self%rows, self%pivot, self%free, self%taken)
-        allocate (self%rows(n, m), source=0.0_wp)
+        if (allocated(self%rows)) deallocate (self%rows, self%row_size, self%pivot, self%free, self%taken)
+        allocate (self%rows(n, m), self%row_size(m), source=0.0_wp)
         allocate (self%pivot(m), self%free(n - m), source=0)
         allocate (self%taken(n), source=.false.)
     end subroutine allocate_elimination
@@ -90,13 +92,17 @@ contains
         real(wp), intent(in) :: matrix(:, :), scale(:)
         logical, intent(in) :: search
         integer, intent(out) :: stat
+        !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
+        real(wp), parameter :: smallest_pivot = 0.05_wp
         real(wp) :: largest, candidate, inverse, f
         integer :: i, j, k, p
 
         stat = 0
+        self%row_size = 0.0_wp
         do j = 1, self%n
             do k = 1, self%m
                 self%rows(j, k) = matrix(k, j)
+                self%row_size(k) = max(self%row_size(k), abs(matrix(k, j))*scale(j))
             end do
         end do
         do k = 1, self%m
@@ -115,6 +121,7 @@ contains
                 end if
             else
                 p = self%pivot(k)
+                if (.not. abs(self%rows(p, k))*scale(p) >= smallest_pivot*self%row_size(k)) p = 0
             end if
             if (p > 0) then
                 if (.not. abs(self%rows(p, k)) > tiny(1.0_wp)) p = 0

@@ -1,0 +1,137 @@
+! SPDX-License-Identifier: MIT
+!> Checks with messages that show the figure and the bound.
+module asserts
+    use tandem, only: failure_type => error_type, long, status_name, wp
+    use testdrive, only: error_type, test_failed
+    implicit none (type, external)
+    private
+
+    public :: check_below, check_between, check_count, check_text, check_no_failure, check_failure, check_close
+    public :: format_real
+
+    !> Counters come in two kinds.
+    interface check_count
+        module procedure check_count_default
+        module procedure check_count_long
+    end interface check_count
+
+contains
+
+    !> Fail unless value <= bound. A NaN fails.
+    subroutine check_below(error, value, bound, what)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), intent(in) :: value, bound
+        !> What the value is.
+        character(len=*), intent(in) :: what
+
+        if (allocated(error)) return
+        if (value <= bound) return
+        call test_failed(error, what//' is '//format_real(value)//', allowed are '//format_real(bound))
+    end subroutine check_below
+
+    !> Fail unless low <= value <= high. A NaN fails.
+    subroutine check_between(error, value, low, high, what)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), intent(in) :: value, low, high
+        character(len=*), intent(in) :: what
+
+        if (allocated(error)) return
+        if (value >= low .and. value <= high) return
+        call test_failed(error, what//' is '//format_real(value)//', expected from '//format_real(low)//' to '//format_real(high))
+    end subroutine check_between
+
+    !> Fail unless the arrays agree within a bound in the max-norm. A NaN fails.
+    subroutine check_close(error, found, expected, bound, what)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), intent(in) :: found(:), expected(:), bound
+        character(len=*), intent(in) :: what
+        integer :: i
+
+        if (allocated(error)) return
+        if (size(found) /= size(expected)) then
+            call test_failed(error, what//': sizes differ')
+            return
+        end if
+        do i = 1, size(found)
+            if (abs(found(i) - expected(i)) <= bound) cycle
+            call test_failed(error, what//' differ by '//format_real(abs(found(i) - expected(i)))//', allowed are '// &
+                format_real(bound))
+            return
+        end do
+    end subroutine check_close
+
+    !> Fail unless a counter has a value.
+    subroutine check_count_default(error, found, expected, what)
+        type(error_type), allocatable, intent(inout) :: error
+        integer, intent(in) :: found, expected
+        character(len=*), intent(in) :: what
+
+        call check_count_long(error, int(found, long), expected, what)
+    end subroutine check_count_default
+
+    !> Fail unless a counter has a value.
+    subroutine check_count_long(error, found, expected, what)
+        type(error_type), allocatable, intent(inout) :: error
+        integer(long), intent(in) :: found
+        integer, intent(in) :: expected
+        character(len=*), intent(in) :: what
+        character(len=64) :: text
+
+        if (allocated(error)) return
+        if (found == expected) return
+        write (text, '(a, i0, a, i0)') ': found ', found, ', expected ', expected
+        call test_failed(error, what//trim(text))
+    end subroutine check_count_long
+
+    !> Fail unless a text contains a piece.
+    subroutine check_text(error, text, piece)
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=*), intent(in) :: text, piece
+
+        if (allocated(error)) return
+        if (index(text, piece) > 0) return
+        call test_failed(error, 'the message "'//text//'" should contain "'//piece//'"')
+    end subroutine check_text
+
+    !> Fail if tandem reported a failure.
+    subroutine check_no_failure(error, failure)
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable, intent(in) :: failure
+
+        if (allocated(error)) return
+        if (.not. allocated(failure)) return
+        call test_failed(error, 'tandem reported: '//failure%message)
+    end subroutine check_no_failure
+
+    !> Fail unless tandem reported a failure of this name with a message that contains a piece.
+    subroutine check_failure(error, failure, name, piece)
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable, intent(in) :: failure
+        !> The expected status's name.
+        character(len=*), intent(in) :: name
+        character(len=*), intent(in), optional :: piece
+
+        if (allocated(error)) return
+        if (.not. allocated(failure)) then
+            call test_failed(error, 'tandem should have reported '//name)
+        else if (status_name(failure%stat) /= name) then
+            call test_failed(error, 'expected '//name//', tandem reported: '//failure%message)
+        else if (present(piece)) then
+            call check_text(error, failure%message, piece)
+        end if
+        if (allocated(error)) return
+        ! Every message begins with its status, says something and gives advice.
+        call check_text(error, failure%message, name//': ')
+        call check_text(error, failure%message, '; ')
+    end subroutine check_failure
+
+    !> A real number as text.
+    function format_real(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=16) :: buffer
+
+        write (buffer, '(es12.4)') value
+        text = trim(adjustl(buffer))
+    end function format_real
+end module asserts

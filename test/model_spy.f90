@@ -1,0 +1,359 @@
+! SPDX-License-Identifier: MIT
+!> Wraps any model: counts the calls of each procedure, sets traps where nothing should be called, and misbehaves on request.
+module model_spy
+    use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: spy_type, calls_type, no_fault, fault_nan, fault_infinity, fault_retry, fault_stop
+
+    !> What a fault does: a NaN or an infinity in the result, a positive or a negative status.
+    integer, parameter :: no_fault = 0, fault_nan = 1, fault_infinity = 2, fault_retry = 3, fault_stop = 4
+
+    !> How often each procedure of the model was called.
+    type :: calls_type
+        integer :: holonomic = 0, holonomic_jacobian = 0, holonomic_rate = 0
+        integer :: nonholonomic_jacobian = 0, nonholonomic_rhs = 0, constraint_acceleration = 0
+        integer :: mass_matrix = 0, inertia_force = 0, applied_force = 0
+        integer :: kinetic_energy = 0, potential_energy = 0, evaluate = 0
+        !> Calls of procedures that the wrapped model does not have.
+        integer :: trapped = 0
+    end type calls_type
+
+    type, extends(model_type) :: spy_type
+        type(calls_type) :: calls
+        !> The term (a need bit) that fails, how, and from which time on.
+        integer :: fault_term = 0, fault = no_fault
+        real(wp) :: fault_time = 0.0_wp
+        !> True where the fault happens once only.
+        logical :: once = .false.
+        class(model_type), pointer, private :: inner => null()
+        real(wp), private :: last_time = -huge(1.0_wp)
+    contains
+        procedure :: wrap
+        procedure :: set_traps
+        procedure, private :: enter
+        procedure, private :: upset_vector
+        procedure, private :: upset_matrix
+        procedure, private :: is_due
+    end type spy_type
+
+contains
+
+    !> Take over sizes, names and procedures of a model that is already set up.
+    subroutine wrap(self, inner)
+        class(spy_type), intent(inout) :: self
+        class(model_type), intent(in), target :: inner
+
+        self%inner => inner
+        self%name = 'spy on '//inner%name
+        self%n = inner%n
+        self%n_holonomic = inner%n_holonomic
+        self%n_nonholonomic = inner%n_nonholonomic
+        self%constant_mass = inner%constant_mass
+        if (allocated(inner%holonomic_name)) self%holonomic_name = inner%holonomic_name
+        if (allocated(inner%nonholonomic_name)) self%nonholonomic_name = inner%nonholonomic_name
+        if (allocated(inner%coordinate_scale)) self%coordinate_scale = inner%coordinate_scale
+        if (allocated(inner%breakpoints)) self%breakpoints = inner%breakpoints
+        if (allocated(inner%nu_jumps)) self%nu_jumps = inner%nu_jumps
+        self%provides = inner%provides
+        if (associated(inner%holonomic)) self%holonomic => spy_holonomic
+        if (associated(inner%holonomic_jacobian)) self%holonomic_jacobian => spy_holonomic_jacobian
+        if (associated(inner%holonomic_rate)) self%holonomic_rate => spy_holonomic_rate
+        if (associated(inner%nonholonomic_jacobian)) self%nonholonomic_jacobian => spy_nonholonomic_jacobian
+        if (associated(inner%nonholonomic_rhs)) self%nonholonomic_rhs => spy_nonholonomic_rhs
+        if (associated(inner%constraint_acceleration)) self%constraint_acceleration => spy_acceleration
+        if (associated(inner%mass_matrix)) self%mass_matrix => spy_mass
+        if (associated(inner%inertia_force)) self%inertia_force => spy_inertia_force
+        if (associated(inner%applied_force)) self%applied_force => spy_applied_force
+        if (associated(inner%kinetic_energy)) self%kinetic_energy => spy_kinetic_energy
+        if (associated(inner%potential_energy)) self%potential_energy => spy_potential_energy
+        if (associated(inner%evaluate)) self%evaluate => spy_evaluate
+    end subroutine wrap
+
+    !> Associate the procedures that the sizes exclude: none of them may be called.
+    subroutine set_traps(self)
+        class(spy_type), intent(inout) :: self
+
+        if (self%n_holonomic == 0) then
+            self%holonomic => trap_vector
+            self%holonomic_jacobian => trap_matrix
+        end if
+        if (self%n_nonholonomic == 0) self%nonholonomic_jacobian => trap_matrix
+    end subroutine set_traps
+
+    !> Tell the wrapped model which segment it is in.
+    subroutine enter(self, count)
+        class(spy_type), intent(inout) :: self
+        integer, intent(inout) :: count
+
+        self%inner%segment = self%segment
+        count = count + 1
+    end subroutine enter
+
+    !> Whether the fault happens now.
+    logical function is_due(self, term)
+        class(spy_type), intent(inout) :: self
+        integer, intent(in) :: term
+
+        is_due = self%fault /= no_fault .and. term == self%fault_term .and. self%last_time >= self%fault_time
+        if (is_due .and. self%once) self%fault_term = 0
+    end function is_due
+
+    !> Spoil a vector or its status.
+    subroutine upset_vector(self, term, value, stat)
+        class(spy_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(inout) :: value(:)
+        integer, intent(inout) :: stat
+        integer :: fault
+
+        fault = self%fault
+        if (.not. self%is_due(term)) return
+        select case (fault)
+        case (fault_nan)
+            value(size(value)) = ieee_value(1.0_wp, ieee_quiet_nan)
+        case (fault_infinity)
+            value(size(value)) = ieee_value(1.0_wp, ieee_positive_inf)
+        case (fault_retry)
+            stat = 7
+        case (fault_stop)
+            stat = -7
+        end select
+    end subroutine upset_vector
+
+    !> Spoil a matrix or its status.
+    subroutine upset_matrix(self, term, value, stat)
+        class(spy_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(inout) :: value(:, :)
+        integer, intent(inout) :: stat
+
+        call self%upset_vector(term, value(size(value, 1), :), stat)
+    end subroutine upset_matrix
+
+    subroutine spy_holonomic(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%holonomic)
+            self%last_time = t
+            call self%inner%holonomic(t, q, value, stat)
+            call self%upset_vector(need_phi, value, stat)
+        end select
+    end subroutine spy_holonomic
+
+    subroutine spy_holonomic_jacobian(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%holonomic_jacobian)
+            self%last_time = t
+            call self%inner%holonomic_jacobian(t, q, value, stat)
+            call self%upset_matrix(need_jacobian, value, stat)
+        end select
+    end subroutine spy_holonomic_jacobian
+
+    subroutine spy_holonomic_rate(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%holonomic_rate)
+            self%last_time = t
+            call self%inner%holonomic_rate(t, q, value, stat)
+            call self%upset_vector(need_nu, value, stat)
+        end select
+    end subroutine spy_holonomic_rate
+
+    subroutine spy_nonholonomic_jacobian(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%nonholonomic_jacobian)
+            self%last_time = t
+            call self%inner%nonholonomic_jacobian(t, q, value, stat)
+            call self%upset_matrix(need_jacobian, value, stat)
+        end select
+    end subroutine spy_nonholonomic_jacobian
+
+    subroutine spy_nonholonomic_rhs(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%nonholonomic_rhs)
+            self%last_time = t
+            call self%inner%nonholonomic_rhs(t, q, value, stat)
+            call self%upset_vector(need_nu, value, stat)
+        end select
+    end subroutine spy_nonholonomic_rhs
+
+    subroutine spy_acceleration(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%constraint_acceleration)
+            self%last_time = t
+            call self%inner%constraint_acceleration(t, q, qd, value, stat)
+            call self%upset_vector(need_gamma, value, stat)
+        end select
+    end subroutine spy_acceleration
+
+    subroutine spy_mass(self, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%mass_matrix)
+            call self%inner%mass_matrix(q, value, stat)
+            call self%upset_matrix(need_mass, value, stat)
+        end select
+    end subroutine spy_mass
+
+    subroutine spy_inertia_force(self, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%inertia_force)
+            call self%inner%inertia_force(q, qd, value, stat)
+        end select
+    end subroutine spy_inertia_force
+
+    subroutine spy_applied_force(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%applied_force)
+            self%last_time = t
+            call self%inner%applied_force(t, q, qd, value, stat)
+            call self%upset_vector(need_force, value, stat)
+        end select
+    end subroutine spy_applied_force
+
+    subroutine spy_kinetic_energy(self, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%kinetic_energy)
+            call self%inner%kinetic_energy(q, qd, value, stat)
+        end select
+    end subroutine spy_kinetic_energy
+
+    subroutine spy_potential_energy(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%potential_energy)
+            call self%inner%potential_energy(t, q, value, stat)
+        end select
+    end subroutine spy_potential_energy
+
+    subroutine spy_evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%evaluate)
+            self%last_time = t
+            call self%inner%evaluate(need, t, q, qd, terms, stat)
+        end select
+    end subroutine spy_evaluate
+
+    subroutine trap_vector(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            self%calls%trapped = self%calls%trapped + 1
+        end select
+    end subroutine trap_vector
+
+    subroutine trap_matrix(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        value = 0.0_wp
+        select type (self)
+        class is (spy_type)
+            self%calls%trapped = self%calls%trapped + 1
+        end select
+    end subroutine trap_matrix
+end module model_spy

@@ -1,0 +1,60 @@
+! SPDX-License-Identifier: MIT
+!> Reads the reference solutions of test/reference: plain tables, computed with methods that share nothing with tandem.
+module reference
+    use tandem, only: wp
+    implicit none (type, external)
+    private
+
+    public :: reference_type, read_reference
+
+    !> A reference solution at some times; what it is and how far it can be trusted stands at the head of its file.
+    type :: reference_type
+        !> Times (k).
+        real(wp), allocatable :: t(:)
+        !> Coordinates, velocities, accelerations (n, k) and multipliers (m, k).
+        real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), lambda(:, :)
+    contains
+        procedure :: find
+    end type reference_type
+
+contains
+
+    !> Read test/reference/NAME.txt; the tests run in the project's root, as fpm has it.
+    subroutine read_reference(name, table)
+        character(len=*), intent(in) :: name
+        type(reference_type), intent(out) :: table
+        integer :: unit, k, n, m, i
+
+        open (newunit=unit, file='test/reference/'//name//'.txt', status='old', action='read')
+        call skip_comments(unit)
+        read (unit, *) k, n, m
+        allocate (table%t(k), table%q(n, k), table%qd(n, k), table%qdd(n, k), table%lambda(m, k))
+        do i = 1, k
+            read (unit, *) table%t(i), table%q(:, i), table%qd(:, i), table%qdd(:, i), table%lambda(:, i)
+        end do
+        close (unit)
+    end subroutine read_reference
+
+    !> Stand before the first line that is no comment.
+    subroutine skip_comments(unit)
+        integer, intent(in) :: unit
+        character(len=1) :: first
+
+        do
+            read (unit, '(a)') first
+            if (first /= '#') exit
+        end do
+        backspace (unit)
+    end subroutine skip_comments
+
+    !> The row of a time, 0 where there is none. Times that differ by rounding are the same.
+    pure integer function find(self, t)
+        class(reference_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp), parameter :: rounding = 1.0e-12_wp
+
+        do find = size(self%t), 1, -1
+            if (abs(self%t(find) - t) <= rounding) return
+        end do
+    end function find
+end module reference

@@ -1,0 +1,250 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the elimination of C: a right inverse and a null-space basis.
+module test_linalg_elimination
+    use asserts, only: check_below, check_count
+    use differences, only: random_vector
+    use tandem, only: wp
+    use tandem_linalg_elimination, only: elimination_type
+    use testdrive, only: check, error_type, new_unittest, test_failed, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_linalg_elimination
+
+contains
+
+    !> The suite.
+    subroutine collect_linalg_elimination(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('right-inverse-and-null-space-of-random-matrices', test_random), &
+            new_unittest('null-space-has-full-rank', test_full_rank), &
+            new_unittest('neighbours-are-eliminated-with-the-remembered-pivots', test_neighbours), &
+            new_unittest('pivots-are-searched-anew-where-they-have-become-bad', test_turning_row), &
+            new_unittest('a-turning-square-block-loses-no-digits', test_turning_block), &
+            new_unittest('forget-searches-anew', test_forget), &
+            new_unittest('scales-choose-the-pivots', test_scale), &
+            new_unittest('a-row-without-pivot-is-named', test_no_pivot), &
+            new_unittest('dependent-rows-are-reported-or-blow-up', test_dependent)]
+    end subroutine collect_linalg_elimination
+
+    !> A random matrix.
+    subroutine fill(seed, c)
+        integer, intent(inout) :: seed
+        real(wp), intent(out) :: c(:, :)
+        integer :: j
+
+        do j = 1, size(c, 2)
+            call random_vector(seed, c(:, j))
+        end do
+    end subroutine fill
+
+    !> |C R - I| and |C D|, relative to the sizes of R and D.
+    subroutine measure(c, elimination, defect, size_)
+        real(wp), intent(in) :: c(:, :)
+        type(elimination_type), intent(in) :: elimination
+        real(wp), intent(out) :: defect
+        !> The largest entry of R and D.
+        real(wp), intent(out) :: size_
+        real(wp) :: r(size(c, 2), size(c, 1)), d(size(c, 2), size(c, 2) - size(c, 1)), product(size(c, 1), size(c, 1))
+        integer :: i
+
+        call elimination%get_right_inverse(r)
+        call elimination%get_null_space(d)
+        product = matmul(c, r)
+        do i = 1, size(c, 1)
+            product(i, i) = product(i, i) - 1
+        end do
+        size_ = 1.0_wp
+        if (size(r) > 0) size_ = max(size_, maxval(abs(r)))
+        if (size(d) > 0) size_ = max(size_, maxval(abs(d)))
+        defect = 0.0_wp
+        if (size(product) > 0) defect = maxval(abs(product))/size_
+        if (size(d) > 0 .and. size(c) > 0) defect = max(defect, maxval(abs(matmul(c, d)))/size_)
+    end subroutine measure
+
+    subroutine test_random(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp), allocatable :: c(:, :)
+        real(wp) :: defect, size_
+        integer :: seed, m, n, stat
+
+        seed = 7
+        do n = 1, 9
+            do m = 0, n
+                allocate (c(m, n))
+                call fill(seed, c)
+                call elimination%allocate(m, n)
+                call elimination%eliminate(c, spread(1.0_wp, 1, n), stat)
+                call check(error, stat, 0)
+                call measure(c, elimination, defect, size_)
+                ! Nine rows of entries below one, and a growth of at most some tens.
+                call check_below(error, defect, 1.0e-14_wp, '|C R - I|, |C D|')
+                if (allocated(error)) return
+                deallocate (c)
+            end do
+        end do
+    end subroutine test_random
+
+    !> D contains the identity in the rows of its free columns.
+    subroutine test_full_rank(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(4, 7), d(7, 3)
+        integer :: seed, stat, i, j, found
+
+        seed = 8
+        call fill(seed, c)
+        call elimination%allocate(4, 7)
+        call elimination%eliminate(c, spread(1.0_wp, 1, 7), stat)
+        call elimination%get_null_space(d)
+        found = 0
+        do i = 1, 7
+            do j = 1, 3
+                if (abs(d(i, j) - 1) <= 0.0_wp .and. sum(abs(d(i, :))) <= 1) found = found + 1
+            end do
+        end do
+        call check_count(error, found, 3, 'unit rows of D')
+    end subroutine test_full_rank
+
+    subroutine test_neighbours(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination, fresh
+        real(wp) :: c(4, 7), change(4, 7), d(7, 3), d_fresh(7, 3), defect, size_
+        integer :: seed, stat, i
+
+        seed = 9
+        call fill(seed, c)
+        call fill(seed, change)
+        call elimination%allocate(4, 7)
+        do i = 0, 10
+            call elimination%eliminate(c + 0.001_wp*i*change, spread(1.0_wp, 1, 7), stat)
+            call check(error, stat, 0)
+            call measure(c + 0.001_wp*i*change, elimination, defect, size_)
+            call check_below(error, defect, 1.0e-14_wp, '|C R - I|, |C D|')
+            if (allocated(error)) return
+        end do
+        call fresh%allocate(4, 7)
+        call fresh%eliminate(c + 0.010_wp*change, spread(1.0_wp, 1, 7), stat)
+        call elimination%get_null_space(d)
+        call fresh%get_null_space(d_fresh)
+        call check_below(error, maxval(abs(d - d_fresh)), 1.0e-13_wp, 'D with remembered pivots against a new search')
+    end subroutine test_neighbours
+
+    !> (cos a, sin a) turns once: no column can stay the pivot, and |Y| would grow without bound.
+    subroutine test_turning_row(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(1, 2), a, defect, size_
+        integer :: stat, i
+
+        call elimination%allocate(1, 2)
+        do i = 0, 1000
+            a = 8*atan(1.0_wp)*i/1000
+            c(1, :) = [cos(a), sin(a)]
+            call elimination%eliminate(c, [1.0_wp, 1.0_wp], stat)
+            call check(error, stat, 0)
+            call measure(c, elimination, defect, size_)
+            call check_below(error, defect, 1.0e-15_wp, '|C R - I|, |C D|')
+            ! Remembered pivots may leave |Y| up to 10, and with it 1/pivot up to sqrt(101).
+            call check_below(error, size_, 10.1_wp, 'the largest entry of R and D')
+            if (allocated(error)) return
+        end do
+    end subroutine test_turning_row
+
+    !> Two rows whose pivot columns turn into each other: Y stays small, while the leading pivot passes through zero.
+    subroutine test_turning_block(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(2, 3), a, defect, size_, worst
+        integer :: stat, i
+
+        worst = 0.0_wp
+        call elimination%allocate(2, 3)
+        do i = 0, 1000
+            ! The grid passes 1e-12 from a quarter turn: an unpivoted elimination loses twelve digits there.
+            a = 2*atan(1.0_wp)*i/500 + 1.0e-12_wp
+            c(1, :) = [cos(a), -sin(a), 0.1_wp]
+            c(2, :) = [sin(a), cos(a), 0.2_wp]
+            call elimination%eliminate(c, [1.0_wp, 1.0_wp, 1.0_wp], stat)
+            call check(error, stat, 0)
+            if (allocated(error)) return
+            call measure(c, elimination, defect, size_)
+            worst = max(worst, defect)
+        end do
+        ! Growth of the remembered pivots may cost a digit or two.
+        call check_below(error, worst, 1.0e-13_wp, '|C R - I|, |C D|')
+    end subroutine test_turning_block
+
+    subroutine test_forget(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: d(2, 1)
+        integer :: stat
+
+        call elimination%allocate(1, 2)
+        call elimination%eliminate(reshape([1.0_wp, 0.5_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
+        ! The first column stays the pivot although the second one has become larger ...
+        call elimination%eliminate(reshape([1.0_wp, 2.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
+        call elimination%get_null_space(d)
+        call check_below(error, abs(d(2, 1) - 1), 0.0_wp, 'D with the first pivot')
+        ! ... until it is told to forget.
+        call elimination%forget()
+        call elimination%eliminate(reshape([1.0_wp, 2.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
+        call elimination%get_null_space(d)
+        call check_below(error, abs(d(1, 1) - 1), 0.0_wp, 'D with the second pivot')
+    end subroutine test_forget
+
+    subroutine test_scale(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: d(2, 1)
+        integer :: stat
+
+        call elimination%allocate(1, 2)
+        ! In units a thousand times smaller the second unknown is the one that matters.
+        call elimination%eliminate(reshape([1.0_wp, 0.01_wp], [1, 2]), [1.0_wp, 1000.0_wp], stat)
+        call elimination%get_null_space(d)
+        call check_below(error, abs(d(1, 1) - 1), 0.0_wp, 'D with the second pivot')
+    end subroutine test_scale
+
+    subroutine test_no_pivot(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(3, 5)
+        integer :: seed, stat
+
+        seed = 10
+        call fill(seed, c)
+        c(2, :) = 0.0_wp
+        call elimination%allocate(3, 5)
+        call elimination%eliminate(c, spread(1.0_wp, 1, 5), stat)
+        call check_count(error, stat, 2, 'row without pivot')
+        ! A failure leaves nothing behind.
+        call fill(seed, c)
+        call elimination%eliminate(c, spread(1.0_wp, 1, 5), stat)
+        call check_count(error, stat, 0, 'status of the next matrix')
+    end subroutine test_no_pivot
+
+    !> Whether a dependent row meets a zero or a pivot of rounding is luck; it must not pass as a good one.
+    subroutine test_dependent(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(3, 5), defect, size_
+        integer :: seed, stat, i
+
+        seed = 12
+        call elimination%allocate(3, 5)
+        do i = 1, 20
+            call fill(seed, c)
+            c(3, :) = 0.3_wp*c(1, :) - 0.7_wp*c(2, :)
+            call elimination%eliminate(c, spread(1.0_wp, 1, 5), stat)
+            if (stat /= 0) cycle
+            call measure(c, elimination, defect, size_)
+            if (size_ < 1.0e13_wp) call test_failed(error, 'dependent rows were eliminated as if they were good')
+            if (allocated(error)) return
+        end do
+    end subroutine test_dependent
+end module test_linalg_elimination
