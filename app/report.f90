@@ -31,11 +31,14 @@ contains
         !> How the run failed, if it did.
         type(error_type), allocatable, intent(in) :: error
         type(statistics_type) :: s
+        character(len=:), allocatable :: steps
 
         s = simulation%statistics()
         write (output_unit, '(a)') scene%name//': '//scene%description
         associate (options => scene%options)
-            call print_line('solver', trim(options%stepper)//', h = '//to_toml(options%step)//' s, chart '// &
+            steps = 'h = '//to_toml(options%step)//' s'
+            if (options%is_adaptive()) steps = 'rtol '//to_toml(options%rtol)//', atol '//to_toml(options%absolute_tolerance())
+            call print_line('solver', trim(options%stepper)//', '//steps//', chart '// &
                 trim(options%chart)//', refresh '//trim(options%refresh))
         end associate
         if (allocated(error)) then
@@ -45,6 +48,9 @@ contains
             call print_line('time', to_toml(scene%t_start)//' to '//to_toml(scene%t_end)//' s in '// &
                 counted(s%steps, 'step'))
         end if
+        if (scene%options%is_adaptive() .and. s%steps > 0) call print_line('step sizes', short(s%smallest_step, 3)//' to '// &
+            short(s%largest_step, 3)//' s, '//counted(s%rejected, 'step')//' rejected for the error, '// &
+            count_text(s%failed)//' not completed')
         call print_line('charts', charts(s))
         call print_line('run time', short(s%wall_seconds, 3)//' s, CPU '//short(s%cpu_seconds, 3)//' s, '// &
             short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds a step')

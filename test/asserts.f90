@@ -6,7 +6,7 @@ module asserts
     implicit none (type, external)
     private
 
-    public :: check_below, check_between, check_count, check_text, check_no_failure, check_failure, check_close
+    public :: check_below, check_between, check_count, check_text, check_no_failure, check_failure, check_close, check_true
     public :: format_real
 
     !> Counters come in two kinds.
@@ -16,6 +16,16 @@ module asserts
     end interface check_count
 
 contains
+
+    !> Fail unless a condition holds. Unlike the checks of test-drive, those of this module let an earlier failure stand.
+    subroutine check_true(error, condition, what)
+        type(error_type), allocatable, intent(inout) :: error
+        logical, intent(in) :: condition
+        character(len=*), intent(in) :: what
+
+        if (allocated(error) .or. condition) return
+        call test_failed(error, 'not so: '//what)
+    end subroutine check_true
 
     !> Fail unless value <= bound. A NaN fails.
     subroutine check_below(error, value, bound, what)

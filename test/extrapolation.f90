@@ -18,6 +18,7 @@ module extrapolation
         !> f(t, y).
         subroutine slope_interface(self, t, y, yd)
             import :: equation_type, wp
+            implicit none (type, external)
             class(equation_type), intent(in) :: self
             real(wp), intent(in) :: t, y(:)
             real(wp), intent(out) :: yd(:)

@@ -1,9 +1,25 @@
 ! SPDX-License-Identifier: MIT
 !> Runs the tests: all of them, one suite, or one test. Usage: tandem-test [SUITE [TEST]]
 program main
+    use test_breakpoints, only: collect_breakpoints
+    use test_charts, only: collect_charts
+    use test_constraints, only: collect_constraints
+    use test_coordinate_scale, only: collect_coordinate_scale
+    use test_counters, only: collect_counters
+    use test_euler_parameters, only: collect_euler_parameters
+    use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_solvers, only: collect_linalg_solvers
+    use test_model_check, only: collect_model_check
+    use test_models, only: collect_models
+    use test_options, only: collect_options
+    use test_order, only: collect_order
+    use test_reference, only: collect_reference
+    use test_rigid, only: collect_rigid
+    use test_rk4, only: collect_rk4
+    use test_simulation, only: collect_simulation
+    use test_tangent, only: collect_tangent
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
@@ -12,9 +28,25 @@ program main
     integer :: i, n_failed
 
     suites = [ &
+        new_testsuite('reference', collect_reference), &
         new_testsuite('linalg_basis', collect_linalg_basis), &
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
-        new_testsuite('linalg_elimination', collect_linalg_elimination)]
+        new_testsuite('linalg_elimination', collect_linalg_elimination), &
+        new_testsuite('euler_parameters', collect_euler_parameters), &
+        new_testsuite('rigid', collect_rigid), &
+        new_testsuite('models', collect_models), &
+        new_testsuite('tangent', collect_tangent), &
+        new_testsuite('options', collect_options), &
+        new_testsuite('model_check', collect_model_check), &
+        new_testsuite('simulation', collect_simulation), &
+        new_testsuite('failures', collect_failures), &
+        new_testsuite('rk4', collect_rk4), &
+        new_testsuite('order', collect_order), &
+        new_testsuite('constraints', collect_constraints), &
+        new_testsuite('charts', collect_charts), &
+        new_testsuite('counters', collect_counters), &
+        new_testsuite('breakpoints', collect_breakpoints), &
+        new_testsuite('coordinate_scale', collect_coordinate_scale)]
     n_failed = 0
     call get_argument(1, suite_name)
     call get_argument(2, test_name)

@@ -2,6 +2,7 @@
 !> Wraps any model: counts the calls of each procedure, sets traps where nothing should be called, and misbehaves on request.
 module model_spy
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
+    use terms_at, only: get_terms
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -33,6 +34,7 @@ module model_spy
     contains
         procedure :: wrap
         procedure :: set_traps
+        procedure :: fuse
         procedure, private :: enter
         procedure, private :: upset_vector
         procedure, private :: upset_matrix
@@ -47,6 +49,8 @@ contains
         class(model_type), intent(in), target :: inner
 
         self%inner => inner
+        self%calls = calls_type()
+        self%last_time = -huge(1.0_wp)
         self%name = 'spy on '//inner%name
         self%n = inner%n
         self%n_holonomic = inner%n_holonomic
@@ -82,6 +86,25 @@ contains
         end if
         if (self%n_nonholonomic == 0) self%nonholonomic_jacobian => trap_matrix
     end subroutine set_traps
+
+    !> Give some terms through `evaluate`, which calls the wrapped model's single procedures.
+    subroutine fuse(self, provides)
+        class(spy_type), intent(inout) :: self
+        !> The terms, a sum of need bits.
+        integer, intent(in) :: provides
+
+        self%provides = provides
+        self%evaluate => fused
+        if (iand(provides, need_phi) /= 0) self%holonomic => null()
+        if (iand(provides, need_jacobian) /= 0) self%holonomic_jacobian => null()
+        if (iand(provides, need_jacobian) /= 0) self%nonholonomic_jacobian => null()
+        if (iand(provides, need_nu) /= 0) self%holonomic_rate => null()
+        if (iand(provides, need_nu) /= 0) self%nonholonomic_rhs => null()
+        if (iand(provides, need_gamma) /= 0) self%constraint_acceleration => null()
+        if (iand(provides, need_mass) /= 0) self%mass_matrix => null()
+        if (iand(provides, need_force) /= 0) self%inertia_force => null()
+        if (iand(provides, need_force) /= 0) self%applied_force => null()
+    end subroutine fuse
 
     !> Tell the wrapped model which segment it is in.
     subroutine enter(self, count)
@@ -120,6 +143,8 @@ contains
             stat = 7
         case (fault_stop)
             stat = -7
+        case default
+            error stop 'upset_vector: no such fault'
         end select
     end subroutine upset_vector
 
@@ -328,6 +353,30 @@ contains
             call self%inner%evaluate(need, t, q, qd, terms, stat)
         end select
     end subroutine spy_evaluate
+
+    !> Exactly the terms that are asked for, from the wrapped model's single procedures.
+    subroutine fused(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+        type(terms_type) :: all
+
+        stat = -1
+        select type (self)
+        class is (spy_type)
+            call self%enter(self%calls%evaluate)
+            if (iand(need, not(self%provides)) /= 0) return
+            call get_terms(self%inner, t, q, qd, all, stat)
+            if (iand(need, need_phi) /= 0) terms%phi = all%phi
+            if (iand(need, need_jacobian) /= 0) terms%jacobian = all%jacobian
+            if (iand(need, need_nu) /= 0) terms%nu = all%nu
+            if (iand(need, need_gamma) /= 0) terms%gamma = all%gamma
+            if (iand(need, need_mass) /= 0) terms%mass = all%mass
+            if (iand(need, need_force) /= 0) terms%force = all%force
+        end select
+    end subroutine fused
 
     subroutine trap_vector(self, t, q, value, stat)
         class(model_type), intent(inout) :: self

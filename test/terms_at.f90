@@ -35,8 +35,9 @@ contains
                 terms%nu(:nh) = -terms%nu(:nh)
                 if (associated(model%nonholonomic_rhs)) call model%nonholonomic_rhs(t, q, terms%nu(nh + 1:), found(5))
             end if
-            if (wanted(need_gamma) .and. model%n_constraints() > 0) &
+            if (wanted(need_gamma) .and. model%n_constraints() > 0) then
                 call model%constraint_acceleration(t, q, qd, terms%gamma, found(6))
+            end if
             if (wanted(need_mass)) call model%mass_matrix(q, terms%mass, found(7))
             if (wanted(need_force)) then
                 if (associated(model%inertia_force)) call model%inertia_force(q, qd, terms%force, found(8))

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the orthonormal bases and of the rank decision.
 module test_linalg_basis
-    use asserts, only: check_below, check_count
+    use asserts, only: check_below, check_count, check_true
     use differences, only: random_vector
     use tandem, only: wp
     use tandem_linalg_basis, only: basis_type, rank_tolerance
-    use testdrive, only: check, error_type, new_unittest, unittest_type
+    use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
 
@@ -109,7 +109,7 @@ contains
 
         do i = 1, size(sizes, 2)
             call factor(i, method, c, basis)
-            call check(error,.not. basis%deficient, 'random rows are independent')
+            call check_true(error, .not. basis%deficient, 'random rows are independent')
             call check_below(error, orthonormality(basis%q), rounding, 'Q''Q - I')
             if (allocated(error)) return
         end do
@@ -229,7 +229,7 @@ contains
 
         call basis%allocate(3, 0, 0)
         call basis%factor_qr(none, spread(1.0_wp, 1, 3), 0)
-        call check(error,.not. basis%deficient)
+        call check_true(error, .not. basis%deficient, 'no rows are independent')
         do i = 1, 3
             call check_below(error, abs(basis%q(i, i) - 1), 0.0_wp, 'diagonal of Q')
         end do
@@ -244,9 +244,9 @@ contains
         call factor(1, 'qr', c, basis)
         c(3, :) = -2*c(1, :)
         call basis%factor_qr(c, spread(1.0_wp, 1, 9), 9)
-        call check(error, basis%deficient, 'rows 1 and 3 depend on each other')
+        call check_true(error, basis%deficient, 'rows 1 and 3 depend on each other')
         if (allocated(error)) return
-        call check(error, any(basis%dependent_row == [1, 3]), 'row 1 or 3 should be named')
+        call check_true(error, any(basis%dependent_row == [1, 3]), 'row 1 or 3 should be named')
     end subroutine test_duplicate_row
 
     subroutine test_zero_row(error)
@@ -257,7 +257,7 @@ contains
         call factor(1, 'qr', c, basis)
         c(2, :) = 0.0_wp
         call basis%factor_qr(c, spread(1.0_wp, 1, 9), 9)
-        call check(error, basis%deficient, 'a zero row is dependent')
+        call check_true(error, basis%deficient, 'a zero row is dependent')
         call check_count(error, basis%dependent_row, 2, 'dependent row')
     end subroutine test_zero_row
 
@@ -269,9 +269,9 @@ contains
         call factor(9, 'qr', c, basis)
         c(8, :) = 3*c(6, :)
         call basis%factor_qr(c, spread(1.0_wp, 1, 12), 12)
-        call check(error, basis%deficient, 'rows 6 and 8 depend on each other')
+        call check_true(error, basis%deficient, 'rows 6 and 8 depend on each other')
         if (allocated(error)) return
-        call check(error, any(basis%dependent_row == [6, 8]), 'row 6 or 8 should be named')
+        call check_true(error, any(basis%dependent_row == [6, 8]), 'row 6 or 8 should be named')
     end subroutine test_duplicate_nonholonomic
 
     !> Pivots are taken from the holonomic rows first, whatever their lengths.
@@ -285,7 +285,7 @@ contains
             call factor(1, 'qr', c, basis)
             c(6, :) = 1.0e6_wp*c(i, :)
             call basis%factor_qr(c, spread(1.0_wp, 1, 9), 9)
-            call check(error, basis%deficient, 'row 6 copies a holonomic row')
+            call check_true(error, basis%deficient, 'row 6 copies a holonomic row')
             call check_count(error, basis%dependent_row, 6, 'dependent row')
             if (allocated(error)) return
         end do
@@ -299,7 +299,7 @@ contains
         call factor(1, 'svd', c, basis)
         c(5, :) = c(2, :)
         call basis%factor_svd(c, spread(1.0_wp, 1, 9))
-        call check(error, basis%deficient, 'row 5 copies row 2')
+        call check_true(error, basis%deficient, 'row 5 copies row 2')
         call check_count(error, basis%dependent_row, 5, 'dependent row')
     end subroutine test_duplicate_svd
 
@@ -318,7 +318,7 @@ contains
             c(1, :) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
             c(2, :) = [cos(angle), 0.0_wp, sin(angle), 0.0_wp]
             call basis%factor_qr(c, spread(1.0_wp, 1, 4), 4)
-            call check(error, basis%deficient .eqv. i < 0, 'rank decision near the tolerance')
+            call check_true(error, basis%deficient .eqv. i < 0, 'rank decision near the tolerance')
             ! Rounding of the rows, 1e-16, against 1e-10.
             call check_below(error, abs(basis%smallest/expected - 1), 1.0e-5_wp, 'smallest singular value')
             if (allocated(error)) return
@@ -335,7 +335,7 @@ contains
         c(2, :) = 1.0e-14_wp*c(2, :)
         c(5, :) = 1.0e+14_wp*c(5, :)
         call scaled%factor_qr(c, spread(1.0_wp, 1, 9), 9)
-        call check(error,.not. scaled%deficient, 'rows of other units are as independent')
+        call check_true(error, .not. scaled%deficient, 'rows of other units are as independent')
         ! Rows of unit length are the same to rounding, and so is everything after.
         call check_below(error, abs(scaled%smallest - basis%smallest), 1.0e-14_wp, 'smallest')
         call check_below(error, largest(scaled%q - basis%q), 1.0e-13_wp, 'Q')

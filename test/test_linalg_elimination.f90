@@ -5,7 +5,7 @@ module test_linalg_elimination
     use differences, only: random_vector
     use tandem, only: wp
     use tandem_linalg_elimination, only: elimination_type
-    use testdrive, only: check, error_type, new_unittest, test_failed, unittest_type
+    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)
     private
 
@@ -78,7 +78,7 @@ contains
                 call fill(seed, c)
                 call elimination%allocate(m, n)
                 call elimination%eliminate(c, spread(1.0_wp, 1, n), stat)
-                call check(error, stat, 0)
+                call check_count(error, stat, 0, 'stat')
                 call measure(c, elimination, defect, size_)
                 ! Nine rows of entries below one, and a growth of at most some tens.
                 call check_below(error, defect, 1.0e-14_wp, '|C R - I|, |C D|')
@@ -121,7 +121,7 @@ contains
         call elimination%allocate(4, 7)
         do i = 0, 10
             call elimination%eliminate(c + 0.001_wp*i*change, spread(1.0_wp, 1, 7), stat)
-            call check(error, stat, 0)
+            call check_count(error, stat, 0, 'stat')
             call measure(c + 0.001_wp*i*change, elimination, defect, size_)
             call check_below(error, defect, 1.0e-14_wp, '|C R - I|, |C D|')
             if (allocated(error)) return
@@ -145,7 +145,7 @@ contains
             a = 8*atan(1.0_wp)*i/1000
             c(1, :) = [cos(a), sin(a)]
             call elimination%eliminate(c, [1.0_wp, 1.0_wp], stat)
-            call check(error, stat, 0)
+            call check_count(error, stat, 0, 'stat')
             call measure(c, elimination, defect, size_)
             call check_below(error, defect, 1.0e-15_wp, '|C R - I|, |C D|')
             ! Remembered pivots may leave |Y| up to 10, and with it 1/pivot up to sqrt(101).
@@ -169,7 +169,7 @@ contains
             c(1, :) = [cos(a), -sin(a), 0.1_wp]
             c(2, :) = [sin(a), cos(a), 0.2_wp]
             call elimination%eliminate(c, [1.0_wp, 1.0_wp, 1.0_wp], stat)
-            call check(error, stat, 0)
+            call check_count(error, stat, 0, 'stat')
             if (allocated(error)) return
             call measure(c, elimination, defect, size_)
             worst = max(worst, defect)

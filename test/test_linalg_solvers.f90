@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the LU and Cholesky factorisations and of the small products.
 module test_linalg_solvers
-    use asserts, only: check_below, check_between, check_close
+    use asserts, only: check_below, check_between, check_close, check_count, check_true
     use differences, only: random_vector
     use tandem, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
     use tandem_linalg_lu, only: lu_type
-    use testdrive, only: check, error_type, new_unittest, unittest_type
+    use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -78,7 +78,7 @@ contains
         call random_vector(seed, x)
         call lu%allocate(7)
         call lu%factor(a, stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         b = matmul(a, x)
         call lu%solve(b)
         call check_close(error, b, x, 1.0e-15_wp, 'solutions')
@@ -109,7 +109,7 @@ contains
 
         call lu%allocate(2)
         call lu%factor(reshape([0.0_wp, 1.0_wp, 1.0_wp, 1.0_wp], [2, 2]), stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         b = [2.0_wp, 5.0_wp]
         call lu%solve(b)
         call check_close(error, b, [3.0_wp, 2.0_wp], 0.0_wp, 'solutions')
@@ -139,7 +139,7 @@ contains
 
         call lu%allocate(2)
         call lu%factor(reshape([1.0_wp, 2.0_wp, 2.0_wp, 4.0_wp], [2, 2]), stat)
-        call check(error, stat > 0, 'the matrix is singular')
+        call check_true(error, stat > 0, 'the matrix is singular')
     end subroutine test_lu_singular
 
     subroutine test_lu_not_finite(error)
@@ -152,16 +152,16 @@ contains
         a = dominant(3)
         a(3, 1) = ieee_value(1.0_wp, ieee_quiet_nan)
         call lu%factor(a, stat)
-        call check(error, stat > 0, 'a NaN')
+        call check_true(error, stat > 0, 'a NaN')
         if (allocated(error)) return
         a(3, 1) = ieee_value(1.0_wp, ieee_positive_inf)
         call lu%factor(a, stat)
-        call check(error, stat > 0, 'an infinity')
+        call check_true(error, stat > 0, 'an infinity')
         if (allocated(error)) return
         a = dominant(3)
         a(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
         call lu%factor(a, stat)
-        call check(error, stat > 0, 'a NaN in the last column')
+        call check_true(error, stat > 0, 'a NaN in the last column')
     end subroutine test_lu_not_finite
 
     subroutine test_lu_empty(error)
@@ -172,7 +172,7 @@ contains
 
         call lu%allocate(0)
         call lu%factor(a, stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         call lu%solve(b)
         call lu%invert(a)
         call check_between(error, lu%reciprocal_condition(), 1.0_wp, 1.0_wp, 'reciprocal condition')
@@ -205,7 +205,7 @@ contains
         call random_vector(seed, x)
         call cholesky%allocate(6)
         call cholesky%factor(a, stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         b = matmul(a, x)
         call cholesky%solve(b)
         ! The condition number is below 10.
@@ -220,7 +220,7 @@ contains
 
         call cholesky%allocate(2)
         call cholesky%factor(reshape([4.0_wp, 2.0_wp, 1.0e30_wp, 5.0_wp], [2, 2]), stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         b = [8.0_wp, 12.0_wp]
         call cholesky%solve(b)
         call check_close(error, b, [1.0_wp, 2.0_wp], 1.0e-15_wp, 'solutions')
@@ -234,7 +234,7 @@ contains
         call cholesky%allocate(3)
         ! Leading minors 1, 3, and -4.
         call cholesky%factor(reshape([1.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 4.0_wp, 2.0_wp, 0.0_wp, 2.0_wp, 0.0_wp], [3, 3]), stat)
-        call check(error, stat, 3)
+        call check_count(error, stat, 3, 'stat')
     end subroutine test_cholesky_indefinite
 
     subroutine test_cholesky_negative(error)
@@ -244,7 +244,7 @@ contains
 
         call cholesky%allocate(2)
         call cholesky%factor(-dominant(2), stat)
-        call check(error, stat, 1)
+        call check_count(error, stat, 1, 'stat')
     end subroutine test_cholesky_negative
 
     !> A rank-one matrix whose last pivot is rounding, of either sign.
@@ -259,7 +259,7 @@ contains
         do i = 1, 50
             call random_vector(seed, v)
             call cholesky%factor(spread(v, 1, 3)*spread(v, 2, 3), stat)
-            call check(error, stat > 0, 'v v'' is singular')
+            call check_true(error, stat > 0, 'v v'' is singular')
             if (allocated(error)) return
         end do
     end subroutine test_cholesky_semidefinite
@@ -275,7 +275,7 @@ contains
             a = dominant(3)
             a(3, i) = ieee_value(1.0_wp, ieee_quiet_nan)
             call cholesky%factor(a, stat)
-            call check(error, stat > 0, 'a NaN')
+            call check_true(error, stat > 0, 'a NaN')
             if (allocated(error)) return
         end do
     end subroutine test_cholesky_not_finite
@@ -289,7 +289,7 @@ contains
 
         call cholesky%allocate(2)
         call cholesky%factor(reshape([1.0e-9_wp, 0.0_wp, 0.0_wp, 1.0e8_wp], [2, 2]), stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         b = [1.0e-9_wp, 1.0e8_wp]
         call cholesky%solve(b)
         call check_close(error, b, [1.0_wp, 1.0_wp], 1.0e-15_wp, 'solutions')
@@ -303,7 +303,7 @@ contains
 
         call cholesky%allocate(0)
         call cholesky%factor(a, stat)
-        call check(error, stat, 0)
+        call check_count(error, stat, 0, 'stat')
         call cholesky%solve(b)
     end subroutine test_cholesky_empty
 

@@ -26,6 +26,12 @@ module tandem_options
         character(len=16) :: stepper = 'rk4'
         !> Step size h of fixed steps, in units of time.
         real(wp) :: step = 1.0e-3_wp
+        !> Relative tolerance of q and qd, for steps whose size follows an error estimate; 0 means fixed steps.
+        real(wp) :: rtol = 0.0_wp
+        !> Absolute tolerance of q and qd in units of the coordinate scales; 0 stands for `rtol`.
+        real(wp) :: atol = 0.0_wp
+        !> First and largest step under error control; 0 leaves the first to the program and the largest open.
+        real(wp) :: first_step = 0.0_wp, max_step = 0.0_wp
         !> One of `chart_policies`.
         character(len=10) :: chart = 'every_step'
         !> One of `refresh_modes`.
@@ -34,14 +40,15 @@ module tandem_options
         character(len=3) :: basis = 'qr'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
-        !> Tolerance of the position iteration (17); 0 stands for `constraint_tolerance`.
+        !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`: what is left at every
+        !> stage adds up.
         real(wp) :: utol = 0.0_wp
         !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: btol = 0.0_wp
         !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
         !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
-        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`: what is left at every stage adds up.
+        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`.
         real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit.
         real(wp) :: v_limit = 0.0_wp
@@ -59,6 +66,8 @@ module tandem_options
         integer :: max_steps = huge(1)
     contains
         procedure :: check
+        procedure :: is_adaptive
+        procedure :: absolute_tolerance
         procedure :: position_tolerance
         procedure :: b_tolerance
         procedure :: h_tolerance
@@ -85,6 +94,16 @@ contains
         end if
         if (allocated(error)) return
         call check_positive('step', self%step, error)
+        if (allocated(error)) return
+        if (self%is_adaptive()) then
+            call check_tolerance('rtol', self%rtol, error)
+            if (allocated(error)) return
+        end if
+        call check_limit('atol', self%atol, error)
+        if (allocated(error)) return
+        call check_limit('first_step', self%first_step, error)
+        if (allocated(error)) return
+        call check_limit('max_step', self%max_step, error)
         if (allocated(error)) return
         call check_limit('v_limit', self%v_limit, error)
         if (allocated(error)) return
@@ -114,11 +133,25 @@ contains
         end if
     end subroutine check
 
+    !> Whether steps follow an error estimate.
+    pure logical function is_adaptive(self)
+        class(options_type), intent(in) :: self
+
+        is_adaptive = .not. is_unset(self%rtol)
+    end function is_adaptive
+
+    !> atol, or what stands for it.
+    pure real(wp) function absolute_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        absolute_tolerance = merge(self%rtol, self%atol, is_unset(self%atol))
+    end function absolute_tolerance
+
     !> utol, or what stands for it.
     pure real(wp) function position_tolerance(self)
         class(options_type), intent(in) :: self
 
-        position_tolerance = merge(self%constraint_tolerance, self%utol, is_unset(self%utol))
+        position_tolerance = merge(max(0.01_wp*self%constraint_tolerance, smallest_tolerance), self%utol, is_unset(self%utol))
     end function position_tolerance
 
     !> Btol, or what stands for it.

@@ -7,22 +7,24 @@ module tandem_simulate_statistics
     private
 
     public :: statistics_type, n_reasons, reason_name
-    public :: by_start, by_step, by_v, by_w, by_d, by_fbar, by_breakpoint, by_condition, by_iterations
+    public :: by_start, by_step, by_v, by_w, by_d, by_fbar, by_breakpoint, by_condition, by_iterations, by_failure
 
     !> The reasons for a new chart, indices of `charts_by`: the start, the policy of every step, the limits on |v|_2, |w|_2,
-    !> |D|_2 and |Fbar|_2, a breakpoint, the limits on the condition and on the iterations.
+    !> |D|_2 and |Fbar|_2, a breakpoint, the limits on the condition and on the iterations, a failed step.
     integer, parameter :: by_start = 1, by_step = 2, by_v = 3, by_w = 4, by_d = 5, by_fbar = 6, by_breakpoint = 7
-    integer, parameter :: by_condition = 8, by_iterations = 9
+    integer, parameter :: by_condition = 8, by_iterations = 9, by_failure = 10
     !> How many reasons there are.
-    integer, parameter :: n_reasons = 9
+    integer, parameter :: n_reasons = 10
     !> Their names in reports.
     character(len=12), parameter :: reason_name(n_reasons) = &
         [character(len=12) :: 'start', 'every step', '|v|', '|w|', '|D|', '|Fbar|', 'breakpoint', &
-        'condition', 'iterations']
+        'condition', 'iterations', 'failure']
 
     type, extends(counts_type) :: statistics_type
-        !> Accepted and rejected steps.
-        integer(long) :: steps = 0, rejected = 0
+        !> Accepted steps; steps rejected for their error, and steps that could not be completed.
+        integer(long) :: steps = 0, rejected = 0, failed = 0
+        !> Smallest and largest accepted step.
+        real(wp) :: smallest_step = huge(1.0_wp), largest_step = 0.0_wp
         !> Charts, the initial one counted.
         integer(long) :: charts = 0
         !> Why charts were made, see `reason_name`.

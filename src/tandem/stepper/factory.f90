@@ -2,6 +2,8 @@
 !> Steppers by name.
 module tandem_stepper_factory
     use tandem_stepper, only: stepper_type
+    use tandem_stepper_dop853, only: dop853_type
+    use tandem_stepper_dopri5, only: dopri5_type
     use tandem_stepper_rk4, only: rk4_type
     use tandem_stepper_sdirk54, only: sdirk54_type
     use tandem_stepper_trapezoid, only: trapezoid_type
@@ -11,7 +13,7 @@ module tandem_stepper_factory
     public :: new_stepper, stepper_names
 
     !> Every name that `new_stepper` knows.
-    character(len=16), parameter :: stepper_names(3) = [character(len=16) :: 'rk4', 'trapezoid', 'sdirk54']
+    character(len=16), parameter :: stepper_names(5) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
 
 contains
 
@@ -24,6 +26,10 @@ contains
         select case (name)
         case ('rk4')
             allocate (rk4_type :: stepper)
+        case ('dopri5')
+            allocate (dopri5_type :: stepper)
+        case ('dop853')
+            allocate (dop853_type :: stepper)
         case ('trapezoid')
             allocate (trapezoid_type :: stepper)
         case ('sdirk54')

@@ -23,6 +23,8 @@ module tandem_stepper_history
         procedure, public :: continue_from
         procedure, public :: push
         procedure, public :: extrapolate
+        procedure, public :: drop
+        procedure, public :: curvature
     end type history_type
 
 contains
@@ -49,6 +51,7 @@ contains
         class(history_type), intent(inout) :: self
         type(state_type), intent(in) :: state
 
+        call self%drop(state%t)
         if (self%n_kept > 0) then
             if (abs(self%t(self%last) - state%t) <= 0.0_wp .and. &
                 all(abs(self%qd(:, self%last) - state%qd) <= 0.0_wp) .and. &
@@ -103,4 +106,41 @@ contains
             qdd = qdd + weight*self%qdd(:, nodes(i))
         end do
     end subroutine extrapolate
+
+    !> Take back what was pushed after a time, because its step was rejected.
+    pure subroutine drop(self, t)
+        class(history_type), intent(inout) :: self
+        !> Start of the rejected step.
+        real(wp), intent(in) :: t
+
+        do while (self%n_kept > 0)
+            if (self%t(self%last) <= t) exit
+            self%last = merge(capacity, self%last - 1, self%last == 1)
+            self%n_kept = self%n_kept - 1
+        end do
+    end subroutine drop
+
+    !> The second divided differences of the last three rates, half their second derivatives. With two, what bounds the error of
+    !> a first step: their first difference over its length, as if the rates bent by as much as they change.
+    subroutine curvature(self, qd, qdd)
+        class(history_type), intent(in) :: self
+        real(wp), intent(out), contiguous :: qd(:), qdd(:)
+        real(wp) :: h1, h2
+        integer :: i, j, k
+
+        k = self%last
+        j = merge(capacity, k - 1, k == 1)
+        i = merge(capacity, j - 1, j == 1)
+        h2 = self%t(k) - self%t(j)
+        qd = (self%qd(:, k) - self%qd(:, j))/h2
+        qdd = (self%qdd(:, k) - self%qdd(:, j))/h2
+        if (self%n_kept < 3) then
+            qd = qd/h2
+            qdd = qdd/h2
+            return
+        end if
+        h1 = self%t(j) - self%t(i)
+        qd = (qd - (self%qd(:, j) - self%qd(:, i))/h1)/(h1 + h2)
+        qdd = (qdd - (self%qdd(:, j) - self%qdd(:, i))/h1)/(h1 + h2)
+    end subroutine curvature
 end module tandem_stepper_history

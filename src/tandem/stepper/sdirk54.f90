@@ -4,7 +4,7 @@
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp
-    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_state, only: state_type
@@ -25,16 +25,20 @@ module tandem_stepper_sdirk54
         371.0_wp/1360, -137.0_wp/2720, 15.0_wp/544, 0.0_wp, &
         25.0_wp/24, -49.0_wp/48, 125.0_wp/16, -85.0_wp/12], [4, 5])
 
+    !> b minus the embedded weights of order 3, (59/48, -17/96, 225/32, -85/12, 0).
+    real(wp), parameter :: e(5) = [-3.0_wp/16, -27.0_wp/32, 25.0_wp/32, 0.0_wp, 1.0_wp/4]
+
     type, extends(stepper_type) :: sdirk54_type
         private
         type(newton_type) :: newton
         type(history_type) :: history
-        !> Rates of the stages (n, 4); the last one is not needed again.
-        real(wp), allocatable :: rate_q(:, :), rate_qd(:, :)
+        !> Rates of the stages (n, 5), and errors (n).
+        real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
         procedure :: initialize
         procedure :: advance
+        procedure :: estimate
     end type sdirk54_type
 
 contains
@@ -43,7 +47,7 @@ contains
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
-        properties_ = properties_type('sdirk54', 4, 5, .true., 'L-stable, stiffly accurate', &
+        properties_ = properties_type('sdirk54', 4, 5, .true., 3, 'L-stable, stiffly accurate', &
             'Hairer, Wanner II, p. 100, table 6.5')
     end function properties
 
@@ -55,8 +59,8 @@ contains
 
         call self%newton%allocate(n, 5, newton_tolerance)
         call self%history%allocate(n)
-        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd)
-        allocate (self%rate_q(n, 4), self%rate_qd(n, 4), source=0.0_wp)
+        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%error_q, self%error_qd)
+        allocate (self%rate_q(n, 5), self%rate_qd(n, 5), self%error_q(n), self%error_qd(n), source=0.0_wp)
     end subroutine initialize
 
     !> One step.
@@ -86,10 +90,9 @@ contains
                 end do
                 call newton%solve(chart, self%history, state, i, t, ha, stat)
                 if (stat /= status_ok) exit
-                if (i == 5) cycle
                 self%rate_q(:, i) = newton%rate_q
                 self%rate_qd(:, i) = newton%rate_qd
-                call self%history%push(t, newton%rate_q, newton%rate_qd)
+                if (i < 5) call self%history%push(t, newton%rate_q, newton%rate_qd)
             end do
             if (stat == status_ok) call newton%finish(chart, ha, next, stat)
         end associate
@@ -99,4 +102,24 @@ contains
             call self%history%clear()
         end if
     end subroutine advance
+
+    !> The error of the last step. The embedded method alone grows without bound on stiff modes, R(infinity) = 10/3, so its
+    !> error goes through the Newton matrix (Hairer, Wanner II, (IV.8.19)).
+    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+        class(sdirk54_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        real(wp), intent(out) :: norm
+        integer :: i
+
+        self%error_q = 0.0_wp
+        self%error_qd = 0.0_wp
+        do i = 1, 5
+            self%error_q = self%error_q + (h*e(i))*self%rate_q(:, i)
+            self%error_qd = self%error_qd + (h*e(i))*self%rate_qd(:, i)
+        end do
+        call chart%filter_error(self%error_q, self%error_qd)
+        norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+    end subroutine estimate
 end module tandem_stepper_sdirk54

@@ -7,7 +7,7 @@ module tandem_stepper
     implicit none (type, external)
     private
 
-    public :: stepper_type, properties_type
+    public :: stepper_type, properties_type, weighted_norm
 
     !> What a method is.
     type :: properties_type
@@ -17,6 +17,8 @@ module tandem_stepper
         integer :: order = 0, stages = 0
         !> True where stages are implicit.
         logical :: implicit = .false.
+        !> Order of the error estimate: the estimate behaves as h**(estimate_order + 1); 0 where there is none.
+        integer :: estimate_order = 0
         !> Stability in a word, and where the coefficients come from.
         character(len=48) :: stability = ''
         character(len=96) :: source = ''
@@ -27,6 +29,7 @@ module tandem_stepper
         procedure(properties_interface), deferred, nopass :: properties
         procedure(initialize_interface), deferred :: initialize
         procedure(advance_interface), deferred :: advance
+        procedure(estimate_interface), deferred :: estimate
     end type stepper_type
 
     abstract interface
@@ -62,5 +65,35 @@ module tandem_stepper
             !> A status code.
             integer, intent(out) :: stat
         end subroutine advance_interface
+
+        !> The error of the last step in the norm of `weighted_norm`; only where `estimate_order` > 0.
+        subroutine estimate_interface(self, chart, h, weight_q, weight_qd, norm)
+            import :: stepper_type, chart_type, wp
+            implicit none (type, external)
+            class(stepper_type), intent(inout) :: self
+            class(chart_type), intent(inout) :: chart
+            !> Size of that step.
+            real(wp), intent(in) :: h
+            !> Weights of the errors of q and qd (n): 1 / (atol + rtol |y|).
+            real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+            !> At most 1 where the step meets the tolerances.
+            real(wp), intent(out) :: norm
+        end subroutine estimate_interface
     end interface
+
+contains
+
+    !> Root mean square of weighted errors of q and qd.
+    pure real(wp) function weighted_norm(error_q, error_qd, weight_q, weight_qd)
+        !> Errors and their weights (n).
+        real(wp), intent(in), contiguous :: error_q(:), error_qd(:), weight_q(:), weight_qd(:)
+        real(wp) :: total
+        integer :: i
+
+        total = 0.0_wp
+        do i = 1, size(error_q)
+            total = total + (error_q(i)*weight_q(i))**2 + (error_qd(i)*weight_qd(i))**2
+        end do
+        weighted_norm = sqrt(total/real(2*size(error_q), wp))
+    end function weighted_norm
 end module tandem_stepper

@@ -3,7 +3,7 @@
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.3; K. Atkinson 1989 in the paper.
 module tandem_stepper_trapezoid
     use tandem_kinds, only: wp
-    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_state, only: state_type
@@ -18,10 +18,13 @@ module tandem_stepper_trapezoid
         private
         type(newton_type) :: newton
         type(history_type) :: history
+        !> Errors (n).
+        real(wp), allocatable :: error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
         procedure :: initialize
         procedure :: advance
+        procedure :: estimate
     end type trapezoid_type
 
 contains
@@ -30,7 +33,7 @@ contains
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
-        properties_ = properties_type('trapezoid', 2, 2, .true., 'A-stable, R(infinity) = -1', &
+        properties_ = properties_type('trapezoid', 2, 2, .true., 2, 'A-stable, R(infinity) = -1', &
             'Hairer, Wanner II, section IV.3')
     end function properties
 
@@ -42,6 +45,8 @@ contains
 
         call self%newton%allocate(n, 1, newton_tolerance)
         call self%history%allocate(n)
+        self%error_q = spread(0.0_wp, 1, n)
+        self%error_qd = self%error_q
     end subroutine initialize
 
     !> One step: the rates at both ends count half.
@@ -68,4 +73,20 @@ contains
             call self%history%clear()
         end if
     end subroutine advance
+
+    !> The error of the last step, -h^3 y''' / 12 with y''' from the rates at its ends and at the start of the step before (for a
+    !> first step from those at its ends alone, as if it were of order 1), through the Newton matrix.
+    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+        class(trapezoid_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        real(wp), intent(out) :: norm
+
+        call self%history%curvature(self%error_q, self%error_qd)
+        self%error_q = (h**3/6.0_wp)*self%error_q
+        self%error_qd = (h**3/6.0_wp)*self%error_qd
+        call chart%filter_error(self%error_q, self%error_qd)
+        norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+    end subroutine estimate
 end module tandem_stepper_trapezoid

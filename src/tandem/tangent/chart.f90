@@ -44,6 +44,7 @@ module tandem_tangent_chart
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
         procedure(factor_stage_interface), deferred :: factor_stage
         procedure(correct_stage_interface), deferred :: correct_stage
+        procedure(filter_error_interface), deferred :: filter_error
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
         procedure(errors_interface), deferred :: constraint_errors
@@ -158,6 +159,15 @@ module tandem_tangent_chart
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine correct_stage_interface
+
+        !> Send the error of an implicit step through its Newton matrix: what of it a stiff mode would not keep is taken away.
+        subroutine filter_error_interface(self, error_q, error_qd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Errors of the position and velocity increments (n).
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine filter_error_interface
 
         !> The multipliers lambda (nh + nd) at a point where `solve_dynamics` gave qdd.
         subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)

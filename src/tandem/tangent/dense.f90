@@ -74,6 +74,7 @@ module tandem_tangent_dense
         procedure :: solve_dynamics
         procedure :: factor_stage
         procedure :: correct_stage
+        procedure :: filter_error
         procedure :: multipliers
         procedure :: project_velocity
         procedure :: constraint_errors
@@ -461,6 +462,14 @@ contains
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) stat = status_not_finite
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
+
+    !> The error through the Newton matrix.
+    subroutine filter_error(self, error_q, error_qd)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        call self%stage%filter(self%v_basis, self%v_dual, self%w_dual, error_q, error_qd)
+    end subroutine filter_error
 
     !> lambda at (t, q, qd, qdd).
     subroutine multipliers(self, t, q, qd, qdd, lambda, stat)

@@ -54,8 +54,7 @@ contains
         self%n = n
         self%nh = nh
         self%refines = refines
-        ! Rows are judged by their scales at the start of a step here, by those at its end afterwards.
-        self%utol = 0.25_wp*utol
+        self%utol = max(utol, 2.0e-15_wp)
         self%btol = btol
         self%u = spread(0.0_wp, 1, nh)
         self%correction = self%u

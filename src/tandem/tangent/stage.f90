@@ -33,6 +33,8 @@ module tandem_tangent_stage
         real(wp), allocatable :: fbar(:, :), pbar(:, :)
         integer, private :: n = 0, nv = 0, nw = 0
         real(wp), allocatable, private :: mr(:, :), gradient_q(:, :), gradient_qd(:, :), mass_d(:, :), work_mv(:, :)
+        !> D (n, nw) and D' M D (nw, nw) of the last `factor`.
+        real(wp), allocatable, private :: origin_d(:, :), origin_mass(:, :)
         real(wp), allocatable, private :: matrix(:, :), block_wv(:, :), block_ww(:, :), rhs(:), force(:)
         type(lu_type), private :: lu
     contains
@@ -40,6 +42,7 @@ module tandem_tangent_stage
         procedure :: form
         procedure :: factor
         procedure :: correct
+        procedure :: filter
         procedure :: reciprocal_condition
     end type stage_type
 
@@ -58,11 +61,11 @@ contains
         self%nw = nw
         if (allocated(self%rhs)) deallocate (self%r1_v, self%r1_w, self%r2_v, self%r2_w, self%fbar, self%pbar, self%mr, &
             self%gradient_q, self%gradient_qd, self%mass_d, self%work_mv, self%matrix, self%block_wv, self%block_ww, &
-            self%rhs, self%force)
+            self%rhs, self%force, self%origin_d, self%origin_mass)
         allocate (self%r1_v(nv, nv), self%r1_w(nv, nw), self%r2_v(n, nv), self%r2_w(n, nw), self%fbar(n, nv), &
             self%pbar(n, nv), self%mr(n, m), self%gradient_q(n, n), self%gradient_qd(n, n), self%mass_d(n, nw), &
             self%work_mv(m, nv), self%matrix(nv + nw, nv + nw), self%block_wv(nw, nv), self%block_ww(nw, nw), &
-            self%rhs(nv + nw), self%force(n), source=0.0_wp)
+            self%rhs(nv + nw), self%force(n), self%origin_d(n, nw), self%origin_mass(nw, nw), source=0.0_wp)
         call self%lu%allocate(nv + nw)
     end subroutine allocate_stage
 
@@ -127,9 +130,11 @@ contains
             end do
             a(:nv, nv + 1:) = ha*self%r1_w
             a(nv + 1:, :nv) = ha*self%block_wv
+            self%origin_d = null_space
+            call set_gram(null_space, self%mass_d, self%origin_mass)
             do j = 1, nw
                 do i = 1, nw
-                    a(nv + i, nv + j) = ha*self%block_ww(i, j) + dot_product(null_space(:, i), self%mass_d(:, j))
+                    a(nv + i, nv + j) = ha*self%block_ww(i, j) + self%origin_mass(i, j)
                 end do
             end do
         end associate
@@ -177,6 +182,28 @@ contains
             rate_qd = rate_qd + change_qd
         end associate
     end subroutine correct
+
+    !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd.
+    subroutine filter(self, v_basis, v_dual, w_dual, error_q, error_qd)
+        class(stage_type), intent(inout) :: self
+        !> V (n, nv) and the duals of V and W (n, nw).
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_dual(:, :)
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        real(wp) :: w(self%nw)
+
+        associate (nv => self%nv)
+            self%rhs = 0.0_wp
+            call add_transposed_product(v_dual, error_q, 1.0_wp, self%rhs(:nv))
+            w = 0.0_wp
+            call add_transposed_product(w_dual, error_qd, 1.0_wp, w)
+            call add_product(self%origin_mass, w, 1.0_wp, self%rhs(nv + 1:))
+            call self%lu%solve(self%rhs)
+            error_q = 0.0_wp
+            call add_product(v_basis, self%rhs(:nv), 1.0_wp, error_q)
+            error_qd = 0.0_wp
+            call add_product(self%origin_d, self%rhs(nv + 1:), 1.0_wp, error_qd)
+        end associate
+    end subroutine filter
 
     !> An estimate of 1/cond of the factored matrix.
     real(wp) function reciprocal_condition(self)

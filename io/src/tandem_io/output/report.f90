@@ -21,6 +21,9 @@ contains
         associate (s => statistics)
             call file%attach(place, 'steps', s%steps)
             call file%attach(place, 'rejected', s%rejected)
+            call file%attach(place, 'failed', s%failed)
+            call file%attach(place, 'smallest_step', min(s%smallest_step, s%largest_step))
+            call file%attach(place, 'largest_step', s%largest_step)
             call file%attach(place, 'charts', s%charts)
             do i = 1, n_reasons
                 call file%attach(place, 'charts_by_'//as_name(reason_name(i)), s%charts_by(i))

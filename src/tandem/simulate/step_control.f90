@@ -1,0 +1,128 @@
+! SPDX-License-Identifier: MIT
+!> The step size controller: tolerances into weights, error norms into new step sizes.
+!>
+!> Proportional-integral control of the error per step. Source: K. Gustafsson, ACM TOMS 17 (1991) 533-554; Hairer, Wanner,
+!> Solving Ordinary Differential Equations II, section IV.2.
+module tandem_simulate_step_control
+    use tandem_kinds, only: wp
+    use tandem_options, only: options_type
+    implicit none (type, external)
+    private
+
+    public :: step_control_type
+
+    type :: step_control_type
+        !> The step to try next; 0 before the first.
+        real(wp) :: h = 0.0_wp
+        !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales.
+        real(wp), allocatable :: weight_q(:), weight_qd(:)
+        real(wp), private :: rtol = 0.0_wp, atol = 0.0_wp, max_step = huge(1.0_wp)
+        real(wp), private :: exponent = 0.2_wp, integral = 0.0_wp, last_norm = 1.0e-4_wp
+        real(wp), allocatable, private :: scale(:)
+        logical, private :: was_rejected = .false.
+    contains
+        procedure :: initialize
+        procedure :: set_weights
+        procedure :: accept
+        procedure :: reject
+        procedure :: fail
+        procedure :: limit
+        procedure :: restart
+    end type step_control_type
+
+    !> The next step aims at this part of the tolerance's step, and changes by no more than these factors.
+    real(wp), parameter :: safety = 0.8_wp, least_factor = 0.2_wp, largest_factor = 6.0_wp
+
+contains
+
+    !> Begin with tolerances, coordinate scales (n) and the order of the stepper's estimate.
+    subroutine initialize(self, options, scale, estimate_order, implicit)
+        class(step_control_type), intent(inout) :: self
+        type(options_type), intent(in) :: options
+        real(wp), intent(in) :: scale(:)
+        integer, intent(in) :: estimate_order
+        !> Implicit steppers have no integral part: their errors jump with Newton's.
+        logical, intent(in) :: implicit
+
+        self%rtol = options%rtol
+        self%atol = options%absolute_tolerance()
+        self%max_step = huge(1.0_wp)
+        if (options%max_step > 0.0_wp) self%max_step = options%max_step
+        self%h = min(options%first_step, self%max_step)
+        self%exponent = 1.0_wp/real(estimate_order + 1, wp)
+        self%integral = 0.0_wp
+        if (.not. implicit .and. estimate_order < 7) self%integral = 0.04_wp
+        self%scale = scale
+        self%weight_q = scale
+        self%weight_qd = scale
+        call self%restart()
+    end subroutine initialize
+
+    !> Weights for a step from (q0, qd0) to (q, qd).
+    pure subroutine set_weights(self, q0, q, qd0, qd)
+        class(step_control_type), intent(inout) :: self
+        !> Coordinates and velocities at both ends (n).
+        real(wp), intent(in), contiguous :: q0(:), q(:), qd0(:), qd(:)
+        integer :: i
+
+        do i = 1, size(q)
+            self%weight_q(i) = 1.0_wp/(self%atol*self%scale(i) + self%rtol*max(abs(q0(i)), abs(q(i))))
+            self%weight_qd(i) = 1.0_wp/(self%atol*self%scale(i) + self%rtol*max(abs(qd0(i)), abs(qd(i))))
+        end do
+    end subroutine set_weights
+
+    !> Choose the next step after an accepted one of size h with an error norm.
+    subroutine accept(self, h, was_cut, norm)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: h, norm
+        !> True where the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
+        logical, intent(in) :: was_cut
+        real(wp) :: factor, wanted
+
+        factor = safety*max(norm, tiny(1.0_wp))**(0.75_wp*self%integral - self%exponent)*self%last_norm**self%integral
+        factor = min(largest_factor, max(least_factor, factor))
+        if (self%was_rejected) factor = min(1.0_wp, factor)
+        wanted = factor*h
+        if (was_cut) wanted = max(wanted, self%h)
+        self%h = self%limit(wanted)
+        self%last_norm = max(norm, 1.0e-4_wp)
+        self%was_rejected = .false.
+    end subroutine accept
+
+    !> Choose a smaller step after one of size h whose error norm is above 1.
+    subroutine reject(self, h, norm)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: h, norm
+        real(wp) :: factor
+
+        factor = least_factor
+        if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, safety*norm**(-self%exponent)))
+        self%h = factor*h
+        self%was_rejected = .true.
+    end subroutine reject
+
+    !> Choose a smaller step after one of size h that could not be completed.
+    subroutine fail(self, h)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+
+        self%h = 0.25_wp*h
+        self%was_rejected = .true.
+    end subroutine fail
+
+    !> A step within the limits.
+    pure real(wp) function limit(self, h)
+        class(step_control_type), intent(in) :: self
+        real(wp), intent(in) :: h
+
+        limit = min(h, self%max_step)
+    end function limit
+
+    !> Forget the past, after a breakpoint.
+    pure subroutine restart(self)
+        class(step_control_type), intent(inout) :: self
+
+        self%last_norm = 1.0e-4_wp
+        self%was_rejected = .false.
+    end subroutine restart
+end module tandem_simulate_step_control

@@ -1,0 +1,393 @@
+! SPDX-License-Identifier: MIT
+!> Tests that nothing is evaluated that a scene does not need: the simulation's counters, and spies in the model's procedures.
+module test_counters
+    use asserts, only: check_close, check_count, check_no_failure, check_true
+    use model_belt_wheel, only: belt_wheel_type
+    use model_heavy_top, only: heavy_top_type
+    use model_knife_edge, only: knife_edge_type
+    use model_particle, only: particle_type
+    use model_pendulum, only: pendulum_type
+    use model_spy, only: spy_type
+    use runs, only: choose, get_start, run
+    use tandem, only: at_step, failure_type => error_type, model_type, n_terms, need_force, need_gamma, need_jacobian, &
+        need_mass, need_nu, need_phi, observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, &
+        statistics_type, wp
+    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_counters
+
+    !> Places of the terms in the counters.
+    integer, parameter :: phi = 1, jacobian = 2, nu = 3, gamma = 4, mass = 5, force = 6
+    !> Steps of every run here.
+    integer, parameter :: n_steps = 50
+
+    !> Asks for multipliers and energies every tenth step.
+    type, extends(observer_type) :: curious_type
+        integer :: steps = 0
+    contains
+        procedure :: observe
+    end type curious_type
+
+contains
+
+    !> The suite.
+    subroutine collect_counters(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('rk4-takes-four-right-hand-sides-a-step', test_right_hand_sides), &
+            new_unittest('nonholonomic-model-evaluates-nothing-holonomic', test_nonholonomic), &
+            new_unittest('holonomic-model-evaluates-nothing-nonholonomic', test_holonomic), &
+            new_unittest('free-model-evaluates-no-constraints', test_free), &
+            new_unittest('scleronomic-model-evaluates-no-rates', test_scleronomic), &
+            new_unittest('rheonomic-model-evaluates-its-rates', test_rheonomic), &
+            new_unittest('constant-mass-matrix-is-evaluated-once', test_constant_mass), &
+            new_unittest('mass-matrix-that-varies-is-evaluated-at-every-point', test_varying_mass), &
+            new_unittest('model-without-force-evaluates-none', test_no_force), &
+            new_unittest('nobody-asks-for-multipliers-and-energies', test_not_asked), &
+            new_unittest('multipliers-and-energies-are-computed-as-often-as-asked', test_asked), &
+            new_unittest('a-chart-every-step-evaluates-no-point-twice', test_no_point_twice), &
+            new_unittest('counters-agree-with-the-calls', test_calls), &
+            new_unittest('fused-procedure-is-preferred', test_fused), &
+            new_unittest('any-division-into-fused-and-single-procedures-is-the-same', test_divisions), &
+            new_unittest('factor-does-not-refine-and-refine-does-not-eliminate', test_modes), &
+            new_unittest('counters-start-anew-with-initialize', test_anew)]
+    end subroutine collect_counters
+
+    subroutine observe(self, simulation, occasion, error)
+        class(curious_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer, intent(in) :: occasion
+        type(failure_type), allocatable, intent(out) :: error
+        real(wp) :: lambda(simulation%model%n_constraints()), energy
+        integer :: stat
+
+        if (occasion /= at_step) return
+        self%steps = self%steps + 1
+        if (mod(self%steps, 10) /= 0) return
+        call simulation%multipliers(lambda)
+        call simulation%kinetic_energy(energy, stat)
+        call simulation%potential_energy(energy, stat)
+    end subroutine observe
+
+    !> Fifty steps of a model, spied upon.
+    subroutine spy_on(model, q, qd, spy, statistics, error, options)
+        class(model_type), intent(in), target :: model
+        real(wp), intent(in) :: q(:), qd(:)
+        type(spy_type), intent(out), target :: spy
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(inout) :: error
+        type(options_type), intent(in), optional :: options
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: chosen
+
+        chosen = choose(step=1.0e-2_wp)
+        if (present(options)) chosen = options
+        call spy%wrap(model)
+        call spy%set_traps()
+        call run(simulation, spy, chosen, 0.0_wp, q, qd, n_steps*chosen%step, failure)
+        call check_no_failure(error, failure)
+        statistics = simulation%statistics()
+        call check_count(error, statistics%steps, n_steps, 'steps')
+        call check_count(error, spy%calls%trapped, 0, 'calls of procedures that do not exist')
+    end subroutine spy_on
+
+    !> A pendulum at 0.3 rad.
+    subroutine spy_on_pendulum(spy, statistics, error, options)
+        type(spy_type), intent(out), target :: spy
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(inout) :: error
+        type(options_type), intent(in), optional :: options
+        type(pendulum_type), target :: model
+        real(wp) :: q(2), qd(2)
+
+        call model%define()
+        call model%start(0.3_wp, 0.0_wp, q, qd)
+        call spy_on(model, q, qd, spy, statistics, error, options)
+    end subroutine spy_on_pendulum
+
+    !> A knife edge from its reference's start.
+    subroutine spy_on_knife_edge(spy, statistics, error)
+        type(spy_type), intent(out), target :: spy
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(inout) :: error
+        type(knife_edge_type), target :: model
+        real(wp), allocatable :: q(:), qd(:)
+
+        call model%define()
+        call get_start('knife_edge', q, qd)
+        call spy_on(model, q, qd, spy, statistics, error)
+    end subroutine spy_on_knife_edge
+
+    !> The acceleration at the end of a step is the first stage of the next one; the start adds one.
+    subroutine test_right_hand_sides(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%right_hand_sides, 4*n_steps + 1, 'right-hand sides')
+        call check_count(error, statistics%terms(gamma), 4*n_steps + 1, 'gamma')
+        call check_count(error, statistics%terms(force), 4*n_steps + 1, 'force')
+        call check_count(error, statistics%rejected, 0, 'rejected steps')
+    end subroutine test_right_hand_sides
+
+    subroutine test_nonholonomic(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_knife_edge(spy, statistics, error)
+        call check_count(error, statistics%terms(phi), 0, 'phi')
+        call check_count(error, statistics%position_corrections, 0, 'corrections of u')
+        call check_count(error, statistics%position_factorizations, 0, 'factorizations of Phi_q U')
+        call check_true(error, spy%calls%nonholonomic_jacobian > 0, 'E is evaluated')
+    end subroutine test_nonholonomic
+
+    subroutine test_holonomic(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        integer :: j
+
+        do j = 1, size(refresh_modes)
+            call spy_on_pendulum(spy, statistics, error, choose(step=1.0e-2_wp, refresh=refresh_modes(j)))
+            ! The traps of `spy_on` are E and, through the checks, e.
+            call check_count(error, spy%calls%nonholonomic_jacobian, 0, 'E')
+            call check_count(error, spy%calls%nonholonomic_rhs, 0, 'e')
+            call check_true(error, spy%calls%holonomic > 0 .and. spy%calls%holonomic_jacobian > 0, 'Phi and Phi_q are evaluated')
+        end do
+    end subroutine test_holonomic
+
+    subroutine test_free(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(particle_type), target :: model
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        integer :: i
+
+        call model%define(with_force=.true.)
+        call spy_on(model, [0.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], spy, statistics, error)
+        do i = 1, 4
+            call check_count(error, statistics%terms(i), 0, 'terms of constraints')
+        end do
+        call check_count(error, statistics%basis_factorizations, 0, 'bases')
+        call check_count(error, statistics%constraint_factorizations, 0, 'factorizations of C')
+        call check_count(error, statistics%position_factorizations, 0, 'factorizations of Phi_q U')
+    end subroutine test_free
+
+    subroutine test_scleronomic(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%terms(nu), 0, 'nu of the pendulum')
+        call spy_on_knife_edge(spy, statistics, error)
+        call check_count(error, statistics%terms(nu), 0, 'nu of the knife edge')
+        call check_count(error, spy%calls%holonomic_rate + spy%calls%nonholonomic_rhs, 0, 'Phi_t and e')
+    end subroutine test_scleronomic
+
+    subroutine test_rheonomic(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(belt_wheel_type), target :: model
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        real(wp) :: q(2), qd(2), qdd(2), lambda(2)
+
+        call model%define()
+        call model%solution(0.0_wp, q, qd, qdd, lambda)
+        call spy_on(model, q, qd, spy, statistics, error)
+        call check_true(error, statistics%terms(nu) > 0, 'nu is evaluated')
+        call check_count(error, statistics%terms(nu), spy%calls%holonomic_rate, 'nu against Phi_t')
+        call check_count(error, statistics%terms(nu), spy%calls%nonholonomic_rhs, 'nu against e')
+        ! Nothing is free: no equations of motion are factored.
+        call check_count(error, statistics%mass_factorizations, 0, 'factorizations of D'' M D')
+    end subroutine test_rheonomic
+
+    subroutine test_constant_mass(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%terms(mass), 1, 'mass')
+        call check_count(error, spy%calls%mass_matrix, 1, 'calls of mass_matrix')
+    end subroutine test_constant_mass
+
+    subroutine test_varying_mass(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(heavy_top_type), target :: model
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        real(wp), allocatable :: q(:), qd(:)
+
+        call model%define()
+        call get_start('heavy_top', q, qd)
+        call spy_on(model, q, qd, spy, statistics, error, choose(step=1.0e-3_wp))
+        call check_count(error, statistics%terms(mass), 4*n_steps + 1, 'mass')
+        call check_count(error, spy%calls%mass_matrix, 4*n_steps + 1, 'calls of mass_matrix')
+        call check_count(error, spy%calls%inertia_force, 4*n_steps + 1, 'calls of inertia_force')
+        call check_count(error, spy%calls%applied_force, 4*n_steps + 1, 'calls of applied_force')
+    end subroutine test_varying_mass
+
+    subroutine test_no_force(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(particle_type), target :: model
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call model%define(with_force=.false.)
+        call spy_on(model, [0.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], spy, statistics, error)
+        call check_count(error, statistics%terms(force), 0, 'force')
+    end subroutine test_no_force
+
+    subroutine test_not_asked(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%multipliers, 0, 'multipliers')
+        call check_count(error, statistics%kinetic_energies, 0, 'kinetic energies')
+        call check_count(error, statistics%potential_energies, 0, 'potential energies')
+        call check_count(error, spy%calls%potential_energy, 0, 'calls of potential_energy')
+    end subroutine test_not_asked
+
+    !> Asking changes nothing else, and not the solution.
+    subroutine test_asked(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: silent, asked
+        type(curious_type) :: curious
+        type(statistics_type) :: before, after
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+
+        call model%define()
+        call model%start(0.3_wp, 0.0_wp, q, qd)
+        call run(silent, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.5_wp, failure)
+        call check_no_failure(error, failure)
+        call run(asked, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.5_wp, failure, curious)
+        call check_no_failure(error, failure)
+        before = silent%statistics()
+        after = asked%statistics()
+        call check_count(error, after%multipliers, 5, 'multipliers')
+        call check_count(error, after%kinetic_energies, 5, 'kinetic energies')
+        call check_count(error, after%potential_energies, 5, 'potential energies')
+        if (any(after%terms /= before%terms)) call test_failed(error, 'asking cost evaluations of terms')
+        call check_close(error, asked%state%q, silent%state%q, 0.0_wp, 'q')
+    end subroutine test_asked
+
+    !> Three stages and the end of each step, and the start: C is evaluated once at each, although a chart is made there.
+    subroutine test_no_point_twice(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%terms(jacobian), 4*n_steps + 1, 'Jacobians of the pendulum')
+        call spy_on_knife_edge(spy, statistics, error)
+        call check_count(error, statistics%terms(jacobian), 4*n_steps + 1, 'Jacobians of the knife edge')
+    end subroutine test_no_point_twice
+
+    subroutine test_calls(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+
+        call spy_on_pendulum(spy, statistics, error)
+        call check_count(error, statistics%terms(phi), spy%calls%holonomic, 'phi')
+        call check_count(error, statistics%terms(jacobian), spy%calls%holonomic_jacobian, 'jacobian')
+        call check_count(error, statistics%terms(gamma), spy%calls%constraint_acceleration, 'gamma')
+        call check_count(error, statistics%terms(mass), spy%calls%mass_matrix, 'mass')
+        call check_count(error, statistics%terms(force), spy%calls%applied_force, 'force')
+        call check_count(error, statistics%fused_calls, 0, 'fused calls')
+    end subroutine test_calls
+
+    !> The disk gives all but nu by `evaluate`: the points need one call for C and M and one for gamma and the force.
+    subroutine test_fused(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: model
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        real(wp) :: q(9), qd(9)
+
+        call model%define()
+        call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call spy_on(model, q, qd, spy, statistics, error)
+        call check_count(error, statistics%fused_calls, spy%calls%evaluate, 'calls of evaluate')
+        call check_count(error, statistics%terms(nu), 0, 'nu')
+        call check_count(error, statistics%fused_calls, int(statistics%terms(phi) + statistics%terms(jacobian) + &
+            statistics%terms(gamma)), 'calls of evaluate against the terms')
+    end subroutine test_fused
+
+    !> 64 ways to divide the terms between `evaluate` and the single procedures.
+    subroutine test_divisions(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(belt_wheel_type), target :: model
+        type(spy_type), target :: spy
+        type(simulation_type) :: single, divided
+        type(statistics_type) :: expected, found
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2), qdd(2), lambda(2)
+        integer :: provides
+
+        call model%define()
+        call model%solution(0.0_wp, q, qd, qdd, lambda)
+        call run(single, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.2_wp, failure)
+        call check_no_failure(error, failure)
+        expected = single%statistics()
+        do provides = 0, need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
+            spy = spy_type()
+            call spy%wrap(model)
+            call spy%fuse(provides)
+            call run(divided, spy, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.2_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_close(error, divided%state%q, single%state%q, 0.0_wp, 'q')
+            call check_close(error, divided%state%qdd, single%state%qdd, 0.0_wp, 'qdd')
+            found = divided%statistics()
+            if (any(found%terms /= expected%terms)) call test_failed(error, 'the division changed the counters')
+            if (allocated(error)) return
+        end do
+    end subroutine test_divisions
+
+    subroutine test_modes(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(spy_type), target :: spy
+        type(statistics_type) :: factor, refine
+
+        call spy_on_pendulum(spy, factor, error, choose(step=1.0e-2_wp, refresh='factor'))
+        call check_count(error, factor%b_corrections + factor%h_corrections, 0, 'corrections of B and H')
+        call spy_on_pendulum(spy, refine, error, choose(step=1.0e-2_wp, chart='paper', refresh='refine'))
+        call check_true(error, refine%b_corrections > 0 .and. refine%h_corrections > 0, 'B and H are corrected')
+    end subroutine test_modes
+
+    subroutine test_anew(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: first, second
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: i
+
+        call model%define()
+        call model%start(0.3_wp, 0.0_wp, q, qd)
+        call run(simulation, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.5_wp, failure)
+        call check_no_failure(error, failure)
+        first = simulation%statistics()
+        call run(simulation, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 0.5_wp, failure)
+        call check_no_failure(error, failure)
+        second = simulation%statistics()
+        do i = 1, n_terms
+            call check_count(error, second%terms(i), int(first%terms(i)), 'terms')
+        end do
+        call check_count(error, second%steps, int(first%steps), 'steps')
+        call check_count(error, second%charts, int(first%charts), 'charts')
+    end subroutine test_anew
+end module test_counters
