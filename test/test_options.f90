@@ -193,7 +193,7 @@ contains
         options%btol = 1.0e-6_wp
         call options%check(failure)
         call check_no_failure(error, failure)
-        call check_below(error, abs(options%position_tolerance() - 1.0e-9_wp), 0.0_wp, 'utol')
+        call check_below(error, abs(options%position_tolerance() - 1.0e-11_wp), 1.0e-26_wp, 'utol, a hundredth')
         call check_below(error, abs(options%b_tolerance() - 1.0e-6_wp), 0.0_wp, 'btol')
         call check_below(error, abs(options%h_tolerance() - 1.0e-9_wp), 0.0_wp, 'htol')
     end subroutine test_unset

@@ -179,7 +179,7 @@ contains
     pure elemental logical function is_unset(value)
         real(wp), intent(in) :: value
 
-        is_unset = .not. (value < 0.0_wp .or. value > 0.0_wp)
+        is_unset = abs(value) <= 0.0_wp
     end function is_unset
 
     subroutine check_positive(name, value, error)

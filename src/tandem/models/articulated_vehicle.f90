@@ -41,6 +41,10 @@ contains
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'articulated_vehicle'
+        ! Directions of other parameters are worth nothing.
+        self%phi1 = huge(1.0_wp)
+        self%phi2 = huge(1.0_wp)
+        self%t = huge(1.0_wp)
         self%n = 6
         self%n_holonomic = 2
         self%n_nonholonomic = 3

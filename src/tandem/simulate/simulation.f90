@@ -514,7 +514,11 @@ contains
                 call self%renew_chart(by_step, error)
                 return
             end if
-            call self%chart%measure_health(self%state%q, self%state%qd, health)
+            call self%chart%measure_health(self%state%t, self%state%q, self%state%qd, health, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+                return
+            end if
             if (options%chart == 'adaptive') then
                 if (.not. health%d <= options%secant_limit) then
                     call self%renew_chart(by_d, error)
@@ -534,7 +538,7 @@ contains
             end if
         end associate
         if (allocated(error) .or. self%chart_is_current) return
-        call self%chart%refresh(stat)
+        call self%chart%refresh(self%state%t, self%state%q, stat)
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end subroutine renew_by_policy
 

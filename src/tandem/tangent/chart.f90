@@ -78,11 +78,13 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine renew_interface
 
-        !> Bring what is kept from step to step to the last point; called before a step on an old chart.
-        subroutine refresh_interface(self, stat)
-            import :: chart_type
+        !> Bring what is kept from step to step to (t, q); called before a step on an old chart.
+        subroutine refresh_interface(self, t, q, stat)
+            import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
             integer, intent(out) :: stat
         end subroutine refresh_interface
 
@@ -205,13 +207,15 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine errors_interface
 
-        !> How the chart stands at the last point of `solve_dynamics`.
-        subroutine health_interface(self, q, qd, health)
+        !> How the chart stands at a point: what the policy watches.
+        subroutine health_interface(self, t, q, qd, health, stat)
             import :: chart_type, health_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:)
             type(health_type), intent(out) :: health
+            integer, intent(out) :: stat
         end subroutine health_interface
 
         !> The kinetic energy qd' M qd / 2.

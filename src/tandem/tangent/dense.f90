@@ -223,12 +223,18 @@ contains
         end do
     end subroutine load_bases
 
-    !> Bring what is kept from step to step to the last point.
-    subroutine refresh(self, stat)
+    !> Bring the row scales and the factor of Phi_q U to (t, q).
+    subroutine refresh(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
         integer, intent(out) :: stat
 
-        call self%position%refresh(self%model%terms%jacobian, self%q_point, self%scale, self%counts, stat)
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) then
+          call self%position%refresh(self%model%terms%jacobian, q, self%scale, self%counts, stat)
+        end if
     end subroutine refresh
 
     !> Forget the last point.
@@ -276,9 +282,8 @@ contains
             call self%fail_term()
             return
         end if
-        if (.not. sum(abs(self%model%terms%jacobian)) <= huge(1.0_wp)) then
-            self%failed_term = 'jacobian'
-            stat = status_not_finite
+        if (.not. sum(abs(self%model%terms%jacobian)) + sum(abs(self%model%terms%nu)) <= huge(1.0_wp)) then
+            call self%name_infinite(stat)
             return
         end if
         self%has_point = .true.
@@ -385,27 +390,35 @@ contains
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%factor(terms%mass, d, stat)
-            self%counts%mass_factorizations = self%counts%mass_factorizations + 1
+            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
             if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, d, r, terms%gamma, terms%force, &
                 .not. self%refines, qdd, stat)
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate
     end subroutine solve_dynamics
 
-    !> After a failed solution: was a term not finite, and which?
+    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
     subroutine name_infinite(self, stat)
         class(dense_chart_type), intent(inout) :: self
+        !> Kept as it is where all terms are finite.
         integer, intent(inout) :: stat
 
-        self%failed_term = 'the velocity'
+        call self%forget()
         associate (terms => self%model%terms)
-            if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
+            if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
+                self%failed_term = 'phi'
+            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
+                self%failed_term = 'jacobian'
+            else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
+                self%failed_term = 'nu'
+            else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
                 self%failed_term = 'mass'
             else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
                 self%failed_term = 'gamma'
             else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
                 self%failed_term = 'force'
             else
+                self%failed_term = 'the velocity'
                 return
             end if
         end associate
@@ -535,14 +548,21 @@ contains
             call velocity_errors(terms%nu, terms%jacobian, qd, self%scale, errors(2), rows(2))
             call acceleration_errors(terms%gamma, terms%jacobian, qdd, self%scale, errors(3), rows(3))
         end associate
+        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
     end subroutine constraint_errors
 
     !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
-    subroutine measure_health(self, q, qd, health)
+    subroutine measure_health(self, t, q, qd, health, stat)
         class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         type(health_type), intent(out) :: health
+        integer, intent(out) :: stat
 
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok .and. self%watches_condition) call self%split_here(stat)
+        if (stat /= status_ok) return
         health%corrections = max(self%position%most_corrections, self%split%most_corrections)
         self%position%most_corrections = 0
         self%split%most_corrections = 0
