@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Runs the tests: all of them, one suite, or one test. Usage: tandem-test [SUITE [TEST]]
 program main
+    use test_accuracy, only: collect_accuracy
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
     use test_constraints, only: collect_constraints
@@ -41,6 +42,7 @@ program main
         new_testsuite('simulation', collect_simulation), &
         new_testsuite('failures', collect_failures), &
         new_testsuite('rk4', collect_rk4), &
+        new_testsuite('accuracy', collect_accuracy), &
         new_testsuite('order', collect_order), &
         new_testsuite('constraints', collect_constraints), &
         new_testsuite('charts', collect_charts), &

@@ -5,8 +5,8 @@ module runs
     use model_knife_edge, only: knife_edge_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
-    use tandem, only: articulated_vehicle_type, failure_type => error_type, model_type, observer_type, options_type, &
-        rolling_disk_type, simulation_type, wp
+    use tandem, only: articulated_vehicle_type, failure_type => error_type, model_type, motorcycle_type, observer_type, &
+        options_type, rolling_disk_type, simulation_type, wp
     implicit none (type, external)
     private
 
@@ -31,7 +31,7 @@ contains
         if (.not. allocated(failure)) call simulation%integrate(t_end, failure, observer)
     end subroutine run
 
-    !> The state (q, qd) that a scene with a reference solution reaches at t_end, one column each.
+    !> The state (q, qd) that a scene reaches at t_end from its start at t = 0, one column each.
     subroutine run_to(scene, options, t_end, state, failure)
         character(len=*), intent(in) :: scene
         type(options_type), intent(in) :: options
@@ -39,21 +39,22 @@ contains
         real(wp), allocatable, intent(out) :: state(:, :)
         type(failure_type), allocatable, intent(out) :: failure
         class(model_type), allocatable, target :: model
-        type(reference_type) :: table
         type(simulation_type) :: simulation
+        real(wp), allocatable :: q(:), qd(:)
 
         call new_scene(scene, model)
-        call read_reference(scene, table)
-        call run(simulation, model, options, table%t(1), table%q(:, 1), table%qd(:, 1), t_end, failure)
+        call get_start(scene, q, qd)
+        call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
         state = reshape([simulation%state%q, simulation%state%qd], [model%n, 2])
     end subroutine run_to
 
     !> Options with some of them chosen.
-    function choose(step, chart, refresh, v_limit, tolerance) result(options)
+    function choose(step, chart, refresh, v_limit, tolerance, stepper) result(options)
         real(wp), intent(in), optional :: step, v_limit, tolerance
-        character(len=*), intent(in), optional :: chart, refresh
+        character(len=*), intent(in), optional :: chart, refresh, stepper
         type(options_type) :: options
 
+        if (present(stepper)) options%stepper = stepper
         if (present(step)) options%step = step
         if (present(chart)) options%chart = chart
         if (present(refresh)) options%refresh = refresh
@@ -61,7 +62,7 @@ contains
         if (present(tolerance)) options%constraint_tolerance = tolerance
     end function choose
 
-    !> A scene of `scene_names`, with the parameters of its reference solution.
+    !> A scene of `scene_names`, with the parameters of its reference solution, or the paper's motorcycle or chopper.
     subroutine new_scene(name, model)
         character(len=*), intent(in) :: name
         class(model_type), allocatable, intent(out) :: model
@@ -70,6 +71,7 @@ contains
         type(heavy_top_type), allocatable :: heavy_top
         type(knife_edge_type), allocatable :: knife_edge
         type(stiff_pendulum_type), allocatable :: stiff_pendulum
+        type(motorcycle_type), allocatable :: motorcycle
 
         select case (name)
         case ('vehicle')
@@ -92,19 +94,39 @@ contains
             allocate (stiff_pendulum)
             call stiff_pendulum%define()
             call move_alloc(stiff_pendulum, model)
+        case ('motorcycle', 'chopper')
+            allocate (motorcycle)
+            if (name == 'chopper') then
+                motorcycle%fork_angle = atan(1.0_wp)
+                motorcycle%amplitude = 0.0078_wp
+            end if
+            call motorcycle%define()
+            call move_alloc(motorcycle, model)
         case default
             error stop 'new_scene: unknown scene'
         end select
     end subroutine new_scene
 
-    !> The start of a scene's reference solution.
+    !> The start of a scene at t = 0: of its reference solution, or the motorcycle's equilibrium at 15 m/s.
     subroutine get_start(name, q, qd)
         character(len=*), intent(in) :: name
         real(wp), allocatable, intent(out) :: q(:), qd(:)
+        class(model_type), allocatable :: model
         type(reference_type) :: table
+        integer :: stat
 
+        if (name == 'motorcycle' .or. name == 'chopper') then
+            allocate (q(10), qd(10), source=0.0_wp)
+            call new_scene(name, model)
+            select type (model)
+            class is (motorcycle_type)
+                call model%start(15.0_wp, q, qd, stat)
+                if (stat /= 0) error stop 'get_start: no equilibrium'
+            end select
+            return
+        end if
         call read_reference(name, table)
-        q = table%q(:, 1)
-        qd = table%qd(:, 1)
+        allocate (q, source=table%q(:, 1))
+        allocate (qd, source=table%qd(:, 1))
     end subroutine get_start
 end module runs

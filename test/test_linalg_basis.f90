@@ -39,6 +39,7 @@ contains
             new_unittest('nonholonomic-copy-of-a-holonomic-row-is-the-one-to-blame', test_copy_across), &
             new_unittest('svd-names-the-duplicate-row-too', test_duplicate_svd), &
             new_unittest('near-dependence-is-decided-at-the-rank-tolerance', test_near_dependence), &
+            new_unittest('constraints-of-condition-5e8-are-usable-and-of-1e12-are-not', test_conditions), &
             new_unittest('rank-does-not-depend-on-the-units-of-a-row', test_row_units), &
             new_unittest('secant-is-that-of-the-largest-angle', test_secant)]
     end subroutine collect_linalg_basis
@@ -324,6 +325,25 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_near_dependence
+
+    !> Two unit rows at a small angle have the condition number 2/angle.
+    subroutine test_conditions(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(basis_type) :: basis
+        real(wp) :: c(2, 3), angle
+
+        call basis%allocate(3, 2, 2)
+        angle = 2/5.0e8_wp
+        c(1, :) = [1.0_wp, 0.0_wp, 0.0_wp]
+        c(2, :) = [cos(angle), sin(angle), 0.0_wp]
+        call basis%factor_qr(c, spread(1.0_wp, 1, 3), 3)
+        call check_true(error, .not. basis%deficient, 'a condition of 5e8 is usable')
+        call check_below(error, largest(matmul(c, basis%q(:, 3:))), rounding, 'C W')
+        angle = 2/1.0e12_wp
+        c(2, :) = [cos(angle), sin(angle), 0.0_wp]
+        call basis%factor_qr(c, spread(1.0_wp, 1, 3), 3)
+        call check_true(error, basis%deficient, 'a condition of 1e12 is not')
+    end subroutine test_conditions
 
     subroutine test_row_units(error)
         type(error_type), allocatable, intent(out) :: error

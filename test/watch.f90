@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Observers for the tests: the constraint errors measured independently of the library, and the distance from a reference.
+!> Observers for the tests: the constraint errors measured independently of the library, the distance from a reference, and the
+!> total energy.
 module watch
     use reference, only: reference_type
     use tandem, only: at_end, at_start, failure_type => error_type, observer_type, set_error, simulation_type, &
@@ -8,7 +9,7 @@ module watch
     implicit none (type, external)
     private
 
-    public :: error_watch_type, reference_watch_type, natural_errors
+    public :: error_watch_type, reference_watch_type, energy_watch_type, natural_errors
 
     !> The largest errors of the three constraint levels over all steps, from the model's own procedures.
     type, extends(observer_type) :: error_watch_type
@@ -33,6 +34,14 @@ module watch
     contains
         procedure :: observe => observe_reference
     end type reference_watch_type
+
+    !> The total energy, kinetic alone where the model has no potential.
+    type, extends(observer_type) :: energy_watch_type
+        !> The energy at the start, and its largest relative deviation.
+        real(wp) :: energy = 0.0_wp, deviation = 0.0_wp
+    contains
+        procedure :: observe => observe_energy
+    end type energy_watch_type
 
 contains
 
@@ -117,4 +126,24 @@ contains
             self%lambda = max(self%lambda, maxval(abs(lambda - table%lambda(:, i)))/max(1.0_wp, maxval(abs(table%lambda(:, i)))))
         end associate
     end subroutine observe_reference
+
+    subroutine observe_energy(self, simulation, occasion, error)
+        class(energy_watch_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer, intent(in) :: occasion
+        type(failure_type), allocatable, intent(out) :: error
+        real(wp) :: kinetic, potential
+        integer :: stat(2)
+
+        potential = 0.0_wp
+        stat = 0
+        call simulation%kinetic_energy(kinetic, stat(1))
+        if (associated(simulation%model%potential_energy)) call simulation%potential_energy(potential, stat(2))
+        if (any(stat /= 0)) then
+            call set_error(error, status_output_failed, 'the energy cannot be evaluated')
+            return
+        end if
+        if (occasion == at_start) self%energy = kinetic + potential
+        self%deviation = max(self%deviation, abs((kinetic + potential)/self%energy - 1))
+    end subroutine observe_energy
 end module watch
