@@ -5,8 +5,10 @@ program main
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
     use test_constraints, only: collect_constraints
+    use test_control, only: collect_control
     use test_coordinate_scale, only: collect_coordinate_scale
     use test_counters, only: collect_counters
+    use test_derivatives, only: collect_derivatives
     use test_euler_parameters, only: collect_euler_parameters
     use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
@@ -37,6 +39,7 @@ program main
         new_testsuite('rigid', collect_rigid), &
         new_testsuite('models', collect_models), &
         new_testsuite('tangent', collect_tangent), &
+        new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &
@@ -48,6 +51,7 @@ program main
         new_testsuite('charts', collect_charts), &
         new_testsuite('counters', collect_counters), &
         new_testsuite('breakpoints', collect_breakpoints), &
+        new_testsuite('control', collect_control), &
         new_testsuite('coordinate_scale', collect_coordinate_scale)]
     n_failed = 0
     call get_argument(1, suite_name)

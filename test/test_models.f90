@@ -10,7 +10,8 @@ module test_models
     use model_sleigh, only: sleigh_type
     use reference, only: read_reference, reference_type
     use runs, only: new_scene, scene_names
-    use tandem, only: articulated_vehicle_type, model_type, rolling_disk_type, terms_type, wp
+    use tandem, only: articulated_vehicle_type, model_type, motorcycle_type, need_force, need_gamma, need_jacobian, need_mass, &
+        need_nu, need_phi, rolling_disk_type, terms_type, wp
     use tandem_rigid_euler_parameters, only: g_matrix, rotation
     use terms_at, only: get_terms
     use testdrive, only: check, error_type, new_unittest, unittest_type
@@ -34,6 +35,8 @@ contains
             new_unittest('vehicle-agrees-with-differences-while-it-steers', test_vehicle_steering), &
             new_unittest('vehicle-agrees-with-differences-after-it-steered', test_vehicle_straight), &
             new_unittest('disk-agrees-with-differences', test_disk), &
+            new_unittest('motorcycle-agrees-with-differences', test_motorcycle), &
+            new_unittest('evaluate-gives-exactly-what-is-asked-for', test_masks), &
             new_unittest('other-scenes-with-references-agree-with-differences', test_other_scenes), &
             new_unittest('test-models-agree-with-differences', test_test_models), &
             new_unittest('vehicle-wheels-do-not-slip-sideways', test_vehicle_wheels), &
@@ -98,6 +101,76 @@ contains
         call model%define()
         call check_at_random(model, error)
     end subroutine test_disk
+
+    !> Without the damper, whose force Lagrange's equations do not know.
+    subroutine test_motorcycle(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(motorcycle_type) :: model
+
+        model%damping = 0.0_wp
+        model%stiffness = 20.0_wp
+        model%amplitude = 0.4_wp
+        call model%define()
+        call check_at_random(model, error)
+        model%segment = 2
+        call check_at_random(model, error)
+    end subroutine test_motorcycle
+
+    subroutine test_masks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(articulated_vehicle_type) :: vehicle
+        type(rolling_disk_type) :: disk
+        type(motorcycle_type) :: motorcycle
+
+        call vehicle%define()
+        call check_masks(vehicle, error)
+        call disk%define()
+        call check_masks(disk, error)
+        call motorcycle%define()
+        call check_masks(motorcycle, error)
+    end subroutine test_masks
+
+    !> Every set of the terms that a fused procedure provides, each at a point of its own: the terms in the set are the same as
+    !> those of the whole set, the others are left alone.
+    subroutine check_masks(model, error)
+        class(model_type), intent(inout) :: model
+        type(error_type), allocatable, intent(inout) :: error
+        type(terms_type) :: some, all
+        real(wp), parameter :: untouched = 12345.0_wp
+        real(wp) :: q(model%n), qd(model%n), t(1)
+        integer :: mask, seed, stat
+
+        seed = 25
+        do mask = 1, model%provides
+            if (iand(mask, not(model%provides)) /= 0) cycle
+            call random_vector(seed, t)
+            call random_vector(seed, q)
+            call random_vector(seed, qd)
+            call some%allocate(model%n, model%n_holonomic, model%n_nonholonomic)
+            some%phi = untouched
+            some%jacobian = untouched
+            some%nu = untouched
+            some%gamma = untouched
+            some%mass = untouched
+            some%force = untouched
+            call model%evaluate(mask, t(1), q, qd, some, stat)
+            call check_count(error, stat, 0, model%name//': status')
+            all = some
+            call model%evaluate(model%provides, t(1), q, qd, all, stat)
+            if (iand(mask, need_phi) == 0) all%phi = untouched
+            if (iand(mask, need_jacobian) == 0) all%jacobian = untouched
+            if (iand(mask, need_nu) == 0) all%nu = untouched
+            if (iand(mask, need_gamma) == 0) all%gamma = untouched
+            if (iand(mask, need_mass) == 0) all%mass = untouched
+            if (iand(mask, need_force) == 0) all%force = untouched
+            call check_close(error, some%phi, all%phi, 0.0_wp, model%name//': phi')
+            call check_close(error, pack(some%jacobian, .true.), pack(all%jacobian, .true.), 0.0_wp, model%name//': jacobian')
+            call check_close(error, some%nu, all%nu, 0.0_wp, model%name//': nu')
+            call check_close(error, some%gamma, all%gamma, 0.0_wp, model%name//': gamma')
+            call check_close(error, pack(some%mass, .true.), pack(all%mass, .true.), 0.0_wp, model%name//': mass')
+            call check_close(error, some%force, all%force, 0.0_wp, model%name//': force')
+        end do
+    end subroutine check_masks
 
     subroutine test_other_scenes(error)
         type(error_type), allocatable, intent(out) :: error

@@ -26,6 +26,7 @@ contains
             new_unittest('unknown-refresh-is-refused', test_refresh), &
             new_unittest('unknown-basis-is-refused', test_basis), &
             new_unittest('step-must-be-positive-and-finite', test_step), &
+            new_unittest('error-control-has-a-tolerance-and-limits-that-can-be', test_control), &
             new_unittest('limits-must-not-be-negative', test_limits), &
             new_unittest('tolerances-must-be-resolvable', test_tolerances), &
             new_unittest('secant-limit-must-exceed-one', test_secant_limit), &
@@ -107,6 +108,24 @@ contains
             call check_refused(options, 'step = ', error)
         end do
     end subroutine test_step
+
+    subroutine test_control(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        real(wp) :: bad(3)
+        integer :: i
+
+        bad = [-1.0e-6_wp, ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_positive_inf)]
+        do i = 1, size(bad)
+            call check_refused(options_type(rtol=bad(i)), 'rtol = ', error)
+            call check_refused(options_type(atol=bad(i)), 'atol = ', error)
+            call check_refused(options_type(first_step=bad(i)), 'first_step = ', error)
+            call check_refused(options_type(max_step=bad(i)), 'max_step = ', error)
+        end do
+        call check_true(error, .not. options%is_adaptive(), 'steps are fixed by default')
+        options%rtol = 1.0e-8_wp
+        call check_true(error, options%is_adaptive(), 'rtol asks for steps under error control')
+    end subroutine test_control
 
     subroutine test_limits(error)
         type(error_type), allocatable, intent(out) :: error

@@ -40,6 +40,25 @@ quotes() { # DOCUMENT FILE: is the file, word for word, one of the document's Fo
         END { exit !(found && wanted != "") }' "$1" || { echo "no Fortran block of $1 is the text of $2"; return 1; }
 }
 
+parts_of() { # DOCUMENT FILE...: is each of the document's Fortran blocks, word for word, a part of one of the files?
+    local document=$1
+    shift
+    awk '
+        FNR == 1 { text[++files] = "\n" }
+        FILENAME != ARGV[ARGC - 1] { text[files] = text[files] $0 "\n"; next }
+        /^```fortran$/ { inside = 1; block = "\n"; start = FNR; next }
+        /^```$/ && inside {
+            inside = 0
+            blocks++
+            found = 0
+            for (i = 1; i < files; i++) if (index(text[i], block)) found = 1
+            if (!found) { print "the Fortran block in line " start " of " FILENAME " is no part of an example"; failed = 1 }
+            next
+        }
+        inside { block = block $0 "\n" }
+        END { exit failed || !blocks }' "$@" "$document"
+}
+
 error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
     awk -v limit="$1" '
         $1 == "error:" { found = 1; value = $2 }
@@ -50,14 +69,20 @@ error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
 # --- 1. what the documents quote -----------------------------------------------------------------------------------
 
 check readme-quotes-the-skate quotes README.md example/skate.f90
-check scene-guide-quotes-the-pendulum quotes doc/scene.md example/dependent/src/pendulum.f90
-check scene-guide-quotes-the-program quotes doc/scene.md example/dependent/app/main.f90
+check scene-guide-quotes-the-examples parts_of doc/scene.md example/*.f90 example/dependent/*/*.f90
 
-# --- 2. the example of the README ----------------------------------------------------------------------------------
+# --- 2. the examples, each with a motion known in closed form ------------------------------------------------------
 
-run_skate() { "$fpm" run --example skate "${release[@]}" >"$tmp/skate.log" 2>&1 || { cat "$tmp/skate.log"; return 1; }; }
-check skate-runs run_skate
+run_example() { "$fpm" run --example "$1" "${release[@]}" >"$tmp/$1.log" 2>&1 || { cat "$tmp/$1.log"; return 1; }; }
+finds_nothing_wrong() { grep -q ' right, ' "$1" && ! grep ' WRONG, ' "$1"; }
+
+check skate-runs run_example skate
 check skate-agrees-with-its-closed-form error_below 1e-9 "$tmp/skate.log"
+check pendulum-runs run_example pendulum
+check pendulum-agrees-with-its-closed-form error_below 1e-7 "$tmp/pendulum.log"
+check steered-skate-runs run_example steered_skate
+check steered-skate-agrees-with-its-closed-form error_below 1e-8 "$tmp/steered_skate.log"
+check steered-skate-finds-its-procedures-right finds_nothing_wrong "$tmp/steered_skate.log"
 
 # --- 3. a project that depends on tandem ---------------------------------------------------------------------------
 
@@ -92,7 +117,7 @@ nothing_else_linked() { # nor in the binary
     ! grep -iE 'h5[a-z]+_f|hdf5|tomlf|testdrive' "$tmp/symbols"
 }
 
-run_dependent() { find_binary && "$binary" >"$tmp/pendulum.log" 2>&1 || { cat "$tmp/pendulum.log"; return 1; }; }
+run_dependent() { find_binary && "$binary" >"$tmp/dependent.log" 2>&1 || { cat "$tmp/dependent.log"; return 1; }; }
 
 mkdir "$tmp/copy"
 check dependent-is-copied copy_outside
@@ -101,6 +126,6 @@ check dependent-compiles-without-warning no_warning
 check dependent-compiles-neither-hdf5-nor-toml nothing_else_compiled
 check dependent-links-neither-hdf5-nor-toml nothing_else_linked
 check dependent-runs run_dependent
-check dependent-agrees-with-its-closed-form error_below 1e-9 "$tmp/pendulum.log"
+check dependent-agrees-with-its-closed-form error_below 1e-9 "$tmp/dependent.log"
 
 [ "$failures" = 0 ]

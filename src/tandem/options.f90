@@ -48,7 +48,7 @@ module tandem_options
         !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
         !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
-        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`.
+        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger.
         real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit.
         real(wp) :: v_limit = 0.0_wp
@@ -172,7 +172,8 @@ contains
     pure real(wp) function newton_tolerance(self)
         class(options_type), intent(in) :: self
 
-        newton_tolerance = merge(max(0.01_wp*self%constraint_tolerance, smallest_tolerance), self%intol, is_unset(self%intol))
+        newton_tolerance = self%intol
+        if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, 1.0e-3_wp*self%rtol, smallest_tolerance)
     end function newton_tolerance
 
     !> Whether a tolerance was left at the zero that stands for another.

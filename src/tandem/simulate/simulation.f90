@@ -283,6 +283,7 @@ contains
         if (allocated(error)) return
         call self%find_stop(t_limit, stop_at, ends_at_breakpoint)
         if (.not. self%control%h > 0.0_wp) call self%choose_first_step(stop_at - self%state%t)
+        stat = status_ok
         do
             h = self%control%h
             ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.

@@ -1,0 +1,111 @@
+! SPDX-License-Identifier: MIT
+!> Wraps a model with fused procedures and makes one entry of one term or derivative wrong, or puts the paper's misprinted (69)
+!> in the place of the right gamma_qd.
+module model_perturbed
+    use tandem, only: derivatives_type, model_type, need_acceleration_qd, need_velocity_q, terms_type, wp
+    implicit none (type, external)
+    private
+
+    public :: perturbed_type
+
+    type, extends(model_type) :: perturbed_type
+        !> The term (see `term_name`) or the derivative (see `derivative_name`) that is wrong, 0 for none.
+        integer :: term = 0, derivative = 0
+        !> Where (column 1 for a vector) and by how much.
+        integer :: row = 1, column = 1
+        real(wp) :: amount = 0.0_wp
+        !> True where the lower block of gamma_qd is 2 E2, as (69) has it; right for e = 0 and a constant E_t only.
+        logical :: as_printed = .false.
+        class(model_type), pointer, private :: inner => null()
+    contains
+        procedure :: wrap
+    end type perturbed_type
+
+contains
+
+    !> Take over sizes, names and procedures of a model that is already set up.
+    subroutine wrap(self, inner)
+        class(perturbed_type), intent(inout) :: self
+        class(model_type), intent(in), target :: inner
+
+        self%inner => inner
+        self%name = 'perturbed '//inner%name
+        self%n = inner%n
+        self%n_holonomic = inner%n_holonomic
+        self%n_nonholonomic = inner%n_nonholonomic
+        self%constant_mass = inner%constant_mass
+        if (allocated(inner%breakpoints)) self%breakpoints = inner%breakpoints
+        if (allocated(inner%nu_jumps)) self%nu_jumps = inner%nu_jumps
+        self%provides = inner%provides
+        self%evaluate => evaluate
+        self%provides_derivatives = inner%provides_derivatives
+        self%evaluate_derivatives => evaluate_derivatives
+    end subroutine wrap
+
+    subroutine evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (perturbed_type)
+            self%inner%segment = self%segment
+            call self%inner%evaluate(need, t, q, qd, terms, stat)
+            if (self%term == 0) return
+            if (.not. btest(need, self%term - 1)) return
+            select case (self%term)
+            case (1)
+                terms%phi(self%row) = terms%phi(self%row) + self%amount
+            case (2)
+                terms%jacobian(self%row, self%column) = terms%jacobian(self%row, self%column) + self%amount
+            case (3)
+                terms%nu(self%row) = terms%nu(self%row) + self%amount
+            case (4)
+                terms%gamma(self%row) = terms%gamma(self%row) + self%amount
+            case (5)
+                terms%mass(self%row, self%column) = terms%mass(self%row, self%column) + self%amount
+            case default
+                terms%force(self%row) = terms%force(self%row) + self%amount
+            end select
+        end select
+    end subroutine evaluate
+
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (perturbed_type)
+            self%inner%segment = self%segment
+            call self%inner%evaluate_derivatives(need, t, q, qd, qdd, lambda, derivatives, stat)
+            if (self%as_printed .and. iand(need, need_velocity_q) /= 0 .and. iand(need, need_acceleration_qd) /= 0) then
+                associate (lower => self%n_holonomic + 1)
+                    derivatives%acceleration_qd(lower:, :) = 2*derivatives%velocity_q(lower:, :)
+                end associate
+            end if
+            if (self%derivative == 0) return
+            if (.not. btest(need, self%derivative - 1)) return
+            associate (i => self%row, j => self%column)
+                select case (self%derivative)
+                case (1)
+                    derivatives%velocity_q(i, j) = derivatives%velocity_q(i, j) + self%amount
+                case (2)
+                    derivatives%acceleration_q(i, j) = derivatives%acceleration_q(i, j) + self%amount
+                case (3)
+                    derivatives%acceleration_qd(i, j) = derivatives%acceleration_qd(i, j) + self%amount
+                case (4)
+                    derivatives%dynamics_q(i, j) = derivatives%dynamics_q(i, j) + self%amount
+                case default
+                    derivatives%dynamics_qd(i, j) = derivatives%dynamics_qd(i, j) + self%amount
+                end select
+            end associate
+        end select
+    end subroutine evaluate_derivatives
+end module model_perturbed
