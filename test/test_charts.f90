@@ -1,23 +1,25 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the chart policies: how many charts, for which reason, and that the solution does not depend on them; the long runs
-!> of the vehicle and the disk.
+!> of the vehicle, the disk and the motorcycles.
 module test_charts
-    use asserts, only: check_below, check_between, check_close, check_count, check_no_failure
+    use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use model_pendulum, only: pendulum_type
     use runs, only: choose, get_start, new_scene, run, run_to
-    use tandem, only: at_start, at_step, chart_policies, failure_type => error_type, model_type, observer_type, options_type, &
-        refresh_modes, simulation_type, statistics_type, wp
-    use tandem_simulate_statistics, only: by_breakpoint, by_d, by_fbar, by_start, by_step, by_v, by_w
+    use tandem, only: at_start, at_step, basis_methods, chart_policies, failure_type => error_type, model_type, options_type, &
+        refresh_modes, simulation_type, statistics_type, stepper_names, wp
+    use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_fbar, by_iterations, by_start, by_step, by_v, by_w
     use testdrive, only: error_type, new_unittest, unittest_type
+    use watch, only: energy_watch_type, error_watch_type
     implicit none (type, external)
     private
 
     public :: collect_charts
 
-    !> Follows the energy, and the dips of the disk: minima of rz below 0.6.
-    type, extends(observer_type) :: long_watch_type
-        !> Energy at the start, and its largest relative deviation.
-        real(wp) :: energy = 0.0_wp, deviation = 0.0_wp
+    !> Follows the energy, the constraint errors, and the dips of the disk: minima of rz below 0.6.
+    type, extends(energy_watch_type) :: long_watch_type
+        !> Measures the errors of all steps, where wanted.
+        logical :: measures_errors = .false.
+        type(error_watch_type) :: error_watch
         !> Time and depth of each dip.
         integer :: dips = 0
         real(wp) :: dip_time(20) = 0.0_wp, dip_depth(20) = 0.0_wp
@@ -36,18 +38,26 @@ contains
         testsuite = [ &
             new_unittest('vehicle-takes-22-charts-with-the-papers-limit', test_vehicle_22), &
             new_unittest('vehicle-takes-22-charts-with-refinement-too', test_vehicle_22_refine), &
+            new_unittest('vehicle-takes-22-charts-with-sdirk54-too', test_vehicle_22_sdirk54), &
             new_unittest('disk-takes-127-charts-with-the-papers-limit', test_disk_127), &
             new_unittest('disk-takes-127-charts-with-refinement-too', test_disk_127_refine), &
+            new_unittest('disk-takes-127-charts-with-sdirk54-too', test_disk_127_sdirk54), &
+            new_unittest('motorcycles-take-8-charts-with-the-papers-limit', test_motorcycle_8), &
             new_unittest('disk-keeps-its-energy-and-dips-seven-times-in-40-s', test_disk_40), &
             new_unittest('adaptive-charts-are-few', test_adaptive_few), &
+            new_unittest('disk-takes-80-adaptive-charts-in-40-s', test_adaptive_80), &
             new_unittest('a-chart-every-step-is-one-a-step', test_every_step), &
             new_unittest('limit-on-v-acts-on-the-sine-of-the-angle', test_v_limit), &
             new_unittest('limit-on-v-is-measured-in-scaled-coordinates', test_v_scaled), &
             new_unittest('limit-on-w-acts-on-the-velocity', test_w_limit), &
             new_unittest('secant-limit-acts-on-the-angle', test_secant_limit), &
+            new_unittest('limit-on-the-condition-acts-on-the-condition', test_condition_limit), &
+            new_unittest('limit-on-iterations-acts-on-the-iterations', test_iteration_limit), &
+            new_unittest('limits-act-with-implicit-steps-too', test_implicit_limits), &
             new_unittest('paper-policy-without-limits-keeps-its-chart', test_no_limits), &
             new_unittest('all-policies-and-modes-give-the-same-solution', test_same_solution), &
-            new_unittest('bases-by-svd-give-the-same-solution', test_svd)]
+            new_unittest('bases-by-svd-give-the-same-solution', test_svd), &
+            new_unittest('implicit-steps-give-the-same-solution-with-all-options', test_implicit_same_solution)]
     end subroutine collect_charts
 
     subroutine observe(self, simulation, occasion, error)
@@ -55,15 +65,11 @@ contains
         class(simulation_type), intent(inout) :: simulation
         integer, intent(in) :: occasion
         type(failure_type), allocatable, intent(out) :: error
-        real(wp) :: kinetic, potential, curvature, offset
-        integer :: stat
+        real(wp) :: curvature, offset
 
         if (occasion /= at_start .and. occasion /= at_step) return
-        potential = 0.0_wp
-        call simulation%kinetic_energy(kinetic, stat)
-        if (associated(simulation%model%potential_energy)) call simulation%potential_energy(potential, stat)
-        if (occasion == at_start) self%energy = kinetic + potential
-        self%deviation = max(self%deviation, abs((kinetic + potential)/self%energy - 1))
+        call self%energy_watch_type%observe(simulation, occasion, error)
+        if (self%measures_errors .and. .not. allocated(error)) call self%error_watch%observe(simulation, occasion, error)
         if (.not. self%follows_dips) return
         associate (rz => simulation%state%q(3), h => simulation%last_step)
             if (self%height(2) < min(0.6_wp, self%height(1)) .and. self%height(2) <= rz .and. self%dips < 20) then
@@ -79,13 +85,14 @@ contains
     end subroutine observe
 
     !> The paper's run of the vehicle: 22 charts, the initial one counted, and 337 500 J.
-    subroutine check_vehicle(refresh, error)
-        character(len=*), intent(in) :: refresh
+    subroutine check_vehicle(stepper, refresh, error)
+        character(len=*), intent(in) :: stepper, refresh
         type(error_type), allocatable, intent(out) :: error
         type(long_watch_type) :: watch
         type(statistics_type) :: statistics
 
-        call run_scene('vehicle', choose(chart='paper', refresh=refresh, v_limit=10.0_wp), 10.0_wp, watch, statistics, error)
+        call run_scene('vehicle', choose(stepper=stepper, chart='paper', refresh=refresh, v_limit=10.0_wp), 10.0_wp, watch, &
+            statistics, error)
         call check_count(error, statistics%charts, 22, 'charts')
         call check_count(error, statistics%charts_by(by_start), 1, 'charts at the start')
         call check_count(error, statistics%charts_by(by_v), 20, 'charts by |v|')
@@ -98,25 +105,35 @@ contains
     subroutine test_vehicle_22(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_vehicle('factor', error)
+        call check_vehicle('rk4', 'factor', error)
     end subroutine test_vehicle_22
 
     subroutine test_vehicle_22_refine(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_vehicle('refine', error)
+        call check_vehicle('rk4', 'refine', error)
     end subroutine test_vehicle_22_refine
 
-    !> The paper's run of the disk: 127 charts, the initial one counted.
-    subroutine check_disk(refresh, error)
-        character(len=*), intent(in) :: refresh
+    subroutine test_vehicle_22_sdirk54(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_vehicle('sdirk54', 'factor', error)
+        if (.not. allocated(error)) call check_vehicle('sdirk54', 'refine', error)
+    end subroutine test_vehicle_22_sdirk54
+
+    !> The paper's run of the disk: 127 charts in 40 s, the initial one counted.
+    subroutine check_disk(stepper, refresh, t_end, charts, error)
+        character(len=*), intent(in) :: stepper, refresh
+        real(wp), intent(in) :: t_end
+        integer, intent(in) :: charts
         type(error_type), allocatable, intent(out) :: error
         type(long_watch_type) :: watch
         type(statistics_type) :: statistics
 
-        call run_scene('disk', choose(chart='paper', refresh=refresh, v_limit=0.7_wp), 40.0_wp, watch, statistics, error)
-        call check_count(error, statistics%charts, 127, 'charts')
-        call check_count(error, statistics%charts_by(by_v), 126, 'charts by |v|')
+        call run_scene('disk', choose(stepper=stepper, chart='paper', refresh=refresh, v_limit=0.7_wp), t_end, watch, &
+            statistics, error)
+        call check_count(error, statistics%charts, charts, 'charts')
+        call check_count(error, statistics%charts_by(by_v), charts - 1, 'charts by |v|')
         ! Large charts: truncation of 1e-4 in the dips, of which the energy sees less than the paper's seven digits.
         call check_below(error, watch%deviation, 1.0e-6_wp, 'deviation of the energy')
     end subroutine check_disk
@@ -124,14 +141,48 @@ contains
     subroutine test_disk_127(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_disk('factor', error)
+        call check_disk('rk4', 'factor', 40.0_wp, 127, error)
     end subroutine test_disk_127
 
     subroutine test_disk_127_refine(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_disk('refine', error)
+        call check_disk('rk4', 'refine', 40.0_wp, 127, error)
     end subroutine test_disk_127_refine
+
+    !> The paper's own run: SDIRK54; with refinement up to t = 10, where all steppers of order four take 34 charts.
+    subroutine test_disk_127_sdirk54(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_disk('sdirk54', 'factor', 40.0_wp, 127, error)
+        if (.not. allocated(error)) call check_disk('sdirk54', 'refine', 10.0_wp, 34, error)
+    end subroutine test_disk_127_sdirk54
+
+    !> The paper's runs of both motorcycles: 8 charts, the initial one and the one at the breakpoint counted.
+    subroutine test_motorcycle_8(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(2) = [character(len=10) :: 'motorcycle', 'chopper']
+        character(len=7), parameter :: steppers(2) = ['rk4    ', 'sdirk54']
+        type(long_watch_type) :: watch
+        type(statistics_type) :: statistics
+        integer :: i, j, k
+
+        do i = 1, size(steppers)
+            do j = 1, size(refresh_modes)
+                do k = 1, size(scenes)
+                    ! The paper's step for the standard one; charts follow each other by 1.3 s.
+                    call run_scene(trim(scenes(k)), choose(step=merge(1.0e-3_wp, 4.0e-3_wp, j == 1 .and. k == 1), &
+                        stepper=steppers(i), chart='paper', refresh=refresh_modes(j), v_limit=20.0_wp), 10.0_wp, watch, &
+                        statistics, error)
+                    call check_count(error, statistics%charts, 8, trim(scenes(k))//': charts with '//trim(steppers(i))//', '// &
+                        refresh_modes(j))
+                    call check_count(error, statistics%charts_by(by_start), 1, 'charts at the start')
+                    call check_count(error, statistics%charts_by(by_v), 6, 'charts by |v|')
+                    call check_count(error, statistics%charts_by(by_breakpoint), 1, 'charts at the breakpoint')
+                end do
+            end do
+        end do
+    end subroutine test_motorcycle_8
 
     !> Default options over 40 s: energy, seven dips to rz = 0.4953 at t = 2.875 + 5.75 k, all constraint levels.
     subroutine test_disk_40(error)
@@ -141,6 +192,8 @@ contains
         integer :: k
 
         watch%follows_dips = .true.
+        watch%measures_errors = .true.
+        watch%error_watch%every = 10
         call run_scene('disk', choose(), 40.0_wp, watch, statistics, error)
         call check_below(error, abs(watch%energy/103.500625005_wp - 1), 1.0e-15_wp, 'deviation of the energy at the start')
         call check_below(error, watch%deviation, 1.0e-6_wp, 'deviation of the energy')
@@ -155,6 +208,8 @@ contains
         call check_below(error, statistics%position_error, 1.0e-11_wp, 'position error')
         call check_below(error, statistics%velocity_error, 1.0e-11_wp, 'velocity error')
         call check_below(error, statistics%acceleration_error, 1.0e-11_wp, 'acceleration error')
+        call check_true(error, watch%error_watch%looked_at >= 4000, 'every tenth state is measured')
+        call check_below(error, maxval(watch%error_watch%errors), 1.0e-11_wp, 'largest measured error')
     end subroutine test_disk_40
 
     !> Run a scene from its reference's start under a watch.
@@ -191,6 +246,22 @@ contains
         call check_count(error, statistics%charts_by(by_d) + statistics%charts_by(by_fbar) + 1, int(statistics%charts), &
             'charts by |D| and |Fbar|')
     end subroutine test_adaptive_few
+
+    !> Counts of RK4 and SDIRK54 with the limit of 1.5.
+    subroutine test_adaptive_80(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(long_watch_type) :: watch
+        type(statistics_type) :: statistics
+
+        call run_scene('disk', choose(chart='adaptive'), 40.0_wp, watch, statistics, error)
+        call check_count(error, statistics%charts, 80, 'charts of the disk')
+        call check_count(error, statistics%charts_by(by_d) + statistics%charts_by(by_fbar), 79, 'charts by |D| and |Fbar|')
+        call run_scene('vehicle', choose(chart='adaptive', stepper='sdirk54'), 10.0_wp, watch, statistics, error)
+        call check_count(error, statistics%charts, 2, 'charts of the vehicle')
+        call run_scene('motorcycle', choose(step=2.0e-3_wp, chart='adaptive', stepper='sdirk54'), 10.0_wp, watch, statistics, &
+            error)
+        call check_count(error, statistics%charts, 2, 'charts of the motorcycle')
+    end subroutine test_adaptive_80
 
     subroutine test_every_step(error)
         type(error_type), allocatable, intent(out) :: error
@@ -266,6 +337,60 @@ contains
         call spin(choose(step=0.01_wp, chart='adaptive'), 7.0_wp, 12, by_d, error)
     end subroutine test_secant_limit
 
+    !> For the spinning pendulum [M D, C'] = [2 d, n] with a tangent d and the normal n: its condition is 2 or a little more at any
+    !> angle, so that a limit below it makes a chart a step, and one above it none.
+    subroutine test_condition_limit(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: j
+
+        do j = 1, size(refresh_modes)
+            options = choose(step=0.01_wp, chart='paper', refresh=refresh_modes(j))
+            options%condition_limit = 1.01_wp
+            call spin(options, 1.0_wp, 1000, by_condition, error)
+            options%condition_limit = 100.0_wp
+            options%v_limit = 0.5_wp
+            call spin(options, 1.0_wp, 19, by_v, error)
+        end do
+    end subroutine test_condition_limit
+
+    !> Charts of the disk by a reason, in 500 steps of 2 ms.
+    subroutine count_charts(options, reason, charts, error)
+        type(options_type), intent(in) :: options
+        integer, intent(in) :: reason
+        integer, intent(out) :: charts
+        type(error_type), allocatable, intent(inout) :: error
+        type(long_watch_type) :: watch
+        type(statistics_type) :: statistics
+
+        call run_scene('disk', options, 1.0_wp, watch, statistics, error)
+        call check_count(error, statistics%steps, 500, 'steps')
+        charts = int(statistics%charts_by(reason))
+        call check_count(error, statistics%charts, charts + 1, 'charts by that reason and the start')
+    end subroutine count_charts
+
+    !> Every step takes more than one correction at some stage; a higher limit acts less often, and a high one never.
+    subroutine test_iteration_limit(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: charts(3), i, j, k
+        integer, parameter :: limits(3) = [1, 2, 100]
+
+        do i = 1, size(stepper_names)
+            if (stepper_names(i) == 'trapezoid') cycle
+            do j = 1, size(refresh_modes)
+                do k = 1, size(limits)
+                    options = choose(step=2.0e-3_wp, chart='paper', refresh=refresh_modes(j), stepper=trim(stepper_names(i)))
+                    options%iteration_limit = limits(k)
+                    call count_charts(options, by_iterations, charts(k), error)
+                end do
+                call check_count(error, charts(1), 499, 'charts where one correction is allowed')
+                call check_true(error, charts(2) < charts(1), 'two allowed corrections make fewer charts')
+                call check_count(error, charts(3), 0, 'charts where 100 corrections are allowed')
+            end do
+        end do
+    end subroutine test_iteration_limit
+
     subroutine test_no_limits(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -335,4 +460,66 @@ contains
             end do
         end do
     end subroutine test_svd
+
+    !> The limits of the spinning pendulum with implicit steps, and the reasons counted.
+    subroutine test_implicit_limits(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=9), parameter :: steppers(2) = ['trapezoid', 'sdirk54  ']
+        type(options_type) :: options
+        integer :: charts, i
+
+        do i = 1, size(steppers)
+            call spin(choose(step=0.01_wp, chart='paper', v_limit=0.5_wp, stepper=steppers(i)), 1.0_wp, 19, by_v, error)
+            options = choose(step=0.01_wp, chart='paper', stepper=steppers(i))
+            options%w_limit = 0.2_wp
+            call spin(options, 1.0_wp, 16, by_w, error)
+            call spin(choose(step=0.01_wp, chart='adaptive', stepper=steppers(i)), 1.0_wp, 12, by_d, error)
+            ! The condition is that of the Newton matrix; the pendulum's is a number, so the disk's is looked at.
+            options = choose(step=2.0e-3_wp, chart='paper', stepper=steppers(i))
+            options%condition_limit = 1.01_wp
+            call count_charts(options, by_condition, charts, error)
+            call check_count(error, charts, 499, 'charts where the condition passes its limit')
+            options%condition_limit = 1.0e6_wp
+            call count_charts(options, by_condition, charts, error)
+            call check_count(error, charts, 0, 'charts where the condition is below its limit')
+        end do
+    end subroutine test_implicit_limits
+
+    !> Both implicit steppers, three policies, both refresh modes and both bases, one run each against the default. A chart every
+    !> step differs by rounding; the others by their truncation, measured, with a margin of two, and of ten where what Newton's
+    !> iteration leaves is seen (sdirk54).
+    subroutine test_implicit_same_solution(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(3) = [character(len=10) :: 'vehicle', 'disk', 'motorcycle']
+        real(wp), parameter :: t_end(3) = [7.0_wp, 2.0_wp, 7.0_wp], v_limit(3) = [10.0_wp, 0.7_wp, 20.0_wp]
+        real(wp), parameter :: step(3) = [0.02_wp, 8.0e-3_wp, 0.02_wp]
+        character(len=9), parameter :: steppers(2) = ['trapezoid', 'sdirk54  ']
+        real(wp), allocatable :: state(:, :), first(:, :)
+        real(wp), parameter :: bound(3, 2) = reshape([2.2e-6_wp, 2.5e-6_wp, 1.0e-6_wp, 1.4e-9_wp, 3.0e-10_wp, 1.5e-9_wp], [3, 2])
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer :: i, j, k, l, m
+
+        do k = 1, size(scenes)
+            do i = 1, size(steppers)
+                call run_to(trim(scenes(k)), choose(step=step(k), stepper=steppers(i)), t_end(k), first, failure)
+                call check_no_failure(error, failure)
+                do j = 1, size(chart_policies)
+                    do l = 1, size(refresh_modes)
+                        do m = 1, size(basis_methods)
+                            options = choose(step=step(k), stepper=steppers(i), chart=chart_policies(j), refresh=refresh_modes(l), &
+                                v_limit=v_limit(k))
+                            options%basis = basis_methods(m)
+                            call run_to(trim(scenes(k)), options, t_end(k), state, failure)
+                            call check_no_failure(error, failure)
+                            call check_close(error, state(:, 1), first(:, 1), merge(1.0e-11_wp, bound(k, i), &
+                                chart_policies(j) == 'every_step'), trim(scenes(k))//': q with '//trim(steppers(i))// &
+                                ', '//trim(chart_policies(j))//', '//refresh_modes(l)//', '//basis_methods(m))
+                            if (allocated(error)) return
+                        end do
+                    end do
+                end do
+            end do
+        end do
+    end subroutine test_implicit_same_solution
 end module test_charts

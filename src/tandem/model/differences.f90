@@ -139,7 +139,7 @@ contains
               call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
             if (stat == status_ok .and. missing_qd /= 0) then
-              call self%differentiate_qd(missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+              call self%differentiate_qd(missing_qd, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
         end associate
     end subroutine evaluate_derivatives
@@ -292,9 +292,9 @@ contains
     end subroutine differentiate_q
 
     !> Add forward differences with respect to qd of what is missing.
-    subroutine differentiate_qd(self, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+    subroutine differentiate_qd(self, missing, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
-        integer, intent(in) :: missing, fused
+        integer, intent(in) :: missing
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
@@ -316,9 +316,10 @@ contains
             call self%residuals(missing, t, qd, self%qd, qdd, lambda, counts, stat)
             if (stat /= status_ok) return
             self%qd(j) = qd(j)
-            if (iand(fused, need_acceleration_qd) == 0) derivatives%acceleration_qd(:, j) = &
-                (self%acceleration - self%acceleration0)/delta
-            if (iand(fused, need_dynamics_qd) == 0) derivatives%dynamics_qd(:, j) = (self%dynamics - self%dynamics0)/delta
+            if (iand(missing, from_gamma) /= 0) then
+              derivatives%acceleration_qd(:, j) = (self%acceleration - self%acceleration0)/delta
+            end if
+            if (iand(missing, from_force) /= 0) derivatives%dynamics_qd(:, j) = (self%dynamics - self%dynamics0)/delta
         end do
     end subroutine differentiate_qd
 
