@@ -16,12 +16,14 @@ program main
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_model_check, only: collect_model_check
     use test_models, only: collect_models
+    use test_motorcycle, only: collect_motorcycle
     use test_options, only: collect_options
     use test_order, only: collect_order
     use test_reference, only: collect_reference
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
     use test_simulation, only: collect_simulation
+    use test_stiff, only: collect_stiff
     use test_tangent, only: collect_tangent
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
@@ -38,8 +40,10 @@ program main
         new_testsuite('euler_parameters', collect_euler_parameters), &
         new_testsuite('rigid', collect_rigid), &
         new_testsuite('models', collect_models), &
+        new_testsuite('motorcycle', collect_motorcycle), &
         new_testsuite('tangent', collect_tangent), &
         new_testsuite('derivatives', collect_derivatives), &
+        new_testsuite('stiff', collect_stiff), &
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &

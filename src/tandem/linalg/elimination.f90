@@ -15,17 +15,19 @@ module tandem_linalg_elimination
     type :: elimination_type
         private
         integer :: m = 0, n = 0
-        logical :: has_pivots = .false.
+        logical :: has_pivots = .false., held_has_pivots = .false.
         !> The working copy of C' (n, m).
         real(wp), allocatable :: rows(:, :)
         !> Largest scaled entry of each row of C (m).
         real(wp), allocatable :: row_size(:)
         !> Pivot column of each row (m); the remaining columns (n - m).
-        integer, allocatable :: pivot(:), free(:)
+        integer, allocatable :: pivot(:), free(:), held_pivot(:), held_free(:)
         logical, allocatable :: taken(:)
     contains
         procedure :: allocate => allocate_elimination
         procedure :: forget
+        procedure :: hold
+        procedure :: release
         procedure :: eliminate
         procedure :: get_right_inverse
         procedure :: get_null_space
@@ -43,9 +45,10 @@ contains
         self%m = m
         self%n = n
         self%has_pivots = .false.
-        if (allocated(self%rows)) deallocate (self%rows, self%row_size, self%pivot, self%free, self%taken)
+        if (allocated(self%rows)) deallocate (self%rows, self%row_size, self%pivot, self%free, self%held_pivot, self%held_free, &
+            self%taken)
         allocate (self%rows(n, m), self%row_size(m), source=0.0_wp)
-        allocate (self%pivot(m), self%free(n - m), source=0)
+        allocate (self%pivot(m), self%free(n - m), self%held_pivot(m), self%held_free(n - m), source=0)
         allocate (self%taken(n), source=.false.)
     end subroutine allocate_elimination
 
@@ -55,6 +58,24 @@ contains
 
         self%has_pivots = .false.
     end subroutine forget
+
+    !> Keep the remembered pivots.
+    pure subroutine hold(self)
+        class(elimination_type), intent(inout) :: self
+
+        self%held_has_pivots = self%has_pivots
+        self%held_pivot = self%pivot
+        self%held_free = self%free
+    end subroutine hold
+
+    !> Go back to the pivots that were kept.
+    pure subroutine release(self)
+        class(elimination_type), intent(inout) :: self
+
+        self%has_pivots = self%held_has_pivots
+        self%pivot = self%held_pivot
+        self%free = self%held_free
+    end subroutine release
 
     !> Eliminate a matrix. stat > 0: the row of that number has no pivot.
     subroutine eliminate(self, matrix, scale, stat)

@@ -54,7 +54,10 @@ module tandem_simulation
         real(wp) :: errors(3) = 0.0_wp
         class(chart_type), allocatable, private :: chart
         class(stepper_type), allocatable, private :: stepper
-        type(state_type), private :: next
+        type(state_type), private :: next, start, kept
+        real(wp), private :: kept_errors(3) = 0.0_wp
+        integer, private :: segment_of_step = 1, kept_segment = 1
+        logical, private :: has_step = .false., is_looking = .false., renews_at_breakpoint = .false.
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
         type(properties_type), private :: method
@@ -64,6 +67,8 @@ module tandem_simulation
         procedure :: initialize
         procedure :: step
         procedure :: integrate
+        procedure :: look_at
+        procedure :: look_back
         procedure :: statistics
         procedure :: multipliers
         procedure :: kinetic_energy
@@ -151,6 +156,11 @@ contains
         call self%stepper%initialize(model%n, options%newton_tolerance())
         call self%state%allocate(model%n)
         call self%next%allocate(model%n)
+        call self%start%allocate(model%n)
+        call self%kept%allocate(model%n)
+        self%has_step = .false.
+        self%is_looking = .false.
+        self%renews_at_breakpoint = .false.
         self%state%t = t
         self%state%q = q
         self%state%qd = qd
@@ -219,6 +229,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         logical :: ends_at_breakpoint
 
+        call self%look_back()
         if (self%tally%steps >= self%options%max_steps) then
             call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
                 to_text(self%state%t))
@@ -231,7 +242,10 @@ contains
         end if
         if (allocated(error)) return
         self%last_step = self%next%t - self%state%t
+        self%start = self%state
         self%state = self%next
+        self%has_step = .true.
+        self%segment_of_step = self%model%segment
         self%chart_is_current = .false.
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
@@ -401,6 +415,68 @@ contains
         end if
     end subroutine integrate
 
+    !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
+    !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the
+    !> integration: the steps are bitwise the same with and without.
+    subroutine look_at(self, t, error)
+        class(simulation_type), intent(inout) :: self
+        !> Not before the start of the last step, not after its end.
+        real(wp), intent(in) :: t
+        !> invalid_option where t is elsewhere; what evaluating the model there may give.
+        type(error_type), allocatable, intent(out) :: error
+        integer :: rows(3), stat
+
+        if (.not. self%is_looking) then
+            self%kept = self%state
+            self%kept_errors = self%errors
+            self%kept_segment = self%model%segment
+            if (self%has_step) call self%chart%hold()
+        end if
+        self%is_looking = .true.
+        if (abs(t - self%kept%t) <= 0.0_wp) then
+            call self%look_back()
+            return
+        end if
+        if (.not. self%has_step .or. .not. (t >= self%start%t .and. t <= self%next%t)) then
+            call self%look_back()
+            call set_error(error, status_invalid_option, 't = '//to_text(t)//' is not within the last step', &
+                'ask for times that the last step has passed')
+            return
+        end if
+        if (self%model%segment /= self%segment_of_step) then
+            self%model%segment = self%segment_of_step
+            call self%chart%forget()
+        end if
+        associate (state => self%state, chart => self%chart)
+            state%t = t
+            call self%stepper%interpolate(chart, self%start, self%next, t, state%dq, state%dqd, stat)
+            if (stat == status_ok) call chart%restore_position(t, state%dq, state%q, stat)
+            if (stat == status_ok) call chart%restore_velocity(t, state%q, state%dqd, state%qd, stat)
+            if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) then
+              call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            end if
+        end associate
+        if (stat == status_ok) return
+        call self%fail(stat, 'between steps at t = '//to_text(t), error)
+        call self%look_back()
+    end subroutine look_at
+
+    !> Return to the state at the end of the last step.
+    subroutine look_back(self)
+        class(simulation_type), intent(inout) :: self
+
+        if (.not. self%is_looking) return
+        self%is_looking = .false.
+        self%state = self%kept
+        self%errors = self%kept_errors
+        if (.not. self%has_step) return
+        call self%chart%release()
+        if (self%model%segment == self%kept_segment) return
+        self%model%segment = self%kept_segment
+        call self%chart%forget()
+    end subroutine look_back
+
     !> What the run has cost and how wrong it was, so far.
     function statistics(self) result(statistics_)
         class(simulation_type), intent(in) :: self
@@ -510,6 +586,11 @@ contains
         integer :: stat
 
         if (self%chart_is_current) return
+        if (self%renews_at_breakpoint) then
+            self%renews_at_breakpoint = .false.
+            call self%renew_chart(by_breakpoint, error)
+            return
+        end if
         associate (options => self%options)
             if (options%chart == 'every_step') then
                 call self%renew_chart(by_step, error)
@@ -543,7 +624,7 @@ contains
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end subroutine renew_by_policy
 
-    !> Enter the next segment: where nu jumps, qd jumps with it; the chart and the acceleration are made anew.
+    !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
     subroutine cross_breakpoint(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -558,15 +639,12 @@ contains
             call self%chart%forget()
             stat = status_ok
             if (jumps) then
-                self%next%qd = state%qd
                 call self%chart%project_velocity(state%t, state%q, state%qd, stat)
                 self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%next%qd)))
             end if
-            if (stat == status_ok) then
-                call self%renew_chart(by_breakpoint, error)
-                if (allocated(error)) return
-                call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-            end if
+            if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            ! The chart of the step that ends here is kept for its dense output until the next step.
+            self%renews_at_breakpoint = .true.
             if (stat /= status_ok) then
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
                 return

@@ -12,21 +12,24 @@ module tandem_stepper_explicit
     implicit none (type, external)
     private
 
-    public :: explicit_type
+    public :: explicit_type, add_rates
 
     type, abstract, extends(stepper_type) :: explicit_type
         !> a(j, i), j < i, for stage i = 2 ... s; c(i) = sum_j a(j, i); weights b (s).
         real(wp), allocatable :: a(:, :), b(:), c(:)
         !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
-        !> Rates of the stages and at the end of the step (n, s + 1).
-        real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :)
+        !> Rates of the stages and at the end of the step (n, s + 1), and of the stages that dense output adds.
+        real(wp), allocatable :: rate_q(:, :), rate_qd(:, :)
+        !> How many stages dense output adds.
+        integer :: n_extra = 0
         !> Coordinates and increments of a stage, and an error (n).
-        real(wp), allocatable, private :: q(:), dq(:), dqd(:), error(:)
+        real(wp), allocatable, private :: q(:), dq(:), dqd(:)
     contains
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
+        procedure :: set_stage
         procedure, private :: estimate_norm
         procedure(set_tableau_interface), deferred :: set_tableau
     end type explicit_type
@@ -49,9 +52,9 @@ contains
         real(wp), intent(in) :: newton_tolerance
 
         call self%set_tableau()
-        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%dq, self%dqd, self%error)
-        allocate (self%rate_q(n, size(self%b) + 1), self%rate_qd(n, size(self%b) + 1), source=0.0_wp)
-        allocate (self%q(n), self%dq(n), self%dqd(n), self%error(n), source=0.0_wp)
+        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%dq, self%dqd)
+        allocate (self%rate_q(n, size(self%b) + 1 + self%n_extra), self%rate_qd(n, size(self%b) + 1 + self%n_extra), source=0.0_wp)
+        allocate (self%q(n), self%dq(n), self%dqd(n), source=0.0_wp)
     end subroutine initialize
 
     !> One step.
@@ -71,15 +74,7 @@ contains
         do i = 2, s
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
-            self%dq = state%dq
-            self%dqd = state%dqd
-            call add_rates(h, self%a(:i - 1, i), self%rate_q, self%dq)
-            call add_rates(h, self%a(:i - 1, i), self%rate_qd, self%dqd)
-            call chart%restore_position(t, self%dq, self%q, stat)
-            if (stat /= 0) return
-            call chart%restore_velocity(t, self%q, self%dqd, self%rate_q(:, i), stat)
-            if (stat /= 0) return
-            call chart%solve_dynamics(t, self%q, self%rate_q(:, i), self%rate_qd(:, i), stat)
+            call self%set_stage(chart, state, h, t, self%a(:i - 1, i), i, stat)
             if (stat /= 0) return
         end do
         next%dq = state%dq
@@ -94,6 +89,29 @@ contains
         self%rate_q(:, s + 1) = next%qd
         self%rate_qd(:, s + 1) = next%qdd
     end subroutine advance
+
+    !> Evaluate a stage: its rates from those before it.
+    subroutine set_stage(self, chart, state, h, t, a, stage, stat)
+        class(explicit_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The state at the start of the step.
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: h, t
+        !> Coefficients of the rates before (stage - 1).
+        real(wp), intent(in), contiguous :: a(:)
+        integer, intent(in) :: stage
+        integer, intent(out) :: stat
+
+        self%dq = state%dq
+        self%dqd = state%dqd
+        call add_rates(h, a, self%rate_q, self%dq)
+        call add_rates(h, a, self%rate_qd, self%dqd)
+        call chart%restore_position(t, self%dq, self%q, stat)
+        if (stat /= 0) return
+        call chart%restore_velocity(t, self%q, self%dqd, self%rate_q(:, stage), stat)
+        if (stat /= 0) return
+        call chart%solve_dynamics(t, self%q, self%rate_q(:, stage), self%rate_qd(:, stage), stat)
+    end subroutine set_stage
 
     !> The error of the last step in a weighted norm. Of two estimates (orders 5 and 3 of dop853) the combination of Hairer,
     !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth.

@@ -22,6 +22,8 @@ module tandem_stepper
         !> Stability in a word, and where the coefficients come from.
         character(len=48) :: stability = ''
         character(len=96) :: source = ''
+        !> Order of the position between the ends of a step; the velocity has one less where it is Hermite's 6.
+        integer :: dense_order = 6
     end type properties_type
 
     type, abstract :: stepper_type
@@ -30,6 +32,7 @@ module tandem_stepper
         procedure(initialize_interface), deferred :: initialize
         procedure(advance_interface), deferred :: advance
         procedure(estimate_interface), deferred :: estimate
+        procedure :: interpolate
     end type stepper_type
 
     abstract interface
@@ -82,6 +85,46 @@ module tandem_stepper
     end interface
 
 contains
+
+    !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and
+    !> acceleration at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of h^5, which
+    !> is no less than the order of the step's own error up to order 5. A method with something better overrides it.
+    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, stat)
+        class(stepper_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        !> Time between them.
+        real(wp), intent(in) :: t
+        !> Position and velocity increments (n).
+        real(wp), intent(out), contiguous :: dq(:), dqd(:)
+        !> A status code.
+        integer, intent(out) :: stat
+        real(wp) :: h, x, y, shape(6), slope(6)
+
+        stat = 0
+        h = arrived%t - start%t
+        x = (t - start%t)/h
+        y = 1.0_wp - x
+        ! Basis for the values, slopes and curvatures at 0 and at 1, and its derivative.
+        shape(1) = y**3*(1 + x*(3 + 6*x))
+        shape(2) = h*x*y**3*(1 + 3*x)
+        shape(3) = h**2*0.5_wp*x**2*y**3
+        shape(4) = x**3*(1 + y*(3 + 6*y))
+        shape(5) = -h*y*x**3*(1 + 3*y)
+        shape(6) = h**2*0.5_wp*y**2*x**3
+        slope(1) = -30*x**2*y**2/h
+        slope(2) = y**2*(1 - 3*x)*(1 + 5*x)
+        slope(3) = h*0.5_wp*x*y**2*(2 - 5*x)
+        slope(4) = -slope(1)
+        slope(5) = x**2*(1 - 3*y)*(1 + 5*y)
+        slope(6) = -h*0.5_wp*y*x**2*(2 - 5*y)
+        dq = shape(1)*start%dq + shape(2)*start%qd + shape(3)*start%qdd + &
+            shape(4)*arrived%dq + shape(5)*arrived%qd + shape(6)*arrived%qdd
+        ! The chart's origin drops out of the difference of velocities.
+        dqd = start%dqd - start%qd + slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &
+            slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
+    end subroutine interpolate
 
     !> Root mean square of weighted errors of q and qd.
     pure real(wp) function weighted_norm(error_q, error_qd, weight_q, weight_qd)

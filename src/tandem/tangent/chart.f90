@@ -39,6 +39,8 @@ module tandem_tangent_chart
         procedure(renew_interface), deferred :: renew
         procedure(refresh_interface), deferred :: refresh
         procedure(forget_interface), deferred :: forget
+        procedure(forget_interface), deferred :: hold
+        procedure(forget_interface), deferred :: release
         procedure(restore_position_interface), deferred :: restore_position
         procedure(restore_velocity_interface), deferred :: restore_velocity
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
@@ -88,7 +90,8 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine refresh_interface
 
-        !> Forget what was evaluated at the last point, because the model has changed there (a new segment).
+        !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `hold` what the
+        !> next step starts from, look at other points, and `release` it, so that the look leaves no trace.
         subroutine forget_interface(self)
             import :: chart_type
             implicit none (type, external)

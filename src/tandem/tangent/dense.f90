@@ -69,6 +69,8 @@ module tandem_tangent_dense
         procedure :: renew
         procedure :: refresh
         procedure :: forget
+        procedure :: hold
+        procedure :: release
         procedure :: restore_position
         procedure :: restore_velocity
         procedure :: solve_dynamics
@@ -246,6 +248,22 @@ contains
         self%has_motion = .false.
         self%phi_is_current = .false.
     end subroutine forget
+
+    !> Keep what the next step starts from.
+    subroutine hold(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%position%hold()
+        call self%split%hold()
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%position%release()
+        call self%split%release()
+    end subroutine release
 
     !> q = q0 + xi - U u with Phi(t, q) = 0.
     subroutine restore_position(self, t, increment, q, stat)

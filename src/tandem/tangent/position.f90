@@ -28,6 +28,8 @@ module tandem_tangent_position
         real(wp), private :: utol = 0.0_wp, btol = 0.0_wp
         !> u (nh), carried from stage to stage as a start value; Phi_q U (nh, nh); natural scales of the rows (nh).
         real(wp), allocatable, private :: u(:), correction(:), phi_u(:, :), row_scale(:), errors(:), origin(:)
+        !> u and B while the caller looks elsewhere.
+        real(wp), allocatable, private :: held_u(:), held_b(:, :)
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
@@ -37,6 +39,8 @@ module tandem_tangent_position
         procedure :: refine
         procedure :: restore
         procedure :: get_b_phi
+        procedure :: hold
+        procedure :: release
         procedure, private :: set_phi_u
         procedure, private :: factor
     end type position_type
@@ -58,11 +62,12 @@ contains
         self%btol = btol
         self%u = spread(0.0_wp, 1, nh)
         self%correction = self%u
+        self%held_u = self%u
         self%row_scale = self%u
         self%errors = self%u
         self%origin = spread(0.0_wp, 1, n)
-        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u)
-        allocate (self%u_basis(n, nh), self%phi_u(nh, nh), source=0.0_wp)
+        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b)
+        allocate (self%u_basis(n, nh), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
     end subroutine allocate_position
@@ -176,6 +181,22 @@ contains
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
     end subroutine restore
+
+    !> Keep what the next step starts from, so that a look at another point leaves no trace.
+    subroutine hold(self)
+        class(position_type), intent(inout) :: self
+
+        self%held_u = self%u
+        if (self%refines) self%held_b = self%b%inverse
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(position_type), intent(inout) :: self
+
+        self%u = self%held_u
+        if (self%refines) self%b%inverse = self%held_b
+    end subroutine release
 
     !> B Phi_q (nh, n) at a point.
     subroutine get_b_phi(self, jacobian, b_phi, counts, stat)

@@ -34,11 +34,13 @@ module tandem_tangent_split
         type(refinement_type), private :: h
         type(lu_type), private :: c_x_lu
         !> C X (m, m), C W (m, k).
-        real(wp), allocatable, private :: c_x(:, :), c_w(:, :)
+        real(wp), allocatable, private :: c_x(:, :), c_w(:, :), held_h(:, :)
     contains
         procedure :: allocate => allocate_split
         procedure :: start
         procedure :: update
+        procedure :: hold
+        procedure :: release
         procedure, private :: invert
     end type split_type
 
@@ -55,8 +57,8 @@ contains
         self%m = m
         self%way = way
         self%htol = htol
-        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w)
-        allocate (self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
+        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h)
+        allocate (self%held_h(m, m), self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
         if (way == by_elimination) then
             allocate (self%c_x(0, 0), self%c_w(0, 0))
             call self%elimination%allocate(m, n)
@@ -114,6 +116,22 @@ contains
         call set_product(self%right_inverse, self%c_w, self%null_space)
         self%null_space = w_basis - self%null_space
     end subroutine update
+
+    !> Keep what the next update starts from, so that a look at another point leaves no trace.
+    subroutine hold(self)
+        class(split_type), intent(inout) :: self
+
+        if (self%way == by_elimination) call self%elimination%hold()
+        if (self%way == by_refinement) self%held_h = self%h%inverse
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(split_type), intent(inout) :: self
+
+        if (self%way == by_elimination) call self%elimination%release()
+        if (self%way == by_refinement) self%h%inverse = self%held_h
+    end subroutine release
 
     !> H = (C X)^-1 by LU.
     subroutine invert(self, jacobian, x_basis, stat)
