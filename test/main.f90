@@ -23,6 +23,7 @@ program main
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
     use test_simulation, only: collect_simulation
+    use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
     use test_tangent, only: collect_tangent
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
@@ -48,6 +49,7 @@ program main
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &
         new_testsuite('failures', collect_failures), &
+        new_testsuite('statuses', collect_statuses), &
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &
         new_testsuite('order', collect_order), &

@@ -16,6 +16,9 @@ module model_perturbed
         real(wp) :: amount = 0.0_wp
         !> True where the lower block of gamma_qd is 2 E2, as (69) has it; right for e = 0 and a constant E_t only.
         logical :: as_printed = .false.
+        !> What the derivatives return as their status from a time on, 0 for success.
+        integer :: fault_stat = 0
+        real(wp) :: fault_time = 0.0_wp
         class(model_type), pointer, private :: inner => null()
     contains
         procedure :: wrap
@@ -90,7 +93,8 @@ contains
                     derivatives%acceleration_qd(lower:, :) = 2*derivatives%velocity_q(lower:, :)
                 end associate
             end if
-            if (self%derivative == 0) return
+            if (self%fault_stat /= 0 .and. t >= self%fault_time) stat = self%fault_stat
+            if (self%derivative == 0 .or. t < self%fault_time) return
             if (.not. btest(need, self%derivative - 1)) return
             associate (i => self%row, j => self%column)
                 select case (self%derivative)

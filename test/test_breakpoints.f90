@@ -3,11 +3,13 @@
 module test_breakpoints
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use extrapolation, only: extrapolate
+    use kkt, only: kkt_type, solve_independently
     use model_pendulum, only: pendulum_type
     use model_sleigh, only: reduced_equation_type, sleigh_type
     use runs, only: choose, get_start, new_scene, run
-    use tandem, only: at_step, chart_policies, failure_type => error_type, model_type, observer_type, refresh_modes, &
-        simulation_type, statistics_type, wp
+    use reference, only: read_reference, reference_type
+    use tandem, only: articulated_vehicle_type, at_step, chart_policies, failure_type => error_type, model_type, observer_type, &
+        refresh_modes, simulation_type, statistics_type, stepper_names, terms_type, wp
     use tandem_simulate_statistics, only: by_breakpoint
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -24,8 +26,14 @@ module test_breakpoints
         procedure :: observe
     end type time_watch_type
 
+    !> A vehicle that compares t with 2 pi by itself, as a model should not, and states no breakpoint.
+    type, extends(articulated_vehicle_type) :: unaware_vehicle_type
+        type(articulated_vehicle_type) :: inner
+    end type unaware_vehicle_type
+
     !> Where the sleigh's surface changes its speed; off the grid of all steps here.
     real(wp), parameter :: jump_at = 0.70710678_wp
+    real(wp), parameter :: two_pi = 8*atan(1.0_wp)
     !> The sleigh's reduced state (x, y, phi, u, w) at t = 0.
     real(wp), parameter :: sleigh_start(5) = [0.0_wp, 0.1_wp, 0.3_wp, 1.0_wp, 0.5_wp]
 
@@ -52,7 +60,11 @@ contains
             new_unittest('jump-is-the-same-for-all-policies-and-modes', test_jump_policies), &
             new_unittest('position-does-not-jump', test_position), &
             new_unittest('sleigh-agrees-with-its-reduced-equations-across-the-jump', test_sleigh), &
-            new_unittest('order-four-holds-across-the-jump', test_order)]
+            new_unittest('order-four-holds-across-the-jump', test_order), &
+            new_unittest('a-step-across-the-kink-loses-the-order', test_unaware), &
+            new_unittest('motorcycle-jumps-in-the-mass-metric-with-all-steppers', test_motorcycle), &
+            new_unittest('implicit-steps-cross-the-jump-of-the-sleigh', test_sleigh_implicit), &
+            new_unittest('two-calls-of-integrate-are-as-good-as-one', test_two_calls)]
     end subroutine collect_breakpoints
 
     subroutine observe(self, simulation, occasion, error)
@@ -308,7 +320,8 @@ contains
     end subroutine test_position
 
     !> The error of q and qd at t = 2 against the reduced equations, which are restarted behind the jump.
-    subroutine measure_sleigh(step, value, error)
+    subroutine measure_sleigh(stepper, step, value, error)
+        character(len=*), intent(in) :: stepper
         real(wp), intent(in) :: step
         real(wp), intent(out) :: value
         type(error_type), allocatable, intent(inout) :: error
@@ -321,7 +334,7 @@ contains
         call model%define(jump_at)
         call reach_jump(model, q_jump, before, after)
         call model%motion(0.0_wp, sleigh_start, q, qd)
-        call run(simulation, model, choose(step=step), 0.0_wp, q, qd, 2.0_wp, failure)
+        call run(simulation, model, choose(step=step, stepper=stepper), 0.0_wp, q, qd, 2.0_wp, failure)
         call check_no_failure(error, failure)
         model%segment = 2
         call model%reduce(q_jump, after, y)
@@ -335,7 +348,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: value
 
-        call measure_sleigh(2.0e-3_wp, value, error)
+        call measure_sleigh('rk4', 2.0e-3_wp, value, error)
         ! What order four leaves of the error at h = 0.04, 2e-6/20**4 = 1.3e-11, with a margin of two.
         call check_below(error, value, 2.5e-11_wp, 'error of q and qd')
     end subroutine test_sleigh
@@ -344,9 +357,145 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: large, small
 
-        call measure_sleigh(0.04_wp, large, error)
-        call measure_sleigh(0.02_wp, small, error)
+        call measure_sleigh('rk4', 0.04_wp, large, error)
+        call measure_sleigh('rk4', 0.02_wp, small, error)
         call check_below(error, large, 4.0e-6_wp, 'error at h = 0.04')
         call check_below(error, small/large, 2.0_wp**(-3.85_wp), 'ratio of the errors')
     end subroutine test_order
+
+    !> The vehicle's terms, of the segment that t is in.
+    subroutine evaluate_unaware(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (unaware_vehicle_type)
+            self%inner%segment = merge(1, 2, t < two_pi)
+            call self%inner%evaluate(need, t, q, qd, terms, stat)
+        end select
+    end subroutine evaluate_unaware
+
+    !> The guard of the order through 2 pi, which the suite `order` measures: where a step crosses the kink, its error is of
+    !> order one or two.
+    subroutine test_unaware(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(unaware_vehicle_type), target :: unaware
+        class(model_type), allocatable, target :: vehicle
+        type(reference_type) :: table
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: with, without
+
+        call read_reference('vehicle', table)
+        call new_scene('vehicle', vehicle)
+        call unaware%inner%define()
+        call unaware%define()
+        unaware%evaluate => evaluate_unaware
+        unaware%breakpoints = [real(wp) ::]
+        associate (q => table%q(:, 1), qd => table%qd(:, 1), truth => table%q(:, table%find(10.0_wp)))
+            call run(simulation, vehicle, choose(step=0.025_wp), 0.0_wp, q, qd, 10.0_wp, failure)
+            call check_no_failure(error, failure)
+            with = maxval(abs(simulation%state%q - truth))
+            call run(simulation, unaware, choose(step=0.025_wp), 0.0_wp, q, qd, 10.0_wp, failure)
+            call check_no_failure(error, failure)
+            without = maxval(abs(simulation%state%q - truth))
+        end associate
+        ! Truncation, 5.5e-10, against h**2 = 6e-4 times a jump of 0.04 rad/s**2 and a lever of 60 m.
+        call check_below(error, with, 1.1e-9_wp, 'error with a breakpoint')
+        call check_true(error, without > 1.0e3_wp*with, 'without a breakpoint the error is larger by decades')
+    end subroutine test_unaware
+
+    !> Both motorcycles at 2 pi against an independent solution from the left and an independent projection.
+    subroutine test_motorcycle(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(2) = [character(len=10) :: 'motorcycle', 'chopper']
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        type(kkt_type) :: independent
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp) :: q_jump(10), before(10), after(10), jump
+        character(len=:), allocatable :: what
+        integer :: i, k
+
+        do k = 1, size(scenes)
+            call new_scene(trim(scenes(k)), model)
+            call get_start(trim(scenes(k)), q, qd)
+            q_jump = q
+            before = qd
+            call solve_independently(model, 0.0_wp, nearest(two_pi, -1.0_wp), 0.05_wp, q_jump, before)
+            model%segment = 2
+            independent%model => model
+            after = before
+            call independent%project(two_pi, q_jump, after)
+            jump = maxval(abs(after - before))
+            call check_true(error, jump > 1.0e-4_wp, trim(scenes(k))//' does jump')
+            do i = 1, size(stepper_names)
+                if (stepper_names(i) == 'trapezoid') cycle
+                what = trim(scenes(k))//' with '//trim(stepper_names(i))
+                call run(simulation, model, choose(step=5.0e-3_wp, stepper=trim(stepper_names(i))), 0.0_wp, q, qd, two_pi, failure)
+                call check_no_failure(error, failure)
+                ! Truncation at h = 5e-3 is below 1e-11; 100 m carry 1e-12 of rounding and of Newton's remainders each.
+                call check_close(error, simulation%state%q, q_jump, 5.0e-10_wp, what//': q')
+                call check_close(error, simulation%state%qd, after, 5.0e-11_wp, what//': qd')
+                statistics = simulation%statistics()
+                call check_below(error, abs(statistics%velocity_jump - jump), 1.0e-12_wp, what//': error of velocity_jump')
+            end do
+            ! The trapezoid's qd is off by its own truncation, but its jump is the same up to that of the jump.
+            call run(simulation, model, choose(step=5.0e-3_wp, stepper='trapezoid'), 0.0_wp, q, qd, two_pi, failure)
+            call check_no_failure(error, failure)
+            statistics = simulation%statistics()
+            call check_below(error, abs(statistics%velocity_jump/jump - 1), 1.0e-4_wp, trim(scenes(k))//' with trapezoid: jump')
+        end do
+    end subroutine test_motorcycle
+
+    subroutine test_sleigh_implicit(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: large, small
+
+        call measure_sleigh('sdirk54', 0.04_wp, large, error)
+        call measure_sleigh('sdirk54', 0.02_wp, small, error)
+        call check_below(error, large, 4.0e-6_wp, 'error of sdirk54 at h = 0.04')
+        call check_below(error, small/large, 2.0_wp**(-3.85_wp), 'ratio of the errors of sdirk54')
+        call measure_sleigh('trapezoid', 0.04_wp, large, error)
+        call measure_sleigh('trapezoid', 0.02_wp, small, error)
+        call check_below(error, large, 4.0e-3_wp, 'error of the trapezoid at h = 0.04')
+        call check_below(error, small/large, 2.0_wp**(-1.85_wp), 'ratio of the errors of the trapezoid')
+    end subroutine test_sleigh_implicit
+
+    !> Where the first call ends on the grid the runs are the same to the last bit; where it ends off the grid, the next steps
+    !> return to it.
+    subroutine test_two_calls(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: once, twice
+        type(failure_type), allocatable :: failure
+        type(time_watch_type) :: watch
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp) :: expected(10)
+        integer :: i
+
+        call new_scene('motorcycle', model)
+        call get_start('motorcycle', q, qd)
+        do i = 1, size(stepper_names)
+            call run(once, model, choose(step=0.0625_wp, stepper=trim(stepper_names(i))), 0.0_wp, q, qd, 8.0_wp, failure)
+            call check_no_failure(error, failure)
+            expected = once%state%q
+            call run(twice, model, choose(step=0.0625_wp, stepper=trim(stepper_names(i))), 0.0_wp, q, qd, 5.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (.not. allocated(error)) call twice%integrate(8.0_wp, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, twice%state%q, expected, 0.0_wp, trim(stepper_names(i))//': q')
+        end do
+        call run(twice, model, choose(step=0.0625_wp), 0.0_wp, q, qd, 0.15_wp, failure)
+        call check_no_failure(error, failure)
+        call twice%integrate(0.3_wp, failure, watch)
+        call check_no_failure(error, failure)
+        call check_close(error, watch%t(:watch%n), [0.1875_wp, 0.25_wp, 0.3_wp], 0.0_wp, 'times of the second call')
+    end subroutine test_two_calls
 end module test_breakpoints

@@ -374,7 +374,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
         integer :: charts(3), i, j, k
-        integer, parameter :: limits(3) = [1, 2, 100]
+        integer, parameter :: limits(3) = [1, 3, 100]
 
         do i = 1, size(stepper_names)
             if (stepper_names(i) == 'trapezoid') cycle
@@ -385,7 +385,7 @@ contains
                     call count_charts(options, by_iterations, charts(k), error)
                 end do
                 call check_count(error, charts(1), 499, 'charts where one correction is allowed')
-                call check_true(error, charts(2) < charts(1), 'two allowed corrections make fewer charts')
+                call check_true(error, charts(2) < charts(1), 'three allowed corrections make fewer charts')
                 call check_count(error, charts(3), 0, 'charts where 100 corrections are allowed')
             end do
         end do

@@ -99,8 +99,8 @@ contains
 
         call check_steps(error, 'dopri5', 2.0e-7_wp, 1.6e-7_wp, 127)
         if (.not. allocated(error)) call check_steps(error, 'dopri5', 1.5e-11_wp, 1.7e-11_wp, 754)
-        if (.not. allocated(error)) call check_steps(error, 'dop853', 7.0e-8_wp, 1.6e-7_wp, 127/4)
-        if (.not. allocated(error)) call check_steps(error, 'dop853', 1.0e-11_wp, 1.7e-11_wp, 754/4)
+        if (.not. allocated(error)) call check_steps(error, 'dop853', 7.0e-8_wp, 1.6e-7_wp, 31)
+        if (.not. allocated(error)) call check_steps(error, 'dop853', 1.0e-11_wp, 1.7e-11_wp, 188)
     end subroutine test_nohol
 
     !> The tilted skate at t = 10: an error and a number of steps, rejected ones counted.

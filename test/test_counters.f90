@@ -9,9 +9,9 @@ module test_counters
     use model_pendulum, only: pendulum_type
     use model_spy, only: spy_type
     use runs, only: choose, get_start, run
-    use tandem, only: at_step, failure_type => error_type, model_type, n_terms, need_force, need_gamma, need_jacobian, &
-        need_mass, need_nu, need_phi, observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, &
-        statistics_type, wp
+    use tandem, only: at_step, derivatives_type, failure_type => error_type, model_type, n_derivatives, n_terms, &
+        need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, observer_type, options_type, refresh_modes, &
+        rolling_disk_type, simulation_type, statistics_type, stepper_names, wp
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)
     private
@@ -29,6 +29,14 @@ module test_counters
     contains
         procedure :: observe
     end type curious_type
+
+    !> A disk that counts the calls of its derivative procedure, where it has it.
+    type, extends(rolling_disk_type) :: counting_disk_type
+        type(rolling_disk_type) :: inner
+        integer :: calls = 0
+    end type counting_disk_type
+
+    character(len=9), parameter :: implicit_steppers(2) = ['trapezoid', 'sdirk54  ']
 
 contains
 
@@ -53,7 +61,13 @@ contains
             new_unittest('fused-procedure-is-preferred', test_fused), &
             new_unittest('any-division-into-fused-and-single-procedures-is-the-same', test_divisions), &
             new_unittest('factor-does-not-refine-and-refine-does-not-eliminate', test_modes), &
-            new_unittest('counters-start-anew-with-initialize', test_anew)]
+            new_unittest('counters-start-anew-with-initialize', test_anew), &
+            new_unittest('rk4-calls-no-derivative', test_rk4_derivatives), &
+            new_unittest('implicit-steps-form-one-newton-matrix-a-step', test_one_matrix), &
+            new_unittest('sdirk54-solves-five-stages-a-step-and-the-trapezoid-one', test_stages), &
+            new_unittest('differences-stand-in-for-absent-derivatives-only', test_stand_ins), &
+            new_unittest('implicit-steps-evaluate-nothing-that-the-model-lacks', test_implicit_lacks), &
+            new_unittest('implicit-steps-compute-multipliers-and-energies-only-when-asked', test_implicit_asked)]
     end subroutine collect_counters
 
     subroutine observe(self, simulation, occasion, error)
@@ -110,16 +124,17 @@ contains
     end subroutine spy_on_pendulum
 
     !> A knife edge from its reference's start.
-    subroutine spy_on_knife_edge(spy, statistics, error)
+    subroutine spy_on_knife_edge(spy, statistics, error, options)
         type(spy_type), intent(out), target :: spy
         type(statistics_type), intent(out) :: statistics
         type(error_type), allocatable, intent(inout) :: error
+        type(options_type), intent(in), optional :: options
         type(knife_edge_type), target :: model
         real(wp), allocatable :: q(:), qd(:)
 
         call model%define()
         call get_start('knife_edge', q, qd)
-        call spy_on(model, q, qd, spy, statistics, error)
+        call spy_on(model, q, qd, spy, statistics, error, options)
     end subroutine spy_on_knife_edge
 
     !> The acceleration at the end of a step is the first stage of the next one; the start adds one.
@@ -390,4 +405,158 @@ contains
         call check_count(error, second%steps, int(first%steps), 'steps')
         call check_count(error, second%charts, int(first%charts), 'charts')
     end subroutine test_anew
+
+    !> Count, and leave the work to the disk.
+    subroutine count_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (counting_disk_type)
+            self%calls = self%calls + 1
+            call self%inner%evaluate_derivatives(need, t, q, qd, qdd, lambda, derivatives, stat)
+        end select
+    end subroutine count_derivatives
+
+    !> Fifty steps of the disk with a stepper; the calls of its derivatives.
+    subroutine roll_disk(stepper, has_derivatives, calls, statistics, error, curious)
+        character(len=*), intent(in) :: stepper
+        logical, intent(in) :: has_derivatives
+        integer, intent(out) :: calls
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(inout) :: error
+        type(curious_type), intent(inout), optional :: curious
+        type(counting_disk_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+
+        call model%inner%define()
+        call model%define()
+        model%evaluate_derivatives => null()
+        if (has_derivatives) model%evaluate_derivatives => count_derivatives
+        if (.not. has_derivatives) model%provides_derivatives = 0
+        call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call run(simulation, model, choose(step=1.0e-3_wp, stepper=stepper), 0.0_wp, q, qd, n_steps*1.0e-3_wp, failure, curious)
+        call check_no_failure(error, failure)
+        statistics = simulation%statistics()
+        call check_count(error, statistics%steps, n_steps, 'steps')
+        calls = model%calls
+    end subroutine roll_disk
+
+    subroutine test_rk4_derivatives(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        integer :: calls
+
+        call roll_disk('rk4', .true., calls, statistics, error)
+        call check_count(error, calls, 0, 'calls of evaluate_derivatives')
+        call check_count(error, sum(statistics%derivatives), 0, 'derivatives')
+        call check_count(error, statistics%difference_evaluations, 0, 'evaluations for differences')
+        call check_count(error, statistics%gamma_evaluations, 0, 'evaluations for a stand-in of gamma')
+        call check_count(error, statistics%newton_matrices, 0, 'Newton matrices')
+        call check_count(error, statistics%newton_corrections, 0, 'Newton corrections')
+        call check_count(error, statistics%implicit_stages, 0, 'implicit stages')
+    end subroutine test_rk4_derivatives
+
+    !> One matrix, and with it one call for all derivatives.
+    subroutine test_one_matrix(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        integer :: calls, i, k
+
+        do i = 1, size(implicit_steppers)
+            call roll_disk(trim(implicit_steppers(i)), .true., calls, statistics, error)
+            call check_count(error, statistics%newton_matrices, n_steps, trim(implicit_steppers(i))//': Newton matrices')
+            call check_count(error, calls, n_steps, trim(implicit_steppers(i))//': calls of evaluate_derivatives')
+            do k = 1, n_derivatives
+                call check_count(error, statistics%derivatives(k), n_steps, trim(implicit_steppers(i))//': a derivative')
+            end do
+            call check_count(error, statistics%difference_evaluations, 0, 'evaluations for differences')
+        end do
+    end subroutine test_one_matrix
+
+    subroutine test_stages(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        integer :: calls
+
+        call roll_disk('sdirk54', .true., calls, statistics, error)
+        call check_count(error, statistics%implicit_stages, 5*n_steps, 'stages of sdirk54')
+        call check_true(error, statistics%newton_corrections >= statistics%implicit_stages, 'every stage is corrected once or more')
+        call roll_disk('trapezoid', .true., calls, statistics, error)
+        call check_count(error, statistics%implicit_stages, n_steps, 'stages of the trapezoid')
+    end subroutine test_stages
+
+    subroutine test_stand_ins(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        integer :: calls, i
+
+        do i = 1, size(stepper_names)
+            call roll_disk(trim(stepper_names(i)), .false., calls, statistics, error)
+            call check_count(error, calls, 0, trim(stepper_names(i))//': calls of evaluate_derivatives')
+            call check_count(error, sum(statistics%derivatives), 0, trim(stepper_names(i))//': derivatives')
+            call check_true(error, (statistics%difference_evaluations > 0) .eqv. any(stepper_names(i) == implicit_steppers), &
+                trim(stepper_names(i))//': differences are for implicit steps only')
+        end do
+    end subroutine test_stand_ins
+
+    !> The traps of `spy_on` guard the procedures of constraints that do not exist.
+    subroutine test_implicit_lacks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(particle_type), target :: particle
+        type(spy_type), target :: spy
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        integer :: i, k
+
+        do i = 1, size(implicit_steppers)
+            options = choose(step=1.0e-3_wp, stepper=trim(implicit_steppers(i)))
+            ! Holonomic, scleronomic, with a constant mass.
+            call spy_on_pendulum(spy, statistics, error, options)
+            call check_count(error, spy%calls%nonholonomic_jacobian + spy%calls%nonholonomic_rhs, 0, 'E and e of the pendulum')
+            call check_count(error, statistics%terms(nu), 0, 'nu of the pendulum')
+            call check_count(error, statistics%terms(mass), 1, 'mass of the pendulum')
+            call check_count(error, spy%calls%mass_matrix, 1, 'calls of mass_matrix')
+            ! Nonholonomic only.
+            call spy_on_knife_edge(spy, statistics, error, options)
+            call check_count(error, statistics%terms(phi), 0, 'phi of the knife edge')
+            call check_count(error, statistics%terms(nu), 0, 'nu of the knife edge')
+            call check_count(error, statistics%position_corrections, 0, 'corrections of u')
+            call check_count(error, statistics%position_factorizations, 0, 'factorizations of Phi_q U')
+            ! Free: nothing of C.
+            call particle%define(with_force=.true.)
+            call spy_on(particle, [0.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], spy, statistics, error, options)
+            do k = 1, 4
+                call check_count(error, statistics%terms(k), 0, 'terms of constraints')
+            end do
+            call check_count(error, statistics%basis_factorizations, 0, 'bases')
+            call check_count(error, statistics%constraint_factorizations, 0, 'factorizations of C')
+            call check_count(error, statistics%position_factorizations, 0, 'factorizations of Phi_q U')
+        end do
+    end subroutine test_implicit_lacks
+
+    !> The multipliers of the Newton matrix are no multipliers that somebody asked for.
+    subroutine test_implicit_asked(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        type(curious_type) :: curious
+        integer :: calls, i
+
+        do i = 1, size(implicit_steppers)
+            call roll_disk(trim(implicit_steppers(i)), .true., calls, statistics, error)
+            call check_count(error, statistics%multipliers, 0, 'multipliers')
+            call check_count(error, statistics%kinetic_energies + statistics%potential_energies, 0, 'energies')
+            curious%steps = 0
+            call roll_disk(trim(implicit_steppers(i)), .true., calls, statistics, error, curious)
+            call check_count(error, statistics%multipliers, 5, 'multipliers')
+            call check_count(error, statistics%kinetic_energies, 5, 'kinetic energies')
+            call check_count(error, statistics%potential_energies, 5, 'potential energies')
+        end do
+    end subroutine test_implicit_asked
 end module test_counters

@@ -598,7 +598,7 @@ contains
                 call check_count(error, stat, 0, 'status')
                 call check_below(error, maxval(abs(gamma - terms%gamma))/max(1.0_wp, maxval(abs(terms%gamma))), 1.0e-9_wp, &
                     trim(subject_names(k))//': error of gamma')
-                call check_count(error, counts%difference_evaluations, 4, 'evaluations')
+                call check_count(error, counts%gamma_evaluations, 4, 'evaluations')
                 call check_between(error, counts%gamma_noise, 1.0e-16_wp, 1.0e-9_wp, trim(subject_names(k))//': noise')
             end do
             deallocate (q, qd, qdd, lambda, gamma)

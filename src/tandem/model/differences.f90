@@ -88,24 +88,28 @@ contains
         real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
         !> eps**(1/5) balances rounding, eps / s, against truncation, s**4.
         real(wp), parameter :: balance = epsilon(1.0_wp)**0.2_wp
-        real(wp) :: s, speed, largest
+        real(wp) :: s, speed
         integer :: i
 
         stat = status_ok
         gamma = 0.0_wp
         speed = maxval(abs(qd)/max(abs(q), self%scale))
         s = balance/max(speed, 1.0_wp)
-        largest = 0.0_wp
         do i = 1, 4
             self%displaced = q + place(i)*s*qd
             call self%probe%evaluate(need_jacobian + need_nu, t + place(i)*s, self%displaced, qd, counts, stat)
             if (stat /= status_ok) return
-            counts%difference_evaluations = counts%difference_evaluations + 1
+            counts%gamma_evaluations = counts%gamma_evaluations + 1
             gamma = gamma - (weight(i)/s)*self%probe%terms%nu
             call add_product(self%probe%terms%jacobian, qd, weight(i)/s, gamma)
         end do
-        largest = maxval(matmul(abs(self%probe%terms%jacobian), abs(qd)))
-        counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*largest/s)
+        ! Rounding of C qd over s, against the natural scale of the row at least.
+        associate (c => self%probe%terms%jacobian)
+            do i = 1, size(gamma)
+                counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*sum(abs(c(i, :)*qd))/s/ &
+                    max(sum(abs(c(i, :))*self%scale) + abs(gamma(i)), tiny(1.0_wp)))
+            end do
+        end associate
     end subroutine evaluate_gamma
 
     !> All five derivatives: the model's own where it has them, differences of its terms for the rest.

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Euler parameters p = (e0, e) and the matrices of their calculus. Everything holds for every p, not only for unit ones.
 !> Source: Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989; Serban and Haug, 1998,
-!> doi 10.1080/08905459808945425; section 5 of the method's description in doc/theory.md.
+!> doi 10.1080/08905459808945425; section 19 of doc/theory.md.
 module tandem_rigid_euler_parameters
     use tandem_kinds, only: wp
     implicit none (type, external)

@@ -20,7 +20,8 @@ module tandem_stepper_newton
         real(wp), allocatable :: rate_q(:), rate_qd(:)
         !> Increments that do not depend on the stage's own rates (n).
         real(wp), allocatable :: base_dq(:), base_dqd(:)
-        real(wp), private :: tolerance = 1.0e-12_wp
+        !> What each stage's iteration may leave.
+        real(wp), allocatable, private :: tolerance(:)
         !> Contraction of each stage when it was last seen, and the first correction then; age of that in steps.
         real(wp), allocatable, private :: theta(:), seen_change(:)
         integer, allocatable, private :: age(:)
@@ -36,17 +37,19 @@ module tandem_stepper_newton
 contains
 
     !> Allocate for n coordinates.
-    subroutine allocate_newton(self, n, n_stages, tolerance)
+    subroutine allocate_newton(self, n, tolerance, amplification)
         class(newton_type), intent(inout) :: self
-        !> Numbers of coordinates and of implicit stages.
-        integer, intent(in) :: n, n_stages
+        !> Number of coordinates.
+        integer, intent(in) :: n
         !> What the iteration may leave of q and qd, against |q|, |qd| and the coordinate scales.
         real(wp), intent(in) :: tolerance
+        !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
+        real(wp), intent(in) :: amplification(:)
 
-        self%tolerance = tolerance
-        self%theta = spread(1.0_wp, 1, n_stages)
-        self%seen_change = spread(0.0_wp, 1, n_stages)
-        self%age = spread(0, 1, n_stages)
+        self%tolerance = tolerance/max(amplification, 1.0_wp)
+        self%theta = spread(1.0_wp, 1, size(amplification))
+        self%seen_change = spread(0.0_wp, 1, size(amplification))
+        self%age = spread(0, 1, size(amplification))
         self%rate_q = spread(0.0_wp, 1, n)
         self%rate_qd = self%rate_q
         self%base_dq = self%rate_q
@@ -115,7 +118,7 @@ contains
             if (k == 1) then
                 first_change = change
                 if (self%age(stage) < oldest .and. change <= largest_growth*self%seen_change(stage) .and. &
-                    safety*self%theta(stage)*change <= self%tolerance) return
+                    safety*self%theta(stage)*change <= self%tolerance(stage)) return
             else
                 theta = change/last_change
                 if (k == 2) then
@@ -124,9 +127,9 @@ contains
                     self%age(stage) = 0
                 end if
                 ! Rounding leaves nothing to contract.
-                if (change <= 0.01_wp*self%tolerance) return
+                if (change <= 0.01_wp*self%tolerance(stage)) return
                 if (.not. theta < 0.95_wp) exit
-                if (theta/(1.0_wp - theta)*change <= self%tolerance) return
+                if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return
             end if
             last_change = max(change, tiny(1.0_wp))
         end do

@@ -57,7 +57,7 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: newton_tolerance
 
-        call self%newton%allocate(n, 5, newton_tolerance)
+        call self%newton%allocate(n, newton_tolerance, abs([a(:, 5), diagonal])/diagonal)
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%error_q, self%error_qd)
         allocate (self%rate_q(n, 5), self%rate_qd(n, 5), self%error_q(n), self%error_qd(n), source=0.0_wp)

@@ -43,7 +43,7 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: newton_tolerance
 
-        call self%newton%allocate(n, 1, newton_tolerance)
+        call self%newton%allocate(n, newton_tolerance, [1.0_wp])
         call self%history%allocate(n)
         self%error_q = spread(0.0_wp, 1, n)
         self%error_qd = self%error_q
