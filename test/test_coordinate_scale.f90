@@ -23,6 +23,7 @@ contains
             new_unittest('rod-in-millimetres-moves-as-in-metres', test_rod), &
             new_unittest('rod-in-kilometres-moves-as-in-metres', test_kilometres), &
             new_unittest('policies-and-modes-see-scaled-coordinates', test_policies), &
+            new_unittest('implicit-steps-see-scaled-coordinates', test_implicit), &
             new_unittest('without-scales-the-unit-matters', test_without)]
     end subroutine collect_coordinate_scale
 
@@ -114,6 +115,20 @@ contains
             end do
         end do
     end subroutine test_policies
+
+    !> Newton's iteration stops by scaled coordinates too: the runs differ by what it leaves, 1e-14 a stage.
+    subroutine test_implicit(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: i
+
+        do i = 1, size(chart_policies)
+            options = choose(step=1.0e-2_wp, chart=chart_policies(i), stepper='sdirk54', v_limit=0.4_wp)
+            call check_unit(1000.0_wp, options, error)
+            options%stepper = 'trapezoid'
+            call check_unit(1.0e-3_wp, options, error)
+        end do
+    end subroutine test_implicit
 
     !> The guard of the tests above: a basis that is orthonormal in mixed units gives another truncation error.
     subroutine test_without(error)

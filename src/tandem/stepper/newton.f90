@@ -22,6 +22,8 @@ module tandem_stepper_newton
         real(wp), allocatable :: base_dq(:), base_dqd(:)
         !> What each stage's iteration may leave.
         real(wp), allocatable, private :: tolerance(:)
+        !> A correction below this that no longer falls is rounding, which stiff forces amplify.
+        real(wp), private :: standstill = 0.0_wp
         !> Contraction of each stage when it was last seen, and the first correction then; age of that in steps.
         real(wp), allocatable, private :: theta(:), seen_change(:)
         integer, allocatable, private :: age(:)
@@ -46,7 +48,8 @@ contains
         !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
 
-        self%tolerance = tolerance/max(amplification, 1.0_wp)
+        self%tolerance = max(tolerance/max(amplification, 1.0_wp), 2*epsilon(1.0_wp))
+        self%standstill = 1.0e3_wp*tolerance
         self%theta = spread(1.0_wp, 1, size(amplification))
         self%seen_change = spread(0.0_wp, 1, size(amplification))
         self%age = spread(0, 1, size(amplification))
@@ -61,7 +64,7 @@ contains
     end subroutine allocate_newton
 
     !> Solve the stage at time t: from the extrapolated history; if that fails, from the state at the start of the step with
-    !> a matrix made there; if that fails too, with a matrix made at the stage itself.
+    !> the step's matrix; if that fails too, with matrices made where the iteration stood.
     subroutine solve(self, chart, history, state, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -73,6 +76,9 @@ contains
         real(wp), intent(in) :: t, ha
         !> A status code.
         integer, intent(out) :: stat
+        !> Matrices made for one stage before it is given up.
+        integer, parameter :: most_matrices = 2
+        integer :: k
 
         call history%extrapolate(t, self%rate_q, self%rate_qd)
         call self%iterate(chart, stage, t, ha, stat)
@@ -81,12 +87,12 @@ contains
         self%rate_q = state%qd
         self%rate_qd = state%qdd
         call self%iterate(chart, stage, t, ha, stat)
-        if (stat /= status_newton_failed) return
-        self%rate_q = state%qd
-        self%rate_qd = state%qdd
-        call self%restore(chart, t, ha, stat)
-        if (stat == status_ok) call chart%factor_stage(t, self%q, self%qd, self%rate_qd, ha, stat)
-        if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
+        do k = 1, most_matrices
+            if (stat /= status_newton_failed) return
+            call self%restore(chart, t, ha, stat)
+            if (stat == status_ok) call chart%factor_stage(t, self%q, self%qd, self%rate_qd, ha, stat)
+            if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
+        end do
     end subroutine solve
 
     !> The iteration. One correction suffices where the stage's last known contraction promises so; that knowledge is renewed
@@ -126,9 +132,11 @@ contains
                     self%seen_change(stage) = first_change
                     self%age(stage) = 0
                 end if
-                ! Rounding leaves nothing to contract.
                 if (change <= 0.01_wp*self%tolerance(stage)) return
-                if (.not. theta < 0.95_wp) exit
+                if (.not. theta < 0.95_wp) then
+                    if (change <= self%standstill) return
+                    exit
+                end if
                 if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return
             end if
             last_change = max(change, tiny(1.0_wp))

@@ -490,7 +490,10 @@ contains
             change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
                 abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
         end do
-        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) stat = status_not_finite
+        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+            stat = status_not_finite
+            call self%name_infinite(stat)
+        end if
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
 
