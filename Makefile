@@ -8,6 +8,8 @@ ARGS  ?=
 ARCH  ?= -march=native
 RELEASE = --profile release --flag "$(ARCH)"
 FPM     = .venv/bin/fpm
+# fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
+INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem
 # Parts of the tests, all if empty: tools/verify.py --list
 PARTS ?=
 
@@ -28,7 +30,7 @@ test: ## all that verifies the project; the last line is "N passed, N failed" (P
 	@python3 tools/verify.py $(PARTS)
 
 build: setup ## the release binary, left at build/tandem
-	@$(FPM) run tandem $(RELEASE) --runner install -- build/tandem
+	@$(INSTALL_BINARY) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(INSTALL_BINARY); }
 
 setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
 	@tools/setup.sh

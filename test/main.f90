@@ -8,6 +8,7 @@ program main
     use test_control, only: collect_control
     use test_coordinate_scale, only: collect_coordinate_scale
     use test_counters, only: collect_counters
+    use test_dense, only: collect_dense
     use test_derivatives, only: collect_derivatives
     use test_euler_parameters, only: collect_euler_parameters
     use test_failures, only: collect_failures
@@ -58,6 +59,7 @@ program main
         new_testsuite('counters', collect_counters), &
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('control', collect_control), &
+        new_testsuite('dense', collect_dense), &
         new_testsuite('coordinate_scale', collect_coordinate_scale)]
     n_failed = 0
     call get_argument(1, suite_name)

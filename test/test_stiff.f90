@@ -185,8 +185,6 @@ contains
         call model%define()
         options%stepper = stepper
         options%step = step
-        ! The spring force has a rounding of 1e-9, which a tighter iteration would try to solve.
-        options%intol = 1.0e-11_wp
         call record(simulation, model, options, [sin(0.5_wp), -cos(0.5_wp), 1.0_wp], spread(0.0_wp, 1, 3), 3, velocity, &
             acceleration, failure)
         simulation%model => null()
@@ -228,7 +226,6 @@ contains
         call read_reference('stiff_pendulum', table)
         options%stepper = 'sdirk54'
         options%step = 1.0e-2_wp
-        options%intol = 1.0e-11_wp
         call simulation%initialize(model, options, 0.0_wp, table%q(:, 1), table%qd(:, 1), failure)
         do i = 2, size(table%t)
             if (allocated(failure) .or. table%t(i) > 2.0_wp) exit

@@ -65,10 +65,44 @@ class Case(unittest.TestCase):
         return self.scene("".join(f"[{table}]\n{lines}\n" for table, lines in tables.items()))
 
 
+class Check(Case):
+    def test_every_shipped_scene_is_right(self):
+        for path in sorted((ROOT / "scenes").glob("*.toml")):
+            with self.subTest(path.stem):
+                done = self.tandem("check", str(path))
+                self.assertIn("C has full rank", done.stdout)
+                self.assertNotIn("WRONG", done.stdout)
+                self.assertGreaterEqual(done.stdout.count("right, within"), 9)
+                self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_a_start_that_is_off(self):
+        done = self.tandem("check", "articulated_vehicle", "--set", "initial.q=[6.0, 0.1, 0, 0, 0, 0]", "--set",
+                           "initial.qd=[15.0, 0, 0, 15.0, 0, 0]", code=2)
+        self.assertIn('inconsistent_start', done.stderr)
+        self.assertIn('"joint y"', done.stderr)
+
+    def test_usage(self):
+        self.assertIn("needs a SCENE", self.tandem("check", code=2).stderr)
+
+
 class ResultFile(Case):
     def result(self, *arguments, scene="rolling_disk"):
         self.tandem("run", scene, "--output", "result.h5", *arguments)
         return h5py.File(self.folder / "result.h5")
+
+    def test_interval_by_dense_output(self):
+        adaptive = ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-9", "--set", "time.end=2"]
+        with self.result(*adaptive, "--set", "output.interval=0.01") as file:
+            time = file["trajectory/time"][:]
+            np.testing.assert_allclose(time, np.linspace(0, 2, 201), rtol=0, atol=1e-12)
+            self.assertLess(file["report"].attrs["steps"], 60)
+            for level in ("position", "velocity", "acceleration"):
+                self.assertLess(file[f"diagnostics/{level}_error"][:].max(), 1e-12)
+            q = file["trajectory/q"][:]
+        with self.result(*adaptive) as file:
+            np.testing.assert_array_equal(file["trajectory/q"][-1], q[-1])
+        # The height has a smooth second difference only if rows between steps are right.
+        self.assertLess(np.abs(np.diff(q[:, 2], 4)).max(), 1e-6)
 
     def test_default_fields_and_shapes(self):
         with self.result(*SHORT, "--set", "output.every=10") as file:
@@ -342,7 +376,7 @@ class SceneErrors(Case):
         done = self.refused_file(['unknown key "btol"', 'did you mean "Btol"?'], 6, solver="btol = 1e-9")
         self.assertIn("stepper, step, rtol, atol, first_step, max_step, chart, refresh, basis, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
         self.refused_file("the keys of [initial]: omega, tilt, q, qd", 6, initial="x = 1")
-        self.refused_file("the keys of [output]: file, every, fields", 6, output="x = 1")
+        self.refused_file("the keys of [output]: file, every, interval, fields", 6, output="x = 1")
         self.refused_file("the keys of [time]: start, end", 5, time="end = 1\nx = 1")
         self.refused_file("the keys of [scene]: name, description, model", 3, scene='model = "rolling_disk"\nx = 1')
 

@@ -137,6 +137,9 @@ contains
         call reader%open_table('output')
         call reader%get('file', scene%output%file)
         call reader%get('every', scene%output%every, positive, 'so many steps between two rows')
+        call reader%get('interval', scene%output%interval, unit='s', &
+            help='between rows instead, by dense output; 0 for rows at steps')
+        if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
         call reader%get('fields', scene%output%fields, field_names, 'besides the time')
         problem = scene%output%problem(scene%model)
         if (problem /= '') call reader%refuse('fields', problem)

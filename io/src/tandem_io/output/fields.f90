@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What a result file may hold besides the time, and what was asked for. This table is the only list of the fields.
 module tandem_io_output_fields
-    use tandem, only: model_type
+    use tandem, only: model_type, wp
     implicit none (type, external)
     private
 
@@ -66,6 +66,8 @@ module tandem_io_output_fields
         character(len=:), allocatable :: file
         !> A row every so many steps of the grid.
         integer :: every = 1
+        !> Time between rows, which dense output gives between the steps; 0 means rows at steps, as `every` says.
+        real(wp) :: interval = 0.0_wp
         !> Names of the fields.
         character(len=field_length), allocatable :: fields(:)
     contains

@@ -53,7 +53,9 @@ module tandem_io_output_trajectory
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0, unwatched = 0
         integer(long), private :: flushed_at = 0
-        real(wp), private :: last_time = 0.0_wp
+        real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
+        !> Rows that the interval has asked for so far.
+        integer(long), private :: intervals = 0
         character(len=:), allocatable, private :: path
     contains
         procedure :: open
@@ -61,6 +63,7 @@ module tandem_io_output_trajectory
         procedure :: close
         procedure, private :: add_series
         procedure, private :: gather
+        procedure, private :: gather_between
         procedure, private :: write_rows
         procedure, private :: watch
         procedure, private :: fail
@@ -92,6 +95,9 @@ contains
         if (allocated(error)) return
         self%path = output%file
         self%every = output%every
+        self%interval = output%interval
+        self%first_time = simulation%state%t
+        self%intervals = 0
         call self%file%create(self%path)
         call attach_head(self%file, scene, command)
         call self%file%add_group('/trajectory')
@@ -120,7 +126,7 @@ contains
         end if
     end subroutine open
 
-    !> Write a row at the start, at every `every`-th step of the grid, and at the end.
+    !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end.
     subroutine observe(self, simulation, occasion, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -136,7 +142,10 @@ contains
         case (at_end)
             is_due = simulation%state%t > self%last_time
         case default
-            is_due = simulation%on_grid .and. mod(simulation%grid_steps, int(self%every, long)) == 0
+            is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
+                mod(simulation%grid_steps, int(self%every, long)) == 0
+            if (self%interval > 0.0_wp) call self%gather_between(simulation, error)
+            if (allocated(error)) return
         end select
         if (is_due) then
             call self%gather(simulation, error)
@@ -264,6 +273,28 @@ contains
         if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
         self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
     end subroutine gather
+
+    !> Keep rows of the times of the interval that the last step has passed.
+    subroutine gather_between(self, simulation, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: t, end_of_step
+
+        end_of_step = simulation%state%t
+        do
+            t = self%first_time + real(self%intervals + 1, wp)*self%interval
+            ! A row that rounding has put just behind the step belongs to its end.
+            if (t > end_of_step + 1.0e-9_wp*self%interval) exit
+            t = min(t, end_of_step)
+            call simulation%look_at(t, error)
+            if (.not. allocated(error)) call self%gather(simulation, error)
+            call simulation%look_back()
+            if (allocated(error)) return
+            self%intervals = self%intervals + 1
+            if (self%gathered == self%capacity) call self%write_rows()
+        end do
+    end subroutine gather_between
 
     !> Write the gathered rows.
     subroutine write_rows(self)
