@@ -42,8 +42,9 @@ contains
         class(cholesky_type), intent(inout) :: self
         real(wp), intent(in) :: matrix(:, :)
         integer, intent(out) :: stat
-        !> Smallest square of a pivot over its diagonal entry that still carries a digit.
-        real(wp), parameter :: smallest_pivot = 1.0e-15_wp
+        !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
+        real(wp), parameter :: smallest_pivot = 8.0e-15_wp
+        real(wp) :: ratio, least
         integer :: i
 
         stat = 0
@@ -55,10 +56,14 @@ contains
             call dpotrf('L', self%n, self%factor_, self%n, stat)
         end if
         if (stat /= 0) return
+        least = 1.0_wp
         do i = 1, self%n
-            if (self%factor_(i, i)**2 > smallest_pivot*matrix(i, i)) cycle
-            stat = i
-            return
+            ratio = self%factor_(i, i)**2/matrix(i, i)
+            if (.not. ratio*least > smallest_pivot) then
+                stat = i
+                return
+            end if
+            least = min(least, ratio)
         end do
     end subroutine factor
 

@@ -100,16 +100,18 @@ contains
         type(options_type), intent(in) :: options
         logical, intent(in) :: implicit
         type(error_type), allocatable, intent(out) :: error
+        real(wp) :: utol
         integer :: way
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
-        self%has_bases = implicit .or. self%refines
         self%uses_svd = options%basis == 'svd'
         self%watches_v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
         self%watches_w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
         self%watches_condition = options%chart == 'paper' .and. options%condition_limit > 0.0_wp
         self%watches_secants = options%chart == 'adaptive'
+        ! The condition of (38) is that of the paper's D, which needs W.
+        self%has_bases = implicit .or. self%refines .or. self%watches_condition
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         call self%model%initialize(model)
@@ -120,7 +122,11 @@ contains
             self%m = m
             way = by_elimination
             if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
-            call self%position%allocate(n, nh, self%refines, options%position_tolerance(), options%b_tolerance())
+            ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
+            ! accepted must not miss the tolerance for that.
+            utol = options%position_tolerance()
+            if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
+            call self%position%allocate(n, nh, self%refines, utol, options%b_tolerance())
             call self%split%allocate(n, m, way, options%h_tolerance())
             call self%dynamics%allocate(n, n - m)
             call self%basis%allocate(n, nh, m)
