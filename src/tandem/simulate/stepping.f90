@@ -1,0 +1,278 @@
+! SPDX-License-Identifier: MIT
+!> The steps of a simulation: fixed ones on a grid, controlled ones that follow an error estimate, the chart policy before a step
+!> and the breakpoint after it.
+submodule(tandem_simulation) tandem_simulate_stepping
+    implicit none (type, external)
+
+contains
+
+    !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
+    module subroutine step(self, t_limit, error)
+        class(simulation_type), intent(inout) :: self
+        !> The step ends here at the latest; must lie after the current time.
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable, intent(out) :: error
+        logical :: ends_at_breakpoint
+
+        call self%look_back()
+        if (self%tally%steps >= self%options%max_steps) then
+            call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
+                to_text(self%state%t))
+            return
+        end if
+        if (self%options%is_adaptive()) then
+            call try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
+        else
+            call try_fixed_step(self, t_limit, ends_at_breakpoint, error)
+        end if
+        if (allocated(error)) return
+        self%last_step = self%next%t - self%state%t
+        self%start = self%state
+        self%state = self%next
+        self%has_step = .true.
+        self%segment_of_step = self%model%segment
+        self%chart_is_current = .false.
+        self%tally%steps = self%tally%steps + 1
+        self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
+        self%tally%largest_step = max(self%tally%largest_step, self%last_step)
+        call self%measure_errors(error)
+        if (allocated(error)) return
+        if (ends_at_breakpoint) call cross_breakpoint(self, error)
+    end subroutine step
+
+    !> The next step of the grid, into self%next.
+    subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        logical, intent(out) :: ends_at_breakpoint
+        type(error_type), allocatable, intent(out) :: error
+        logical :: ends_on_grid
+        real(wp) :: h
+        integer :: stat
+
+        call next_time(self, t_limit, self%next%t, ends_on_grid, ends_at_breakpoint)
+        h = self%next%t - self%state%t
+        if (.not. h > 0.0_wp) then
+            call set_error(error, status_step_underflow, 'from t = '//to_text(self%state%t)//' with step '// &
+                to_text(self%options%step)//' towards '//to_text(t_limit))
+            return
+        end if
+        call renew_by_policy(self, error)
+        if (allocated(error)) return
+        call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+        if (stat /= status_ok) then
+            call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
+            return
+        end if
+        self%on_grid = ends_on_grid
+        if (ends_on_grid) self%grid_steps = self%grid_steps + 1
+    end subroutine try_fixed_step
+
+    !> Steps of falling size until one meets the tolerances, into self%next.
+    subroutine try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        logical, intent(out) :: ends_at_breakpoint
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: h, stop_at, norm
+        logical :: is_cut
+        integer :: stat
+
+        call renew_by_policy(self, error)
+        if (allocated(error)) return
+        call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+        if (.not. self%control%h > 0.0_wp) call choose_first_step(self, stop_at - self%state%t)
+        stat = status_ok
+        do
+            h = self%control%h
+            ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
+            is_cut = self%state%t + 1.01_wp*h >= stop_at
+            self%next%t = stop_at
+            if (.not. is_cut) then
+                if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
+                self%next%t = self%state%t + h
+            end if
+            h = self%next%t - self%state%t
+            if (.not. h > 4.0_wp*spacing(abs(self%state%t))) then
+                call underflow(self, stat, h, error)
+                return
+            end if
+            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+            if (stat == status_ok) then
+                call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
+                call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
+                if (norm <= 1.0_wp) exit
+                self%tally%rejected = self%tally%rejected + 1
+                call self%control%reject(h, norm)
+                cycle
+            end if
+            if (stat == status_callback_failed) then
+                call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
+                return
+            end if
+            self%tally%failed = self%tally%failed + 1
+            call self%control%fail(h)
+            if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
+            if (allocated(error)) return
+        end do
+        call self%control%accept(h, is_cut .or. h < self%control%h, norm)
+        ends_at_breakpoint = ends_at_breakpoint .and. is_cut
+        self%on_grid = .true.
+        self%grid_steps = self%grid_steps + 1
+    end subroutine try_controlled_steps
+
+    !> The error of a step that would no longer change the time: the reason of the last failure where there was one.
+    subroutine underflow(self, stat, h, error)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: stat
+        real(wp), intent(in) :: h
+        type(error_type), allocatable, intent(out) :: error
+
+        if (self%tally%failed > 0 .and. stat /= status_ok) then
+            call self%fail(stat, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
+        else
+            call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
+                ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
+        end if
+    end subroutine underflow
+
+    !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).
+    subroutine choose_first_step(self, span)
+        class(simulation_type), intent(inout) :: self
+        !> Time to the next stop.
+        real(wp), intent(in) :: span
+        real(wp) :: h, size_y, size_f, change
+        integer :: stat
+
+        associate (state => self%state, next => self%next, control => self%control)
+            call control%set_weights(state%q, state%q, state%qd, state%qd)
+            size_y = weighted_norm(state%q, state%qd, control%weight_q, control%weight_qd)
+            size_f = weighted_norm(state%qd, state%qdd, control%weight_q, control%weight_qd)
+            h = 1.0e-6_wp
+            if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*size_y/size_f
+            h = min(h, 0.1_wp*span)
+            ! One Euler step shows how fast the rates change.
+            next%dq = state%dq + h*state%qd
+            next%dqd = state%dqd + h*state%qdd
+            call self%chart%restore_position(state%t + h, next%dq, next%q, stat)
+            if (stat == status_ok) call self%chart%restore_velocity(state%t + h, next%q, next%dqd, next%qd, stat)
+            if (stat == status_ok) call self%chart%solve_dynamics(state%t + h, next%q, next%qd, next%qdd, stat)
+            if (stat == status_ok) then
+                change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)/h
+                h = min(100*h, (0.01_wp/max(size_f, change, 1.0e-15_wp))**(1.0_wp/(self%method%estimate_order + 1)))
+            end if
+            control%h = control%limit(min(h, span))
+        end associate
+    end subroutine choose_first_step
+
+    !> Where the next step ends: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
+    subroutine next_time(self, t_limit, t, ends_on_grid, ends_at_breakpoint)
+        class(simulation_type), intent(in) :: self
+        real(wp), intent(in) :: t_limit
+        real(wp), intent(out) :: t
+        logical, intent(out) :: ends_on_grid, ends_at_breakpoint
+        real(wp) :: stop_at, sliver
+
+        t = self%t_start + real(self%grid_steps + 1, wp)*self%options%step
+        ends_on_grid = .true.
+        call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+        ! A rest too short to matter is merged with the step before it.
+        sliver = max(1.0e-6_wp*self%options%step, 4.0_wp*spacing(abs(stop_at)))
+        if (t >= stop_at - sliver) then
+            ends_on_grid = t <= stop_at + sliver
+            t = stop_at
+        else
+            ends_at_breakpoint = .false.
+        end if
+    end subroutine next_time
+
+    !> Where steps must stop: t_limit, or a breakpoint before it.
+    subroutine find_stop(self, t_limit, stop_at, is_breakpoint)
+        class(simulation_type), intent(in) :: self
+        real(wp), intent(in) :: t_limit
+        real(wp), intent(out) :: stop_at
+        logical, intent(out) :: is_breakpoint
+
+        stop_at = t_limit
+        is_breakpoint = .false.
+        if (.not. allocated(self%model%breakpoints)) return
+        if (self%model%segment > size(self%model%breakpoints)) return
+        is_breakpoint = self%model%breakpoints(self%model%segment) <= t_limit
+        if (is_breakpoint) stop_at = self%model%breakpoints(self%model%segment)
+    end subroutine find_stop
+
+    !> Make a new chart before the step where the policy wants one.
+    subroutine renew_by_policy(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        type(health_type) :: health
+        integer :: stat
+
+        if (self%chart_is_current) return
+        if (self%renews_at_breakpoint) then
+            self%renews_at_breakpoint = .false.
+            call self%renew_chart(by_breakpoint, error)
+            return
+        end if
+        associate (options => self%options)
+            if (options%chart == 'every_step') then
+                call self%renew_chart(by_step, error)
+                return
+            end if
+            call self%chart%measure_health(self%state%t, self%state%q, self%state%qd, health, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+                return
+            end if
+            if (options%chart == 'adaptive') then
+                if (.not. health%d <= options%secant_limit) then
+                    call self%renew_chart(by_d, error)
+                else if (.not. health%fbar <= options%secant_limit) then
+                    call self%renew_chart(by_fbar, error)
+                end if
+            else
+                if (options%v_limit > 0.0_wp .and. health%v > options%v_limit) then
+                    call self%renew_chart(by_v, error)
+                else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
+                    call self%renew_chart(by_w, error)
+                else if (options%condition_limit > 0.0_wp .and. .not. health%condition <= options%condition_limit) then
+                    call self%renew_chart(by_condition, error)
+                else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
+                    call self%renew_chart(by_iterations, error)
+                end if
+            end if
+        end associate
+        if (allocated(error) .or. self%chart_is_current) return
+        call self%chart%refresh(self%state%t, self%state%q, stat)
+        if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+    end subroutine renew_by_policy
+
+    !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
+    subroutine cross_breakpoint(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        logical :: jumps
+        integer :: stat
+
+        associate (model => self%model, state => self%state)
+            jumps = .false.
+            if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
+            model%segment = model%segment + 1
+            call self%control%restart()
+            call self%chart%forget()
+            stat = status_ok
+            if (jumps) then
+                call self%chart%project_velocity(state%t, state%q, state%qd, stat)
+                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%next%qd)))
+            end if
+            if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            ! The chart of the step that ends here is kept for its dense output until the next step.
+            self%renews_at_breakpoint = .true.
+            if (stat /= status_ok) then
+                call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
+                return
+            end if
+            call self%measure_errors(error)
+        end associate
+    end subroutine cross_breakpoint
+end submodule tandem_simulate_stepping
