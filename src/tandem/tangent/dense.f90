@@ -27,6 +27,7 @@ module tandem_tangent_dense
     use tandem_tangent_position, only: position_type
     use tandem_tangent_split, only: by_elimination, by_factor, by_refinement, split_type
     use tandem_tangent_stage, only: stage_type
+    use tandem_tangent_watch, only: length_outside, watch_type
     implicit none (type, external)
     private
 
@@ -44,13 +45,13 @@ module tandem_tangent_dense
         !> n coordinates, nh holonomic and m constraints.
         integer :: n = 0, nh = 0, m = 0
         logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false., has_gamma = .true.
-        logical :: watches_v = .false., watches_w = .false., watches_secants = .false., watches_condition = .false.
+        type(watch_type) :: watch
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
-        !> Orthonormal bases at the origin, and at another point for |D| and |Fbar|.
-        type(basis_type) :: basis, other_basis
+        !> Orthonormal bases at the origin.
+        type(basis_type) :: basis
         !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
         real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
         !> diag(s)^-2 N0 (n, n - m), N0' D and its factors, right sides (n - m), (m), (n).
@@ -61,9 +62,8 @@ module tandem_tangent_dense
         logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
-        !> Work space: for |D| and |Fbar|, for stages, and for the condition of (38).
-        real(wp), allocatable :: angles(:, :), b_phi(:, :), lambda(:), change_q(:), change_qd(:), equations(:, :)
-        type(lu_type) :: equations_lu
+        !> Work space for stages.
+        real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
         procedure :: initialize
         procedure :: renew
@@ -86,7 +86,6 @@ module tandem_tangent_dense
         procedure, private :: split_here
         procedure, private :: move_with
         procedure, private :: load_bases
-        procedure, private :: condition
         procedure, private :: fail_term
         procedure, private :: name_infinite
     end type dense_chart_type
@@ -106,12 +105,9 @@ contains
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
         self%uses_svd = options%basis == 'svd'
-        self%watches_v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
-        self%watches_w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
-        self%watches_condition = options%chart == 'paper' .and. options%condition_limit > 0.0_wp
-        self%watches_secants = options%chart == 'adaptive'
+        call self%watch%allocate(options, model%n, model%n_holonomic, model%n_constraints())
         ! The condition of (38) is that of the paper's D, which needs W.
-        self%has_bases = implicit .or. self%refines .or. self%watches_condition
+        self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         call self%model%initialize(model)
@@ -146,14 +142,6 @@ contains
                 call self%stage%allocate(n, nh, m)
                 call self%derivatives%allocate(n, m)
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
-            end if
-            if (self%watches_secants) then
-                call self%other_basis%allocate(n, nh, m)
-                allocate (self%angles(m, m), source=0.0_wp)
-            end if
-            if (self%watches_condition) then
-                allocate (self%equations(n, n), source=0.0_wp)
-                call self%equations_lu%allocate(n)
             end if
         end associate
         self%qd0 = self%q0
@@ -200,7 +188,7 @@ contains
         stat = status_ok
         ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
         columns = self%nh
-        if (self%watches_w .or. self%watches_secants) columns = self%m
+        if (self%watch%w .or. self%watch%secants) columns = self%m
         if (self%has_bases) columns = self%n
         if (self%uses_svd) then
             call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
@@ -588,58 +576,26 @@ contains
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
-        if (stat == status_ok .and. self%watches_condition) call self%split_here(stat)
+        if (stat == status_ok .and. self%watch%condition) call self%split_here(stat)
         if (stat /= status_ok) return
         health%corrections = max(self%position%most_corrections, self%split%most_corrections)
         self%position%most_corrections = 0
         self%split%most_corrections = 0
-        if (self%watches_v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
-        if (self%watches_w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
-        if (self%watches_condition) call self%condition(health%condition)
-        if (self%watches_secants .and. self%m > 0) then
-            ! The singular values of Y' X are the cosines of the angles between range(C') here (Y) and at the origin (X).
-            call self%other_basis%factor_qr(self%model%terms%jacobian, self%scale, self%m)
-            self%counts%basis_factorizations = self%counts%basis_factorizations + 1
-            self%angles = matmul(transpose(self%other_basis%q(:, :self%m)), self%basis%q(:, :self%m))
-            health%d = self%other_basis%largest_secant(self%angles)
-            health%fbar = self%other_basis%largest_secant(self%angles(:self%nh, :self%nh))
-        end if
-    end subroutine measure_health
-
-    !> The condition number of the equations: for explicit steps of [M D, C'], the matrix of (38) without its unit block, for
-    !> implicit ones of the Newton matrix (81), reduced; infinite where it is singular.
-    subroutine condition(self, value)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(out) :: value
-        real(wp) :: reciprocal
-        integer :: stat
-
-        if (self%is_implicit) then
-            value = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
-            return
-        end if
-        associate (k => self%n - self%m)
-            self%equations(:, :k) = matmul(self%model%terms%mass, self%split%null_space)
-            self%equations(:, k + 1:) = transpose(self%model%terms%jacobian)
+        associate (terms => self%model%terms, watch => self%watch)
+            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
+            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
+            if (watch%condition .and. self%is_implicit) then
+                ! That of the Newton matrix (81), reduced.
+                health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
+            else if (watch%condition) then
+                call watch%condition_of(terms%mass, self%split%null_space, terms%jacobian, health%condition)
+            end if
+            if (watch%secants) then
+                self%counts%basis_factorizations = self%counts%basis_factorizations + 1
+                call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
+            end if
         end associate
-        call self%equations_lu%factor(self%equations, stat)
-        reciprocal = 0.0_wp
-        if (stat == 0) reciprocal = self%equations_lu%reciprocal_condition()
-        value = 1.0_wp/max(reciprocal, tiny(1.0_wp))
-    end subroutine condition
-
-    !> The length of a vector's part outside the span of orthonormal columns.
-    pure real(wp) function length_outside(columns, vector)
-        real(wp), intent(in) :: columns(:, :), vector(:)
-        real(wp) :: rest(size(vector))
-        integer :: j
-
-        rest = vector
-        do j = 1, size(columns, 2)
-            rest = rest - columns(:, j)*dot_product(columns(:, j), vector)
-        end do
-        length_outside = norm2(rest)
-    end function length_outside
+    end subroutine measure_health
 
     !> qd' M qd / 2 at (t, q, qd).
     subroutine kinetic_energy(self, t, q, qd, energy, stat)
