@@ -35,7 +35,7 @@ contains
         if (.not. allocated(error)) call find_scene(arguments%scene, path, error)
         if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error)
         if (.not. allocated(error)) then
-          call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
+            call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
         end if
         if (allocated(error)) then
             call complain(error%message)

@@ -60,10 +60,10 @@ contains
             call require(.true., need_mass, associated(model%mass_matrix), 'mass_matrix')
             if (allocated(error)) return
             if (associated(model%holonomic_rate) .and. .not. holonomic) then
-              call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
+                call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
             end if
             if (associated(model%nonholonomic_rhs) .and. .not. nonholonomic) then
-              call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
+                call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
             end if
         end associate
 
@@ -84,22 +84,22 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (allocated(model%coordinate_name)) then
-          call check_length('coordinate_name', size(model%coordinate_name), model%n)
+            call check_length('coordinate_name', size(model%coordinate_name), model%n)
         end if
         if (allocated(model%coordinate_unit)) then
-          call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
+            call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
         end if
         if (allocated(model%holonomic_name)) then
-          call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
+            call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
         end if
         if (allocated(model%nonholonomic_name)) then
-          call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
+            call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
         end if
         if (allocated(model%coordinate_scale)) then
             call check_length('coordinate_scale', size(model%coordinate_scale), model%n)
             if (allocated(error)) return
             if (.not. all(model%coordinate_scale > 0.0_wp .and. ieee_is_finite(model%coordinate_scale))) then
-              call refuse('an entry of coordinate_scale is not positive and finite', 'give typical magnitudes', error)
+                call refuse('an entry of coordinate_scale is not positive and finite', 'give typical magnitudes', error)
             end if
         end if
 
@@ -128,7 +128,7 @@ contains
         if (allocated(error) .or. .not. allocated(model%breakpoints)) return
         n = size(model%breakpoints)
         if (.not. all(ieee_is_finite(model%breakpoints)) .or. any(model%breakpoints(2:) <= model%breakpoints(:n - 1))) then
-          call refuse('the breakpoints do not ascend', 'sort them, each once', error)
+            call refuse('the breakpoints do not ascend', 'sort them, each once', error)
         end if
     end subroutine check_breakpoints
 

@@ -140,10 +140,10 @@ contains
                 return
             end if
             if (missing_q /= 0) then
-              call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+                call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
             if (stat == status_ok .and. missing_qd /= 0) then
-              call self%differentiate_qd(missing_qd, t, q, qd, qdd, lambda, derivatives, counts, stat)
+                call self%differentiate_qd(missing_qd, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
         end associate
     end subroutine evaluate_derivatives
@@ -321,7 +321,7 @@ contains
             if (stat /= status_ok) return
             self%qd(j) = qd(j)
             if (iand(missing, from_gamma) /= 0) then
-              derivatives%acceleration_qd(:, j) = (self%acceleration - self%acceleration0)/delta
+                derivatives%acceleration_qd(:, j) = (self%acceleration - self%acceleration0)/delta
             end if
             if (iand(missing, from_force) /= 0) derivatives%dynamics_qd(:, j) = (self%dynamics - self%dynamics0)/delta
         end do

@@ -157,7 +157,7 @@ contains
                 call compare_vector('holonomic_rate', -terms%nu(:nh), parts%phi_t, findings)
             end if
             if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) then
-              call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
+                call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
             end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
         end associate
@@ -230,18 +230,18 @@ contains
         call model%evaluate_derivatives(model%provides_derivatives, t, q, qd, qdd, lambda, d, stat)
         if (stat /= 0) return
         if (btest(model%provides_derivatives, 0)) then
-          call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
+            call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
         end if
         if (btest(model%provides_derivatives, 1)) then
-          call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
+            call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
         end if
         if (btest(model%provides_derivatives, 2)) then
-          call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
+            call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
         end if
         if (btest(model%provides_derivatives, 3)) call compare('evaluate_derivatives: dynamics_q', d%dynamics_q, &
             parts%mass_q + parts%reaction_q - parts%force_q, findings)
         if (btest(model%provides_derivatives, 4)) then
-          call compare('evaluate_derivatives: dynamics_qd', d%dynamics_qd, -parts%force_qd, findings)
+            call compare('evaluate_derivatives: dynamics_qd', d%dynamics_qd, -parts%force_qd, findings)
         end if
     end subroutine compare_fused
 

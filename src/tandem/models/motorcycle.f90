@@ -399,7 +399,7 @@ contains
         select type (self)
         class is (motorcycle_type)
             if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) then
-              call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+                call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
             end if
             if (iand(need, need_dynamics_q) /= 0) call differentiate_dynamics(self, t, q, qd, qdd, lambda, derivatives%dynamics_q)
             if (iand(need, need_dynamics_qd) /= 0) then

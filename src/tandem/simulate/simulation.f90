@@ -202,7 +202,7 @@ contains
                 state%dqd = 0.0_wp
                 call chart%restore_position(state%t, state%dq, self%next%q, stat)
                 if (stat == status_ok) then
-                  call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+                    call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
                 end if
                 if (stat /= status_ok) then
                     call self%fail(stat, 'at the start', error)
@@ -298,7 +298,7 @@ contains
             if (stat == status_ok) call chart%restore_velocity(t, state%q, state%dqd, state%qd, stat)
             if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
             if (stat == status_ok) then
-              call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+                call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             end if
         end associate
         if (stat == status_ok) return
@@ -429,12 +429,12 @@ contains
         if (self%chart%failed_row > 0) then
             message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
-              message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
             end if
         end if
         if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
             allocated(self%chart%failed_term)) then
-          message = message//', term '//self%chart%failed_term
+            message = message//', term '//self%chart%failed_term
         end if
         call set_error(error, stat, message)
     end subroutine fail

@@ -12,7 +12,9 @@ contains
         !> The step ends here at the latest; must lie after the current time.
         real(wp), intent(in) :: t_limit
         type(error_type), allocatable, intent(out) :: error
-        logical :: ends_at_breakpoint
+        real(wp) :: last_errors(3)
+        integer(long) :: last_grid_steps
+        logical :: ends_at_breakpoint, was_on_grid
 
         call self%look_back()
         if (self%tally%steps >= self%options%max_steps) then
@@ -20,23 +22,34 @@ contains
                 to_text(self%state%t))
             return
         end if
+        last_errors = self%errors
+        last_grid_steps = self%grid_steps
+        was_on_grid = self%on_grid
         if (self%options%is_adaptive()) then
             call try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
         else
             call try_fixed_step(self, t_limit, ends_at_breakpoint, error)
         end if
         if (allocated(error)) return
-        self%last_step = self%next%t - self%state%t
         self%start = self%state
         self%state = self%next
+        call self%measure_errors(error)
+        if (allocated(error)) then
+            ! A state that misses the tolerance is not kept.
+            self%state = self%start
+            self%errors = last_errors
+            self%grid_steps = last_grid_steps
+            self%on_grid = was_on_grid
+            self%has_step = .false.
+            return
+        end if
+        self%last_step = self%state%t - self%start%t
         self%has_step = .true.
         self%segment_of_step = self%model%segment
         self%chart_is_current = .false.
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
-        call self%measure_errors(error)
-        if (allocated(error)) return
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
     end subroutine step
 

@@ -229,7 +229,7 @@ contains
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) then
-          call self%position%refresh(self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            call self%position%refresh(self%model%terms%jacobian, q, self%scale, self%counts, stat)
         end if
     end subroutine refresh
 
@@ -379,7 +379,7 @@ contains
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
         if (stat == status_ok .and. .not. self%has_gamma) then
-          call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
         end if
         if (stat /= status_ok) then
             call self%fail_term()
