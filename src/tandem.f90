@@ -14,6 +14,7 @@ module tandem
     use tandem_models_rolling_disk, only: rolling_disk_type
     use tandem_options, only: basis_methods, chart_policies, options_type, refresh_modes
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
+    use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: at_end, at_start, at_step, observer_type, simulation_type
     use tandem_status, only: is_input_error, status_name, status_ok, status_output_failed
     use tandem_stepper, only: properties_type
@@ -30,7 +31,7 @@ module tandem
     public :: finding_type, verify_model
     public :: options_type, basis_methods, chart_policies, refresh_modes
     public :: simulation_type, observer_type, at_start, at_step, at_end
-    public :: statistics_type, n_reasons, reason_name
+    public :: statistics_type, n_reasons, reason_name, warning_type
     public :: properties_type, new_stepper, stepper_names
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

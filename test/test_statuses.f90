@@ -52,7 +52,8 @@ contains
 
         testsuite = [ &
             new_unittest('missing-evaluate-derivatives-is-named', test_missing_derivatives), &
-            new_unittest('a-row-of-zeros-at-the-start-is-named', test_zero_row), &
+            new_unittest('a-row-of-zeros-is-named-and-left-out', test_zero_row), &
+            new_unittest('a-row-of-zeros-at-the-start-alone-ends-the-run', test_zero_start), &
             new_unittest('rows-that-become-dependent-are-named', test_dependent_later), &
             new_unittest('a-row-that-vanishes-later-is-named', test_zero_row_later), &
             new_unittest('indefinite-mass-is-refused', test_indefinite), &
@@ -210,10 +211,34 @@ contains
         call model%close_in()
         do k = 1, size(steppers)
             options%stepper = steppers(k)
-            call simulation%initialize(model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(0.0_wp, 1, 3), failure)
-            call check_failure(error, failure, 'rank_deficient', 'constraint "door"')
+            call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(0.0_wp, 1, 3), 0.01_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_true(error, allocated(simulation%warnings), 'there is a warning')
+            if (allocated(error)) return
+            call check_true(error, index(simulation%warnings(1)%text, '"door" restricts nothing') > 0, &
+                'it names the row: '//simulation%warnings(1)%text)
         end do
     end subroutine test_zero_row
+
+    !> A row that restricts nothing at t = 0, and something from then on.
+    subroutine test_zero_start(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(closing_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        integer :: k
+
+        model%t_bad = 0.0_wp
+        model%first = 0.0_wp
+        call model%close_in()
+        do k = 1, size(steppers)
+            options%stepper = steppers(k)
+            call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(0.0_wp, 1, 3), 0.01_wp, failure)
+            call check_failure(error, failure, 'rank_deficient', 'constraint "door"')
+        end do
+    end subroutine test_zero_start
 
     !> With every stepper: a named status and row, at the time of the degeneration or at the chart before it.
     subroutine check_closing(model, error)

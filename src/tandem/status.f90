@@ -10,6 +10,7 @@ module tandem_status
     public :: status_rank_deficient, status_singular_mass, status_callback_failed, status_not_evaluable
     public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
     public :: status_step_underflow, status_step_limit, status_output_failed, status_newton_failed
+    public :: status_inconsistent_rows, status_event_limit
 
     integer, parameter :: status_ok = 0
     integer, parameter :: status_invalid_option = -1
@@ -27,6 +28,8 @@ module tandem_status
     integer, parameter :: status_step_limit = -13
     integer, parameter :: status_output_failed = -14
     integer, parameter :: status_newton_failed = -15
+    integer, parameter :: status_inconsistent_rows = -16
+    integer, parameter :: status_event_limit = -17
 
     !> One row of the table.
     type :: status_type
@@ -42,7 +45,7 @@ module tandem_status
         character(len=128) :: advice
     end type status_type
 
-    type(status_type), parameter :: table(16) = [ &
+    type(status_type), parameter :: table(18) = [ &
         status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
         status_type(status_invalid_option, 'invalid_option', .true., &
             'an option has a value that cannot be', 'correct the option that the message names'), &
@@ -78,7 +81,13 @@ module tandem_status
             'the results could not be written', 'check the disk and the path of the output file'), &
         status_type(status_newton_failed, 'newton_failed', .false., &
             'the iteration for an implicit stage did not converge', &
-            'take a smaller step; check the derivatives of the model')]
+            'take a smaller step; check the derivatives of the model'), &
+        status_type(status_inconsistent_rows, 'inconsistent_rows', .true., &
+            'constraint rows depend on each other and contradict each other', &
+            'remove or correct one of the rows that the message names'), &
+        status_type(status_event_limit, 'event_limit', .false., &
+            'events follow each other without end', &
+            'let the action of the event leave its zero, or raise max_events')]
 
 contains
 

@@ -14,6 +14,9 @@ module tandem_linalg_elimination
 
     type :: elimination_type
         private
+        !> The sign of det(Cd), carried over every change of pivots, so that it changes only where Cd turns singular.
+        integer, public :: orientation = 1
+        integer :: parity = 1, held_parity = 1, held_orientation = 1
         integer :: m = 0, n = 0
         logical :: has_pivots = .false., held_has_pivots = .false.
         !> The working copy of C' (n, m).
@@ -66,6 +69,8 @@ contains
         self%held_has_pivots = self%has_pivots
         self%held_pivot = self%pivot
         self%held_free = self%free
+        self%held_parity = self%parity
+        self%held_orientation = self%orientation
     end subroutine hold
 
     !> Go back to the pivots that were kept.
@@ -75,6 +80,8 @@ contains
         self%has_pivots = self%held_has_pivots
         self%pivot = self%held_pivot
         self%free = self%held_free
+        self%parity = self%held_parity
+        self%orientation = self%held_orientation
     end subroutine release
 
     !> Eliminate a matrix. stat > 0: the row of that number has no pivot.
@@ -87,17 +94,19 @@ contains
         integer, intent(out) :: stat
         !> Largest |Y| that remembered pivots may leave.
         real(wp), parameter :: largest_growth = 10.0_wp
-        integer :: i, j
+        integer :: i, j, pivot_sign
 
         if (self%has_pivots) then
-            call self%reduce(matrix, scale, .false., stat)
+            call self%reduce(matrix, scale, .false., pivot_sign, stat)
+            if (pivot_sign /= 0) self%orientation = self%parity*pivot_sign
             if (stat == 0) then
                 if (self%growth(scale) <= largest_growth) return
             end if
         end if
         self%taken = .false.
-        call self%reduce(matrix, scale, .true., stat)
+        call self%reduce(matrix, scale, .true., pivot_sign, stat)
         self%has_pivots = stat == 0
+        self%parity = self%orientation*pivot_sign
         i = 0
         do j = 1, self%n
             if (self%taken(j)) cycle
@@ -108,10 +117,13 @@ contains
     end subroutine eliminate
 
     !> The elimination itself, with or without a search for pivots.
-    subroutine reduce(self, matrix, scale, search, stat)
+    subroutine reduce(self, matrix, scale, search, pivot_sign, stat)
         class(elimination_type), intent(inout) :: self
         real(wp), intent(in) :: matrix(:, :), scale(:)
         logical, intent(in) :: search
+        !> Sign of the product of the pivots, 0 where one is zero.
+        integer, intent(out) :: pivot_sign
+        !> 0, or the row whose pivot is missing, or too weak where remembered.
         integer, intent(out) :: stat
         !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
         real(wp), parameter :: smallest_pivot = 0.05_wp
@@ -119,6 +131,7 @@ contains
         integer :: i, j, k, p
 
         stat = 0
+        pivot_sign = 1
         self%row_size = 0.0_wp
         do j = 1, self%n
             do k = 1, self%m
@@ -142,15 +155,18 @@ contains
                 end if
             else
                 p = self%pivot(k)
-                if (.not. abs(self%rows(p, k))*scale(p) >= smallest_pivot*self%row_size(k)) p = 0
+                ! Its sign is wanted all the same.
+                if (stat == 0 .and. .not. abs(self%rows(p, k))*scale(p) >= smallest_pivot*self%row_size(k)) stat = k
             end if
             if (p > 0) then
                 if (.not. abs(self%rows(p, k)) > tiny(1.0_wp)) p = 0
             end if
             if (p == 0) then
                 stat = k
+                pivot_sign = 0
                 return
             end if
+            if (self%rows(p, k) < 0.0_wp) pivot_sign = -pivot_sign
             inverse = 1.0_wp/self%rows(p, k)
             do j = 1, self%n
                 self%rows(j, k) = self%rows(j, k)*inverse

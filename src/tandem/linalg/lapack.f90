@@ -52,6 +52,18 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine dgesvd
 
+        !> The solution of least norm of a least-squares problem, by a complete orthogonal factorisation.
+        subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+            real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+            integer, intent(inout) :: jpvt(*)
+            real(wp), intent(in) :: rcond
+            integer, intent(out) :: rank, info
+            real(wp), intent(out) :: work(*)
+        end subroutine dgelsy
+
         !> LU factorisation with row pivoting.
         subroutine dgetrf(m, n, a, lda, ipiv, info)
             import :: wp

@@ -27,6 +27,7 @@ module tandem_linalg_lu
         procedure :: solve_transposed
         procedure :: invert
         procedure :: reciprocal_condition
+        procedure :: determinant_sign
         procedure, private :: factor_small
         procedure, private :: solve_small
     end type lu_type
@@ -173,6 +174,17 @@ contains
             end do
         end do
     end subroutine solve_small
+
+    !> The sign of the determinant, +1 for n = 0.
+    pure integer function determinant_sign(self)
+        class(lu_type), intent(in) :: self
+        integer :: i
+
+        determinant_sign = 1
+        do i = 1, self%n
+            if (self%factors(i, i) < 0.0_wp .neqv. self%pivots(i) /= i) determinant_sign = -determinant_sign
+        end do
+    end function determinant_sign
 
     !> An estimate of 1/cond in the 1-norm; 1 for n = 0.
     real(wp) function reciprocal_condition(self)

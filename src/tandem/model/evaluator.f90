@@ -14,8 +14,11 @@ module tandem_model_evaluator
     public :: evaluator_type
 
     type :: evaluator_type
-        !> The values of the last evaluation of each term.
+        !> The values of the last evaluation of each term, of the rows in use.
         type(terms_type) :: terms
+        !> Where rows were dropped: the values of all rows of the model, and the numbers of those in use.
+        type(terms_type), allocatable :: all_rows
+        integer, allocatable :: kept(:)
         !> The terms that the model has, a sum of need bits.
         integer :: has = 0
         !> The term that failed last, empty for the fused procedure.
@@ -27,22 +30,32 @@ module tandem_model_evaluator
     contains
         procedure :: initialize
         procedure :: evaluate
-        procedure, private :: evaluate_single
-        procedure, private :: evaluate_jacobian
-        procedure, private :: evaluate_nu
-        procedure, private :: evaluate_force
+        procedure, private :: take_kept
     end type evaluator_type
 
 contains
 
     !> Attach a checked model.
-    subroutine initialize(self, model)
+    subroutine initialize(self, model, kept)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
+        !> Numbers of the constraint rows to use, ascending; all of them where absent.
+        integer, intent(in), optional :: kept(:)
+        integer :: nh, nd
 
         self%model => model
         self%mass_is_known = .false.
-        call self%terms%allocate(model%n, model%n_holonomic, model%n_nonholonomic)
+        nh = model%n_holonomic
+        nd = model%n_nonholonomic
+        if (allocated(self%all_rows)) deallocate (self%all_rows)
+        if (present(kept)) then
+            self%kept = kept
+            nh = count(kept <= model%n_holonomic)
+            nd = size(kept) - nh
+            allocate (self%all_rows)
+            call self%all_rows%allocate(model%n, model%n_holonomic, model%n_nonholonomic)
+        end if
+        call self%terms%allocate(model%n, nh, nd)
         self%part = spread(0.0_wp, 1, model%n)
         self%has = model%provides
         if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
@@ -63,7 +76,7 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        integer :: wanted, fused, i
+        integer :: wanted, i
 
         wanted = iand(need, self%has)
         if (self%mass_is_known) wanted = iand(wanted, not(need_mass))
@@ -72,14 +85,13 @@ contains
         do i = 1, n_terms
             if (btest(wanted, i - 1)) counts%terms(i) = counts%terms(i) + 1
         end do
-        fused = iand(wanted, self%model%provides)
-        if (fused /= 0) then
-            counts%fused_calls = counts%fused_calls + 1
-            self%failed_term = 'evaluate'
-            call self%model%evaluate(fused, t, q, qd, self%terms, stat)
-            wanted = wanted - fused
+        if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
+        if (allocated(self%all_rows)) then
+            call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, self%failed_term, stat)
+            if (stat == 0) call self%take_kept(wanted)
+        else
+            call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, self%failed_term, stat)
         end if
-        if (stat == 0 .and. wanted /= 0) call self%evaluate_single(wanted, t, q, qd, stat)
         if (stat == 0) then
             if (iand(need, need_mass) /= 0) self%mass_is_known = self%model%constant_mass
         else
@@ -87,66 +99,110 @@ contains
         end if
     end subroutine evaluate
 
-    !> Evaluate terms by the model's single procedures.
-    subroutine evaluate_single(self, wanted, t, q, qd, stat)
+    !> Copy the rows in use.
+    subroutine take_kept(self, wanted)
         class(evaluator_type), intent(inout) :: self
+        !> The terms that were evaluated.
+        integer, intent(in) :: wanted
+
+        associate (terms => self%terms, all_rows => self%all_rows, kept => self%kept)
+            if (iand(wanted, need_phi) /= 0) terms%phi = all_rows%phi(kept(:size(terms%phi)))
+            if (iand(wanted, need_jacobian) /= 0) terms%jacobian = all_rows%jacobian(kept, :)
+            if (iand(wanted, need_nu) /= 0) terms%nu = all_rows%nu(kept)
+            if (iand(wanted, need_gamma) /= 0) terms%gamma = all_rows%gamma(kept)
+            if (iand(wanted, need_mass) /= 0) terms%mass = all_rows%mass
+            if (iand(wanted, need_force) /= 0) terms%force = all_rows%force
+        end associate
+    end subroutine take_kept
+
+    !> Evaluate terms: the fused procedure for those that it provides, single procedures for the rest.
+    subroutine evaluate_terms(model, wanted, t, q, qd, terms, part, failed_term, stat)
+        class(model_type), intent(inout) :: model
         integer, intent(in) :: wanted
         real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        !> Work space (n).
+        real(wp), intent(inout) :: part(:)
+        !> The term being evaluated.
+        character(len=*), intent(inout) :: failed_term
         !> The procedure's own status.
+        integer, intent(out) :: stat
+        integer :: fused
+
+        stat = 0
+        fused = iand(wanted, model%provides)
+        if (fused /= 0) then
+            failed_term = 'evaluate'
+            call model%evaluate(fused, t, q, qd, terms, stat)
+        end if
+        if (stat == 0 .and. wanted /= fused) call evaluate_single(model, wanted - fused, t, q, qd, terms, part, failed_term, stat)
+    end subroutine evaluate_terms
+
+    !> Evaluate terms by the model's single procedures.
+    subroutine evaluate_single(model, wanted, t, q, qd, terms, part, failed_term, stat)
+        class(model_type), intent(inout) :: model
+        integer, intent(in) :: wanted
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        real(wp), intent(inout) :: part(:)
+        character(len=*), intent(inout) :: failed_term
         integer, intent(out) :: stat
 
         stat = status_ok
-        associate (model => self%model, terms => self%terms)
-            if (iand(wanted, need_phi) /= 0) then
-                self%failed_term = term_name(1)
-                call model%holonomic(t, q, terms%phi, stat)
-                if (stat /= 0) return
-            end if
-            if (iand(wanted, need_jacobian) /= 0) then
-                call self%evaluate_jacobian(t, q, stat)
-                if (stat /= 0) return
-            end if
-            if (iand(wanted, need_nu) /= 0) then
-                call self%evaluate_nu(t, q, stat)
-                if (stat /= 0) return
-            end if
-            if (iand(wanted, need_gamma) /= 0) then
-                self%failed_term = term_name(4)
-                call model%constraint_acceleration(t, q, qd, terms%gamma, stat)
-                if (stat /= 0) return
-            end if
-            if (iand(wanted, need_mass) /= 0) then
-                self%failed_term = term_name(5)
-                call model%mass_matrix(q, terms%mass, stat)
-                if (stat /= 0) return
-            end if
-            if (iand(wanted, need_force) /= 0) call self%evaluate_force(t, q, qd, stat)
-        end associate
+        if (iand(wanted, need_phi) /= 0) then
+            failed_term = term_name(1)
+            call model%holonomic(t, q, terms%phi, stat)
+            if (stat /= 0) return
+        end if
+        if (iand(wanted, need_jacobian) /= 0) then
+            failed_term = term_name(2)
+            call evaluate_jacobian(model, t, q, terms%jacobian, stat)
+            if (stat /= 0) return
+        end if
+        if (iand(wanted, need_nu) /= 0) then
+            failed_term = term_name(3)
+            call evaluate_nu(model, t, q, terms%nu, stat)
+            if (stat /= 0) return
+        end if
+        if (iand(wanted, need_gamma) /= 0) then
+            failed_term = term_name(4)
+            call model%constraint_acceleration(t, q, qd, terms%gamma, stat)
+            if (stat /= 0) return
+        end if
+        if (iand(wanted, need_mass) /= 0) then
+            failed_term = term_name(5)
+            call model%mass_matrix(q, terms%mass, stat)
+            if (stat /= 0) return
+        end if
+        if (iand(wanted, need_force) /= 0) then
+            failed_term = term_name(6)
+            call evaluate_force(model, t, q, qd, terms%force, part, stat)
+        end if
     end subroutine evaluate_single
 
     !> C = [Phi_q; E].
-    subroutine evaluate_jacobian(self, t, q, stat)
-        class(evaluator_type), intent(inout) :: self
+    subroutine evaluate_jacobian(model, t, q, c, stat)
+        class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:)
+        real(wp), intent(inout) :: c(:, :)
         integer, intent(out) :: stat
 
         stat = 0
-        associate (model => self%model, nh => self%model%n_holonomic, c => self%terms%jacobian)
-            self%failed_term = term_name(2)
+        associate (nh => model%n_holonomic)
             if (nh > 0) call model%holonomic_jacobian(t, q, c(:nh, :), stat)
             if (stat == 0 .and. model%n_nonholonomic > 0) call model%nonholonomic_jacobian(t, q, c(nh + 1:, :), stat)
         end associate
     end subroutine evaluate_jacobian
 
     !> nu = [-Phi_t; e].
-    subroutine evaluate_nu(self, t, q, stat)
-        class(evaluator_type), intent(inout) :: self
+    subroutine evaluate_nu(model, t, q, nu, stat)
+        class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:)
+        real(wp), intent(inout) :: nu(:)
         integer, intent(out) :: stat
 
         stat = 0
-        associate (model => self%model, nh => self%model%n_holonomic, nu => self%terms%nu)
-            self%failed_term = term_name(3)
+        associate (nh => model%n_holonomic)
             if (associated(model%holonomic_rate)) then
                 call model%holonomic_rate(t, q, nu(:nh), stat)
                 nu(:nh) = -nu(:nh)
@@ -156,21 +212,19 @@ contains
     end subroutine evaluate_nu
 
     !> S + Q_A, of which the model may have either or both.
-    subroutine evaluate_force(self, t, q, qd, stat)
-        class(evaluator_type), intent(inout) :: self
+    subroutine evaluate_force(model, t, q, qd, force, part, stat)
+        class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(inout) :: force(:), part(:)
         integer, intent(out) :: stat
 
-        associate (model => self%model, force => self%terms%force)
-            self%failed_term = term_name(6)
-            if (.not. associated(model%inertia_force)) then
-                call model%applied_force(t, q, qd, force, stat)
-                return
-            end if
-            call model%inertia_force(q, qd, force, stat)
-            if (stat /= 0 .or. .not. associated(model%applied_force)) return
-            call model%applied_force(t, q, qd, self%part, stat)
-            force = force + self%part
-        end associate
+        if (.not. associated(model%inertia_force)) then
+            call model%applied_force(t, q, qd, force, stat)
+            return
+        end if
+        call model%inertia_force(q, qd, force, stat)
+        if (stat /= 0 .or. .not. associated(model%applied_force)) return
+        call model%applied_force(t, q, qd, part, stat)
+        force = force + part
     end subroutine evaluate_force
 end module tandem_model_evaluator

@@ -12,6 +12,7 @@ module tandem_simulation
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_failure, by_fbar, by_iterations, by_start, &
         by_step, by_v, by_w, statistics_type
     use tandem_simulate_step_control, only: step_control_type
+    use tandem_simulate_warning, only: warning_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
         status_invalid_option, status_not_evaluable, status_not_finite, status_of, status_ok, status_rank_deficient, &
         status_singular_mass, status_step_limit, status_step_underflow
@@ -52,6 +53,8 @@ module tandem_simulation
         real(wp) :: last_step = 0.0_wp
         !> Position, velocity and acceleration error of the current state, on the natural scale of each row.
         real(wp) :: errors(3) = 0.0_wp
+        !> What there is to say that is no failure; none where unallocated.
+        type(warning_type), allocatable :: warnings(:)
         class(chart_type), allocatable, private :: chart
         class(stepper_type), allocatable, private :: stepper
         type(state_type), private :: next, start, kept
@@ -73,10 +76,12 @@ module tandem_simulation
         procedure :: multipliers
         procedure :: kinetic_energy
         procedure :: potential_energy
+        procedure :: warn
         procedure, private :: accept_start
         procedure, private :: renew_chart
         procedure, private :: measure_errors
         procedure, private :: fail
+        procedure, private :: with_rows
     end type simulation_type
 
     abstract interface
@@ -93,6 +98,13 @@ module tandem_simulation
     end interface
 
     interface
+        !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
+        module subroutine accept_start(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine accept_start
+
         !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
         module subroutine step(self, t_limit, error)
             implicit none (type, external)
@@ -143,6 +155,7 @@ contains
         self%last_step = 0.0_wp
         self%t_start = t
         self%chart_is_current = .false.
+        if (allocated(self%warnings)) deallocate (self%warnings)
         if (allocated(self%chart)) deallocate (self%chart)
         allocate (dense_chart_type :: self%chart)
         self%method = self%stepper%properties()
@@ -171,58 +184,6 @@ contains
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
         call self%accept_start(error)
     end subroutine initialize
-
-    !> Check the start against the constraints, remove what little it is off, and complete it.
-    subroutine accept_start(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        character(len=12), parameter :: level(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
-        integer :: rows(3), stat, i
-
-        associate (state => self%state, chart => self%chart)
-            self%next%q = state%q
-            self%next%qd = state%qd
-            call chart%renew(state%t, state%q, state%qd, stat)
-            if (stat == status_ok) then
-                call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
-            end if
-            if (stat /= status_ok) then
-                call self%fail(stat, 'at the start', error)
-                return
-            end if
-            do i = 1, 2
-                if (self%errors(i) <= self%options%start_tolerance) cycle
-                call set_error(error, status_inconsistent_start, 'the start violates the '//trim(level(i))// &
-                    ' constraint "'//self%model%row_name(rows(i))//'" by '//to_text(self%errors(i))// &
-                    ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')')
-                return
-            end do
-            if (any(self%errors(1:2) > self%options%constraint_tolerance)) then
-                state%dq = 0.0_wp
-                state%dqd = 0.0_wp
-                call chart%restore_position(state%t, state%dq, self%next%q, stat)
-                if (stat == status_ok) then
-                    call chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
-                end if
-                if (stat /= status_ok) then
-                    call self%fail(stat, 'at the start', error)
-                    return
-                end if
-                self%tally%start_moved_q = maxval(abs(self%next%q - state%q))
-                self%tally%start_moved_qd = maxval(abs(self%next%qd - state%qd))
-                state%q = self%next%q
-                state%qd = self%next%qd
-            end if
-            call self%renew_chart(by_start, error)
-            if (allocated(error)) return
-            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-            if (stat /= status_ok) then
-                call self%fail(stat, 'at the start', error)
-                return
-            end if
-            call self%measure_errors(error)
-        end associate
-    end subroutine accept_start
 
     !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
     subroutine integrate(self, t_end, error, observer)
@@ -428,6 +389,9 @@ contains
         message = trim(adjustl(meaning(stat)))//' '//where_
         if (self%chart%failed_row > 0) then
             message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
+            if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
+                message = message//self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with ')
+            end if
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
             end if
@@ -438,6 +402,45 @@ contains
         end if
         call set_error(error, stat, message)
     end subroutine fail
+
+    !> Other rows by name, for messages about rows that depend on each other.
+    function with_rows(self, rows, row, before) result(text)
+        class(simulation_type), intent(in) :: self
+        !> Rows of C, and the one that is named already (0: none).
+        integer, intent(in) :: rows(:), row
+        !> What stands before the first.
+        character(len=*), intent(in) :: before
+        character(len=:), allocatable :: text
+        !> More names help nobody.
+        integer, parameter :: most_names = 8
+        integer :: i, n_named
+
+        text = ''
+        n_named = 0
+        do i = 1, size(rows)
+            if (rows(i) == row) cycle
+            n_named = n_named + 1
+            if (n_named > most_names) exit
+            if (n_named == 1) text = before
+            if (n_named > 1) text = text//', '
+            text = text//'"'//self%model%row_name(rows(i))//'"'
+        end do
+        if (n_named > most_names) text = text//' and others'
+    end function with_rows
+
+    !> Keep a warning, once.
+    subroutine warn(self, text)
+        class(simulation_type), intent(inout) :: self
+        !> What was seen and what to do about it.
+        character(len=*), intent(in) :: text
+        integer :: i
+
+        if (.not. allocated(self%warnings)) allocate (self%warnings(0))
+        do i = 1, size(self%warnings)
+            if (self%warnings(i)%text == text) return
+        end do
+        self%warnings = [self%warnings, warning_type(text)]
+    end subroutine warn
 
     !> The meaning of a status code.
     pure function meaning(stat) result(text)

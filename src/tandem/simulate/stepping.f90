@@ -33,7 +33,8 @@ contains
         if (allocated(error)) return
         self%start = self%state
         self%state = self%next
-        call self%measure_errors(error)
+        call check_rank(self, error)
+        if (.not. allocated(error)) call self%measure_errors(error)
         if (allocated(error)) then
             ! A state that misses the tolerance is not kept.
             self%state = self%start
@@ -52,6 +53,18 @@ contains
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
     end subroutine step
+
+    !> A step across a singular configuration has left the motion that the constraints determine.
+    subroutine check_rank(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        associate (before => self%start, state => self%state)
+            call self%chart%check_rank(before%t, before%q, state%t, state%q, stat)
+            if (stat /= status_ok) call self%fail(stat, 'between t = '//to_text(before%t)//' and '//to_text(state%t), error)
+        end associate
+    end subroutine check_rank
 
     !> The next step of the grid, into self%next.
     subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)

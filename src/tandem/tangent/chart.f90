@@ -32,6 +32,10 @@ module tandem_tangent_chart
         !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_value = 0.0_wp
+        !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
+        integer, allocatable :: failed_rows(:)
+        !> The smallest singular value of the unit rows of C at the origin.
+        real(wp) :: independence = 1.0_wp
         !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
         character(len=:), allocatable :: failed_term
     contains
@@ -50,13 +54,14 @@ module tandem_tangent_chart
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
         procedure(errors_interface), deferred :: constraint_errors
+        procedure(rank_interface), deferred :: check_rank
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
     end type chart_type
 
     abstract interface
         !> Attach the model and allocate the work space, once.
-        subroutine initialize_interface(self, model, options, implicit, error)
+        subroutine initialize_interface(self, model, options, implicit, error, kept)
             import :: chart_type, model_type, options_type, error_type
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
@@ -66,6 +71,8 @@ module tandem_tangent_chart
             !> Whether the stepper is implicit: `factor_stage` and `correct_stage` are then used.
             logical, intent(in) :: implicit
             type(error_type), allocatable, intent(out) :: error
+            !> Numbers of the constraint rows to use where some are redundant, ascending; all of them where absent.
+            integer, intent(in), optional :: kept(:)
         end subroutine initialize_interface
 
         !> Make (t, q, qd) the chart's origin; the increments there are zero.
@@ -174,7 +181,8 @@ module tandem_tangent_chart
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
         end subroutine filter_error_interface
 
-        !> The multipliers lambda (nh + nd) at a point where `solve_dynamics` gave qdd.
+        !> The multipliers lambda of all rows of the model (nh + nd) at a point where `solve_dynamics` gave qdd; of redundant rows
+        !> those of least norm.
         subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -209,6 +217,19 @@ module tandem_tangent_chart
             integer, intent(out) :: rows(3)
             integer, intent(out) :: stat
         end subroutine errors_interface
+
+        !> Has C lost rank between two states of a step, or have redundant rows become independent? To be called with the
+        !> last point as (t, q). Where a singular value passes through zero within a step, no chart sees it at zero.
+        subroutine rank_interface(self, t0, q0, t, q, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The state before (n) and the state now (n).
+            real(wp), intent(in) :: t0, t
+            real(wp), intent(in), contiguous :: q0(:), q(:)
+            !> A status code; `rank_deficient` with `failed_rows`.
+            integer, intent(out) :: stat
+        end subroutine rank_interface
 
         !> How the chart stands at a point: what the policy watches.
         subroutine health_interface(self, t, q, qd, health, stat)

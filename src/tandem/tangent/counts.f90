@@ -19,6 +19,8 @@ module tandem_tangent_counts
         integer(long) :: basis_factorizations = 0
         !> Evaluations of each term of the model, see `term_name`; calls of the fused procedure.
         integer(long) :: terms(n_terms) = 0, fused_calls = 0
+        !> Evaluations of C among them that served the search for integrable rows, once at the start.
+        integer(long) :: start_evaluations = 0
         !> Newton matrices of implicit stages formed and factored, corrections of stages, and stages.
         integer(long) :: newton_matrices = 0, newton_corrections = 0, implicit_stages = 0
         !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms that

@@ -12,13 +12,14 @@ module tandem_tangent_dense
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
+    use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_options, only: options_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
     use tandem_tangent_chart, only: chart_type, health_type
@@ -57,6 +58,12 @@ module tandem_tangent_dense
         !> diag(s)^-2 N0 (n, n - m), N0' D and its factors, right sides (n - m), (m), (n).
         real(wp), allocatable :: null_origin(:, :), overlap(:, :), z(:), x(:), trial(:)
         type(lu_type) :: overlap_lu
+        !> Where rows were dropped: their numbers, the derivatives, gamma and the multipliers of all rows.
+        integer, allocatable :: dropped(:)
+        type(derivatives_type) :: all_derivatives
+        real(wp), allocatable :: all_gamma(:), all_lambda(:)
+        !> The orientation of C at the origin, see `split_type`.
+        integer :: origin_orientation = 1
         !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
         !> `qd_point`) are those of it.
         logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
@@ -80,12 +87,17 @@ module tandem_tangent_dense
         procedure :: multipliers
         procedure :: project_velocity
         procedure :: constraint_errors
+        procedure :: check_rank
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure, private :: move_to
         procedure, private :: split_here
         procedure, private :: move_with
         procedure, private :: load_bases
+        procedure, private :: evaluate_gamma
+        procedure, private :: evaluate_derivatives
+        procedure, private :: blame
+        procedure, private :: blame_dependent
         procedure, private :: fail_term
         procedure, private :: name_infinite
     end type dense_chart_type
@@ -93,29 +105,36 @@ module tandem_tangent_dense
 contains
 
     !> Attach the model and allocate the work space.
-    subroutine initialize(self, model, options, implicit, error)
+    subroutine initialize(self, model, options, implicit, error, kept)
         class(dense_chart_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
         logical, intent(in) :: implicit
         type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
         real(wp) :: utol
-        integer :: way
+        integer :: way, i
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
         self%uses_svd = options%basis == 'svd'
-        call self%watch%allocate(options, model%n, model%n_holonomic, model%n_constraints())
+        call self%model%initialize(model, kept)
+        self%n = model%n
+        self%nh = size(self%model%terms%phi)
+        self%m = size(self%model%terms%nu)
+        if (present(kept)) then
+            self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
+            self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
+            self%all_lambda = self%all_gamma
+            if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
+        end if
+        call self%watch%allocate(options, self%n, self%nh, self%m)
         ! The condition of (38) is that of the paper's D, which needs W.
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
-        call self%model%initialize(model)
-        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. model%n_constraints() == 0
-        associate (n => model%n, nh => model%n_holonomic, m => model%n_constraints())
-            self%n = n
-            self%nh = nh
-            self%m = m
+        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
+        associate (n => self%n, nh => self%nh, m => self%m)
             way = by_elimination
             if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
             ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
@@ -173,6 +192,7 @@ contains
             if (stat /= status_ok) return
         end if
         call self%split_here(stat)
+        self%origin_orientation = self%split%orientation
         if (stat /= status_ok .or. self%has_bases) return
         do j = 1, self%n - self%m
             self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
@@ -196,9 +216,9 @@ contains
             call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
         end if
         self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
+        self%independence = self%basis%smallest
         if (self%basis%deficient) then
-            self%failed_row = self%basis%dependent_row
-            self%failed_value = self%basis%smallest
+            call self%blame_dependent(self%basis%dependent_row)
             stat = status_rank_deficient
             return
         end if
@@ -269,8 +289,7 @@ contains
 
         call self%position%restore(self%model, t, self%q0, increment, q, self%counts, stat)
         self%phi_is_current = stat == status_ok .and. self%nh > 0
-        self%failed_row = self%position%failed_row
-        self%failed_value = self%position%failed_value
+        call self%blame(self%position%failed_row, self%position%failed_value)
         if (stat /= status_ok) call self%fail_term()
     end subroutine restore_position
 
@@ -315,8 +334,7 @@ contains
             if (stat /= status_ok) return
             call self%split%update(jacobian, self%scale, self%x_basis, self%w_basis, self%counts, stat)
         end associate
-        self%failed_row = self%split%failed_row
-        self%failed_value = 0.0_wp
+        call self%blame(self%split%failed_row, 0.0_wp)
         self%is_split = stat == status_ok
     end subroutine split_here
 
@@ -379,7 +397,7 @@ contains
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
         if (stat == status_ok .and. .not. self%has_gamma) then
-            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+            call self%evaluate_gamma(t, q, qd, stat)
         end if
         if (stat /= status_ok) then
             call self%fail_term()
@@ -450,7 +468,7 @@ contains
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
-            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
+            call self%evaluate_derivatives(t, q, qd, qdd, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
                 return
@@ -511,7 +529,13 @@ contains
         call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
         self%counts%multipliers = self%counts%multipliers + 1
-        call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
+        if (allocated(self%dropped)) then
+            associate (terms => self%model%all_rows)
+                call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
+            end associate
+        else
+            call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
+        end if
     end subroutine multipliers
 
     !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
@@ -551,6 +575,7 @@ contains
         end if
         call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
+        ! Of redundant rows all count, those that were dropped too.
         if (self%nh > 0 .and. .not. self%phi_is_current) then
             call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
@@ -558,13 +583,68 @@ contains
                 return
             end if
         end if
-        associate (terms => self%model%terms)
-            if (self%nh > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, errors(1), rows(1))
+        if (allocated(self%dropped)) then
+            call measure(self%model%all_rows)
+        else
+            call measure(self%model%terms)
+        end if
+        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
+
+    contains
+
+        !> The three errors of a set of rows.
+        subroutine measure(terms)
+            type(terms_type), intent(in) :: terms
+
+            if (size(terms%phi) > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, errors(1), rows(1))
             call velocity_errors(terms%nu, terms%jacobian, qd, self%scale, errors(2), rows(2))
             call acceleration_errors(terms%gamma, terms%jacobian, qdd, self%scale, errors(3), rows(3))
-        end associate
-        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
+        end subroutine measure
     end subroutine constraint_errors
+
+    !> Has C lost rank between two states, or have redundant rows become independent?
+    subroutine check_rank(self, t0, q0, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t0, t
+        real(wp), intent(in), contiguous :: q0(:), q(:)
+        integer, intent(out) :: stat
+        !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
+        real(wp), parameter :: largest_rest = 1.0e-6_wp
+        real(wp), allocatable :: before(:, :)
+        integer :: i, j
+
+        self%failed_row = 0
+        stat = status_ok
+        if (self%m == 0) return
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_here(stat)
+        if (stat /= status_ok) return
+        if (self%refines) call self%split%measure_orientation()
+        if (allocated(self%dropped)) then
+            do i = 1, size(self%dropped)
+                associate (row => self%model%all_rows%jacobian(self%dropped(i), :), d => self%split%null_space)
+                    do j = 1, size(d, 2)
+                        if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
+                        call self%blame_dependent(0)
+                        self%failed_row = self%dropped(i)
+                        stat = status_rank_deficient
+                        return
+                    end do
+                end associate
+            end do
+        end if
+        if (self%split%orientation == self%origin_orientation) return
+        ! The determinant met by the way may have changed its sign for the choice of its columns alone.
+        self%origin_orientation = self%split%orientation
+        call self%move_to(t0, q0, stat)
+        if (stat /= status_ok) return
+        before = self%model%terms%jacobian
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        if (keeps_orientation(before, self%model%terms%jacobian, self%scale)) return
+        call self%blame_dependent(0)
+        stat = status_rank_deficient
+    end subroutine check_rank
 
     !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
     subroutine measure_health(self, t, q, qd, health, stat)
@@ -611,6 +691,74 @@ contains
         self%counts%kinetic_energies = self%counts%kinetic_energies + 1
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end subroutine kinetic_energy
+
+    !> gamma by differences.
+    subroutine evaluate_gamma(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+
+        if (allocated(self%dropped)) then
+            call self%differences%evaluate_gamma(t, q, qd, self%all_gamma, self%counts, stat)
+            self%model%all_rows%gamma = self%all_gamma
+            self%model%terms%gamma = self%all_gamma(self%model%kept)
+        else
+            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+        end if
+    end subroutine evaluate_gamma
+
+    !> The derivatives of the rows in use; rows that were dropped carry no load here.
+    subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        integer, intent(out) :: stat
+
+        if (.not. allocated(self%dropped)) then
+            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
+            return
+        end if
+        self%all_lambda = 0.0_wp
+        self%all_lambda(self%model%kept) = self%lambda
+        call self%differences%evaluate_derivatives(t, q, qd, qdd, self%all_lambda, self%all_derivatives, self%counts, stat)
+        associate (all_rows => self%all_derivatives, kept => self%model%kept)
+            self%derivatives%velocity_q = all_rows%velocity_q(kept, :)
+            self%derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
+            self%derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
+            self%derivatives%dynamics_q = all_rows%dynamics_q
+            self%derivatives%dynamics_qd = all_rows%dynamics_qd
+        end associate
+    end subroutine evaluate_derivatives
+
+    !> Remember which row is to blame, by its number in the model.
+    subroutine blame(self, row, value)
+        class(dense_chart_type), intent(inout) :: self
+        !> Row among those in use, 0 for none, and its error.
+        integer, intent(in) :: row
+        real(wp), intent(in) :: value
+
+        self%failed_row = row
+        self%failed_value = value
+        if (row > 0 .and. allocated(self%dropped)) self%failed_row = self%model%kept(row)
+    end subroutine blame
+
+    !> Remember which rows depend on each other at the current point.
+    subroutine blame_dependent(self, row)
+        class(dense_chart_type), intent(inout) :: self
+        !> The one found to depend on others; 0 leaves the choice to the combination.
+        integer, intent(in) :: row
+        !> Smaller parts of the combination are not named.
+        real(wp), parameter :: smallest_part = 0.01_wp
+        real(wp) :: share(self%m), smallest
+        integer :: i
+
+        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        if (row > 0) share(row) = 1.0_wp
+        call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
+        self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
+        if (allocated(self%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
+    end subroutine blame_dependent
 
     !> Remember which term of the model failed.
     subroutine fail_term(self)

@@ -23,6 +23,8 @@ module tandem_tangent_split
     type :: split_type
         !> R (n, m) and D (n, k), k = n - m.
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
+        !> The sign of the determinant that `update` has met, of Cd or C X: where it changes along a motion, C may have lost rank.
+        integer :: orientation = 1
         !> After a failure: the row without a pivot, 0 where it is not one row's fault.
         integer :: failed_row = 0
         !> Most corrections that a refinement of H has taken since the caller set this to zero.
@@ -39,6 +41,7 @@ module tandem_tangent_split
         procedure :: allocate => allocate_split
         procedure :: start
         procedure :: update
+        procedure :: measure_orientation
         procedure :: hold
         procedure :: release
         procedure, private :: invert
@@ -102,6 +105,7 @@ contains
             end if
             call self%elimination%get_right_inverse(self%right_inverse)
             call self%elimination%get_null_space(self%null_space)
+            self%orientation = self%elimination%orientation
             return
         case (by_factor)
             call self%invert(jacobian, x_basis, stat)
@@ -116,6 +120,15 @@ contains
         call set_product(self%right_inverse, self%c_w, self%null_space)
         self%null_space = w_basis - self%null_space
     end subroutine update
+
+    !> The orientation at the point of the last update `by_refinement`, which does not meet it by the way.
+    subroutine measure_orientation(self)
+        class(split_type), intent(inout) :: self
+        integer :: stat
+
+        call self%c_x_lu%factor(self%c_x, stat)
+        if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
+    end subroutine measure_orientation
 
     !> Keep what the next update starts from, so that a look at another point leaves no trace.
     subroutine hold(self)
@@ -142,6 +155,7 @@ contains
         call set_product(jacobian, x_basis, self%c_x)
         call self%c_x_lu%factor(self%c_x, stat)
         if (stat == 0) call self%c_x_lu%invert(self%h%inverse)
+        if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine invert
 end module tandem_tangent_split
