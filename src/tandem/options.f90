@@ -62,6 +62,8 @@ module tandem_options
         real(wp) :: secant_limit = 1.5_wp
         !> Largest violation of the constraints by the start, on the natural scale; smaller ones are removed.
         real(wp) :: start_tolerance = 1.0e-8_wp
+        !> Most events of one run.
+        integer :: max_events = 100000
         !> Most steps of one run.
         integer :: max_steps = huge(1)
     contains
@@ -91,6 +93,8 @@ contains
             call set_error(error, status_invalid_option, 'basis = "'//trim(self%basis)//'" is unknown', 'use qr or svd')
         else if (self%max_steps < 1) then
             call set_error(error, status_invalid_option, 'max_steps = '//to_text(self%max_steps)//' must be at least 1')
+        else if (self%max_events < 1) then
+            call set_error(error, status_invalid_option, 'max_events = '//to_text(self%max_events)//' must be at least 1')
         end if
         if (allocated(error)) return
         call check_positive('step', self%step, error)

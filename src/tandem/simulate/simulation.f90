@@ -6,11 +6,12 @@
 module tandem_simulation
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
-    use tandem_model, only: model_type
+    use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
     use tandem_options, only: options_type
-    use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_failure, by_fbar, by_iterations, by_start, &
-        by_step, by_v, by_w, statistics_type
+    use tandem_simulate_event, only: event_record_type, event_type
+    use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
+        by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
@@ -38,6 +39,20 @@ module tandem_simulation
         procedure(observe_interface), deferred :: observe
     end type observer_type
 
+    !> An event that is watched.
+    type :: watched_type
+        class(event_type), pointer :: event => null()
+        !> g at the current state, and its last sign before that; 0 at the start of the run.
+        real(wp) :: value = 0.0_wp
+        integer :: sign_before = 0
+        !> True where it has happened at the current state: its zero there does not count again.
+        logical :: rests = .false.
+        !> An extremum below this part of the largest |g| of the step touches zero.
+        real(wp) :: touch = 1.0e-9_wp
+    contains
+        procedure :: pass
+    end type watched_type
+
     type :: simulation_type
         !> The current state; all three constraint levels hold.
         type(state_type) :: state
@@ -55,12 +70,24 @@ module tandem_simulation
         real(wp) :: errors(3) = 0.0_wp
         !> What there is to say that is no failure; none where unallocated.
         type(warning_type), allocatable :: warnings(:)
+        !> What has happened, `n_events` entries in the order of time; more may be allocated.
+        type(event_record_type), allocatable :: events(:)
+        integer :: n_events = 0
+        !> Whether an event has stopped the run, and its name.
+        logical :: is_stopped = .false.
+        character(len=label_length) :: stopped_by = ''
         class(chart_type), allocatable, private :: chart
         class(stepper_type), allocatable, private :: stepper
         type(state_type), private :: next, start, kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: segment_of_step = 1, kept_segment = 1
-        logical, private :: has_step = .false., is_looking = .false., renews_at_breakpoint = .false.
+        logical, private :: has_step = .false., is_looking = .false.
+        !> Why the next step needs a new chart whatever the policy says; 0 where it does not.
+        integer, private :: renewal = 0
+        type(watched_type), allocatable, private :: watched(:)
+        real(wp), allocatable, private :: lambda(:)
+        logical, private :: lambda_is_current = .false., values_are_stale = .true.
+        integer, private :: n_at_once = 0
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
         type(properties_type), private :: method
@@ -77,6 +104,8 @@ module tandem_simulation
         procedure :: kinetic_energy
         procedure :: potential_energy
         procedure :: warn
+        procedure :: add_event
+        procedure, private :: look_for_events
         procedure, private :: accept_start
         procedure, private :: renew_chart
         procedure, private :: measure_errors
@@ -98,6 +127,30 @@ module tandem_simulation
     end interface
 
     interface
+        !> Watch an event from the current state on; call it after `initialize`, which forgets all events. The event is the caller's
+        !> and must outlive the run.
+        module subroutine add_event(self, event)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            class(event_type), intent(inout), target :: event
+        end subroutine add_event
+
+        !> Look for events in the last step, record them, act on them, and cut the step where one stops or changes the motion.
+        module subroutine look_for_events(self, is_cut, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            logical, intent(out) :: is_cut
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine look_for_events
+
+        !> Let a watched event go on to the next step.
+        module subroutine pass(self, value)
+            implicit none (type, external)
+            class(watched_type), intent(inout) :: self
+            !> g at places of the step that ended.
+            real(wp), intent(in) :: value(:)
+        end subroutine pass
+
         !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
         module subroutine accept_start(self, error)
             implicit none (type, external)
@@ -176,7 +229,15 @@ contains
         call self%kept%allocate(model%n)
         self%has_step = .false.
         self%is_looking = .false.
-        self%renews_at_breakpoint = .false.
+        self%renewal = 0
+        self%n_events = 0
+        self%n_at_once = 0
+        self%is_stopped = .false.
+        self%stopped_by = ''
+        self%values_are_stale = .true.
+        if (allocated(self%watched)) deallocate (self%watched)
+        if (allocated(self%events)) deallocate (self%events)
+        if (allocated(self%lambda)) deallocate (self%lambda)
         self%state%t = t
         self%state%q = q
         self%state%qd = qd
@@ -188,7 +249,7 @@ contains
     !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
     subroutine integrate(self, t_end, error, observer)
         class(simulation_type), intent(inout) :: self
-        !> End of the run; must lie after the current time.
+        !> End of the run; must lie after the current time. An event that stops ends it before (`is_stopped`).
         real(wp), intent(in) :: t_end
         type(error_type), allocatable, intent(out) :: error
         !> Called at the start, after every step and at the end.
@@ -209,6 +270,7 @@ contains
             call self%step(t_end, error)
             if (allocated(error)) exit
             if (present(observer)) call observer%observe(self, at_step, error)
+            if (self%is_stopped) exit
         end do
         call cpu_time(cpu_end)
         call system_clock(clock_end)
@@ -242,7 +304,7 @@ contains
             call self%look_back()
             return
         end if
-        if (.not. self%has_step .or. .not. (t >= self%start%t .and. t <= self%next%t)) then
+        if (.not. self%has_step .or. .not. (t >= self%start%t .and. t <= self%kept%t)) then
             call self%look_back()
             call set_error(error, status_invalid_option, 't = '//to_text(t)//' is not within the last step', &
                 'ask for times that the last step has passed')

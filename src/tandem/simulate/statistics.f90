@@ -7,18 +7,19 @@ module tandem_simulate_statistics
     private
 
     public :: statistics_type, n_reasons, reason_name
-    public :: by_start, by_step, by_v, by_w, by_d, by_fbar, by_breakpoint, by_condition, by_iterations, by_failure
+    public :: by_start, by_step, by_v, by_w, by_d, by_fbar, by_breakpoint, by_condition, by_iterations, by_failure, by_event
 
     !> The reasons for a new chart, indices of `charts_by`: the start, the policy of every step, the limits on |v|_2, |w|_2,
-    !> |D|_2 and |Fbar|_2, a breakpoint, the limits on the condition and on the iterations, a failed step.
+    !> |D|_2 and |Fbar|_2, a breakpoint, the limits on the condition and on the iterations, a failed step,
+    !> an event.
     integer, parameter :: by_start = 1, by_step = 2, by_v = 3, by_w = 4, by_d = 5, by_fbar = 6, by_breakpoint = 7
-    integer, parameter :: by_condition = 8, by_iterations = 9, by_failure = 10
+    integer, parameter :: by_condition = 8, by_iterations = 9, by_failure = 10, by_event = 11
     !> How many reasons there are.
-    integer, parameter :: n_reasons = 10
+    integer, parameter :: n_reasons = 11
     !> Their names in reports.
     character(len=12), parameter :: reason_name(n_reasons) = &
         [character(len=12) :: 'start', 'every step', '|v|', '|w|', '|D|', '|Fbar|', 'breakpoint', &
-        'condition', 'iterations', 'failure']
+        'condition', 'iterations', 'failure', 'event']
 
     type, extends(counts_type) :: statistics_type
         !> Accepted steps; steps rejected for their error, and steps that could not be completed.
@@ -33,7 +34,9 @@ module tandem_simulate_statistics
         real(wp) :: position_error = 0.0_wp, velocity_error = 0.0_wp, acceleration_error = 0.0_wp
         !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
         real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
-        !> Largest jump of qd at a breakpoint, max-norm.
+        !> Evaluations of the functions of events.
+        integer(long) :: event_evaluations = 0
+        !> Largest jump of qd at a breakpoint or an event, max-norm.
         real(wp) :: velocity_jump = 0.0_wp
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp

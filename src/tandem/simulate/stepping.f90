@@ -14,9 +14,10 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: last_errors(3)
         integer(long) :: last_grid_steps
-        logical :: ends_at_breakpoint, was_on_grid
+        logical :: ends_at_breakpoint, was_on_grid, is_cut
 
         call self%look_back()
+        self%is_stopped = .false.
         if (self%tally%steps >= self%options%max_steps) then
             call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
                 to_text(self%state%t))
@@ -48,6 +49,19 @@ contains
         self%has_step = .true.
         self%segment_of_step = self%model%segment
         self%chart_is_current = .false.
+        if (allocated(self%watched)) then
+            call self%look_for_events(is_cut, error)
+            if (allocated(error)) return
+            if (is_cut) then
+                ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
+                ! The next step ends on the grid of fixed steps where this one would have.
+                if (.not. self%options%is_adaptive() .and. self%state%t < self%next%t) then
+                    self%grid_steps = last_grid_steps
+                    self%on_grid = .false.
+                end if
+                if (.not. self%last_step > 0.0_wp) return
+            end if
+        end if
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
@@ -235,9 +249,9 @@ contains
         integer :: stat
 
         if (self%chart_is_current) return
-        if (self%renews_at_breakpoint) then
-            self%renews_at_breakpoint = .false.
-            call self%renew_chart(by_breakpoint, error)
+        if (self%renewal /= 0) then
+            call self%renew_chart(self%renewal, error)
+            self%renewal = 0
             return
         end if
         associate (options => self%options)
@@ -293,7 +307,8 @@ contains
             end if
             if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
-            self%renews_at_breakpoint = .true.
+            self%renewal = by_breakpoint
+            self%values_are_stale = .true.
             if (stat /= status_ok) then
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
                 return

@@ -1,0 +1,100 @@
+! SPDX-License-Identifier: MIT
+!> Events: what happens when a function g(t, q, qd, lambda) of the motion passes through zero. A program extends `event_type`, or
+!> takes `threshold_event_type`, and gives the event to a simulation by `add_event`.
+module tandem_simulate_event
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: label_length, model_type
+    implicit none (type, external)
+    private
+
+    public :: event_type, event_record_type, threshold_event_type
+
+    type, abstract :: event_type
+        !> Its name in reports and files.
+        character(len=label_length) :: name = 'event'
+        !> Which zeros count: +1 rising ones, -1 falling ones, 0 all, those that only touch too.
+        integer :: direction = 0
+        !> Whether the run ends there.
+        logical :: stops = .false.
+        !> Whether `act` changes the state or the model, so that the integration must restart there.
+        logical :: changes = .false.
+        !> Whether g looks at the multipliers, which are computed for it then.
+        logical :: needs_multipliers = .false.
+    contains
+        procedure(evaluate_interface), deferred :: evaluate
+        procedure :: act
+    end type event_type
+
+    abstract interface
+        !> g at a state that satisfies the constraints.
+        subroutine evaluate_interface(self, t, q, qd, lambda, value, stat)
+            import :: event_type, wp
+            implicit none (type, external)
+            class(event_type), intent(inout) :: self
+            !> Time, coordinates (n), velocities (n), multipliers (nh + nd; zero unless `needs_multipliers`).
+            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+            !> g, continuous along the motion.
+            real(wp), intent(out) :: value
+            !> 0 fine, else the run ends.
+            integer, intent(out) :: stat
+        end subroutine evaluate_interface
+    end interface
+
+    !> What has happened.
+    type :: event_record_type
+        !> Number of the event in the order of `add_event`, and its name.
+        integer :: number = 0
+        character(len=label_length) :: name = ''
+        !> +1 where g rose through zero, -1 where it fell, 0 where it touched zero or was zero at the start of the run.
+        integer :: direction = 0
+        !> Time, and the state (n) there, before the action.
+        real(wp) :: t = 0.0_wp
+        real(wp), allocatable :: q(:), qd(:)
+    end type event_record_type
+
+    !> One coordinate or velocity, or one multiplier, reaches a value.
+    type, extends(event_type) :: threshold_event_type
+        !> What to look at: 'q', 'qd' or 'lambda', and its number.
+        character(len=6) :: quantity = 'q'
+        integer :: index = 1
+        !> The value; g is the quantity less this.
+        real(wp) :: value = 0.0_wp
+    contains
+        procedure :: evaluate => evaluate_threshold
+    end type threshold_event_type
+
+contains
+
+    !> What the event does where `changes` is true: change qd, or q on the constraints, or the model's parameters. The simulation
+    !> then brings qd onto the velocity constraints, nearest in the mass metric, and restarts. Does nothing unless overridden.
+    subroutine act(self, model, t, q, qd, error)
+        class(event_type), intent(inout) :: self
+        !> The simulation's model.
+        class(model_type), intent(inout) :: model
+        !> Time, coordinates and velocities (n) at the event.
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:), qd(:)
+        !> Ends the run.
+        type(error_type), allocatable, intent(out) :: error
+    end subroutine act
+
+    !> The quantity less the value.
+    subroutine evaluate_threshold(self, t, q, qd, lambda, value, stat)
+        class(threshold_event_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        stat = 0
+        select case (self%quantity)
+        case ('q')
+            value = q(self%index)
+        case ('qd')
+            value = qd(self%index)
+        case default
+            value = lambda(self%index)
+        end select
+        value = value - self%value
+    end subroutine evaluate_threshold
+end module tandem_simulate_event
