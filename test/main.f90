@@ -15,11 +15,13 @@ program main
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_solvers, only: collect_linalg_solvers
+    use test_mechanisms, only: collect_mechanisms
     use test_model_check, only: collect_model_check
     use test_models, only: collect_models
     use test_motorcycle, only: collect_motorcycle
     use test_options, only: collect_options
     use test_order, only: collect_order
+    use test_rank_models, only: collect_rank_models
     use test_reference, only: collect_reference
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
@@ -60,7 +62,9 @@ program main
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('control', collect_control), &
         new_testsuite('dense', collect_dense), &
-        new_testsuite('coordinate_scale', collect_coordinate_scale)]
+        new_testsuite('coordinate_scale', collect_coordinate_scale), &
+        new_testsuite('mechanisms', collect_mechanisms), &
+        new_testsuite('rank_models', collect_rank_models)]
     n_failed = 0
     call get_argument(1, suite_name)
     call get_argument(2, test_name)
