@@ -3,7 +3,7 @@
 module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: derivative_name, error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
-        properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
+        options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
@@ -37,7 +37,7 @@ contains
         write (output_unit, '(a)') scene%name//': '//scene%description
         associate (options => scene%options)
             steps = 'h = '//to_toml(options%step)//' s'
-            if (options%is_adaptive()) steps = 'rtol '//to_toml(options%rtol)//', atol '//to_toml(options%absolute_tolerance())
+            if (options%is_adaptive()) steps = tolerances(options, scene%model%n)
             call print_line('solver', trim(options%stepper)//', '//steps//', chart '// &
                 trim(options%chart)//', refresh '//trim(options%refresh))
         end associate
@@ -68,6 +68,27 @@ contains
         call print_line('computed', computed(s))
         call print_line('left out', left_out(s, scene))
     end subroutine print_report
+
+    !> The tolerances of the steps, from the smallest to the largest where they differ.
+    function tolerances(options, n) result(text)
+        type(options_type), intent(in) :: options
+        !> Number of coordinates.
+        integer, intent(in) :: n
+        character(len=:), allocatable :: text
+        real(wp) :: rtol(n, 2), atol(n, 2)
+
+        call options%fill_tolerances(rtol(:, 1), rtol(:, 2), atol(:, 1), atol(:, 2))
+        text = 'rtol '//range_of(rtol)//', atol '//range_of(atol)
+    end function tolerances
+
+    !> The smallest and the largest of some numbers, or the one that all are.
+    function range_of(values) result(text)
+        real(wp), intent(in) :: values(:, :)
+        character(len=:), allocatable :: text
+
+        text = to_toml(minval(values))
+        if (maxval(values) > minval(values)) text = text//' to '//to_toml(maxval(values))
+    end function range_of
 
     !> What is in the result file.
     function rows_text(trajectory, error) result(text)

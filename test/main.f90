@@ -29,6 +29,7 @@ program main
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
     use test_tangent, only: collect_tangent
+    use test_tolerances, only: collect_tolerances
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
@@ -61,6 +62,7 @@ program main
         new_testsuite('counters', collect_counters), &
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('control', collect_control), &
+        new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('dense', collect_dense), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &

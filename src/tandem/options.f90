@@ -30,6 +30,9 @@ module tandem_options
         real(wp) :: rtol = 0.0_wp
         !> Absolute tolerance of q and qd in units of the coordinate scales; 0 stands for `rtol`.
         real(wp) :: atol = 0.0_wp
+        !> Tolerances one a coordinate (n), for q and for qd, in the stead of `rtol` and `atol`. Not allocated: those for q stand
+        !> for `rtol` and `atol`, those for qd for those for q. A zero in `atol_q` or `atol_qd` stands for the relative one there.
+        real(wp), allocatable :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
         !> First and largest step under error control; 0 leaves the first to the program and the largest open.
         real(wp) :: first_step = 0.0_wp, max_step = 0.0_wp
         !> One of `chart_policies`.
@@ -68,8 +71,11 @@ module tandem_options
         integer :: max_steps = huge(1)
     contains
         procedure :: check
+        procedure :: check_sizes
         procedure :: is_adaptive
+        procedure :: relative_tolerance
         procedure :: absolute_tolerance
+        procedure :: fill_tolerances
         procedure :: position_tolerance
         procedure :: b_tolerance
         procedure :: h_tolerance
@@ -99,11 +105,17 @@ contains
         if (allocated(error)) return
         call check_positive('step', self%step, error)
         if (allocated(error)) return
-        if (self%is_adaptive()) then
-            call check_tolerance('rtol', self%rtol, error)
-            if (allocated(error)) return
-        end if
+        if (.not. is_unset(self%rtol)) call check_tolerance('rtol', self%rtol, error)
+        if (allocated(error)) return
         call check_limit('atol', self%atol, error)
+        if (allocated(error)) return
+        call check_list('rtol_q', self%rtol_q, .true., error)
+        if (allocated(error)) return
+        call check_list('rtol_qd', self%rtol_qd, .true., error)
+        if (allocated(error)) return
+        call check_list('atol_q', self%atol_q, .false., error)
+        if (allocated(error)) return
+        call check_list('atol_qd', self%atol_qd, .false., error)
         if (allocated(error)) return
         call check_limit('first_step', self%first_step, error)
         if (allocated(error)) return
@@ -137,19 +149,64 @@ contains
         end if
     end subroutine check
 
+    !> Refuse tolerances that are not one a coordinate.
+    subroutine check_sizes(self, n, error)
+        class(options_type), intent(in) :: self
+        !> Number of coordinates.
+        integer, intent(in) :: n
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_size('rtol_q', self%rtol_q, n, error)
+        if (.not. allocated(error)) call check_size('rtol_qd', self%rtol_qd, n, error)
+        if (.not. allocated(error)) call check_size('atol_q', self%atol_q, n, error)
+        if (.not. allocated(error)) call check_size('atol_qd', self%atol_qd, n, error)
+    end subroutine check_sizes
+
     !> Whether steps follow an error estimate.
     pure logical function is_adaptive(self)
         class(options_type), intent(in) :: self
 
-        is_adaptive = .not. is_unset(self%rtol)
+        is_adaptive = .not. is_unset(self%rtol) .or. allocated(self%rtol_q) .or. allocated(self%rtol_qd)
     end function is_adaptive
 
-    !> atol, or what stands for it.
+    !> The smallest relative tolerance in use: rtol where there is one for all coordinates. 0 for fixed steps.
+    pure real(wp) function relative_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        relative_tolerance = huge(1.0_wp)
+        if (allocated(self%rtol_q)) then
+            relative_tolerance = minval(self%rtol_q)
+        else if (.not. is_unset(self%rtol)) then
+            relative_tolerance = self%rtol
+        end if
+        if (allocated(self%rtol_qd)) relative_tolerance = min(relative_tolerance, minval(self%rtol_qd))
+        if (.not. self%is_adaptive()) relative_tolerance = 0.0_wp
+    end function relative_tolerance
+
+    !> The absolute tolerance for all coordinates: atol, or what stands for it.
     pure real(wp) function absolute_tolerance(self)
         class(options_type), intent(in) :: self
 
-        absolute_tolerance = merge(self%rtol, self%atol, is_unset(self%atol))
+        absolute_tolerance = merge(self%relative_tolerance(), self%atol, is_unset(self%atol))
     end function absolute_tolerance
+
+    !> The tolerances of every coordinate and velocity.
+    pure subroutine fill_tolerances(self, rtol_q, rtol_qd, atol_q, atol_qd)
+        class(options_type), intent(in) :: self
+        !> Relative ones, and absolute ones in units of the coordinate scales (n).
+        real(wp), intent(out), contiguous :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
+
+        rtol_q = merge(self%relative_tolerance(), self%rtol, is_unset(self%rtol))
+        if (allocated(self%rtol_q)) rtol_q = self%rtol_q
+        rtol_qd = rtol_q
+        if (allocated(self%rtol_qd)) rtol_qd = self%rtol_qd
+        atol_q = self%atol
+        if (allocated(self%atol_q)) atol_q = self%atol_q
+        atol_qd = atol_q
+        if (allocated(self%atol_qd)) atol_qd = self%atol_qd
+        where (is_unset(atol_q)) atol_q = rtol_q
+        where (is_unset(atol_qd)) atol_qd = rtol_qd
+    end subroutine fill_tolerances
 
     !> utol, or what stands for it.
     pure real(wp) function position_tolerance(self)
@@ -177,7 +234,8 @@ contains
         class(options_type), intent(in) :: self
 
         newton_tolerance = self%intol
-        if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, 1.0e-3_wp*self%rtol, smallest_tolerance)
+        if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, 1.0e-3_wp*self%relative_tolerance(), &
+            smallest_tolerance)
     end function newton_tolerance
 
     !> Whether a tolerance was left at the zero that stands for another.
@@ -204,6 +262,38 @@ contains
         if (value >= 0.0_wp .and. ieee_is_finite(value)) return
         call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must be positive, or 0 for no limit')
     end subroutine check_limit
+
+    !> A list of tolerances, one a coordinate.
+    subroutine check_list(name, values, is_relative, error)
+        character(len=*), intent(in) :: name
+        real(wp), allocatable, intent(in) :: values(:)
+        !> Relative tolerances must be resolvable, absolute ones need not.
+        logical, intent(in) :: is_relative
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        if (.not. allocated(values)) return
+        do i = 1, size(values)
+            if (is_relative) then
+                call check_tolerance(name//'('//to_text(i)//')', values(i), error)
+            else
+                call check_limit(name//'('//to_text(i)//')', values(i), error)
+            end if
+            if (allocated(error)) return
+        end do
+    end subroutine check_list
+
+    subroutine check_size(name, values, n, error)
+        character(len=*), intent(in) :: name
+        real(wp), allocatable, intent(in) :: values(:)
+        integer, intent(in) :: n
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. allocated(values)) return
+        if (size(values) == n) return
+        call set_error(error, status_invalid_option, name//' has '//to_text(size(values))//' entries, the model has n = '// &
+            to_text(n), 'give one a coordinate')
+    end subroutine check_size
 
     !> A tolerance must be resolvable in double precision and must mean something.
     subroutine check_tolerance(name, value, error)

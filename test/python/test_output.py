@@ -377,7 +377,7 @@ class SceneErrors(Case):
         done = self.refused_file(['unknown key "masss" in [model]', "masss = 3", 'did you mean "mass"?'], 6, model="masss = 3")
         self.assertIn("the keys of [model]: mass, inertia, radius, gravity", done.stderr)
         done = self.refused_file(['unknown key "btol"', 'did you mean "Btol"?'], 6, solver="btol = 1e-9")
-        self.assertIn("stepper, step, rtol, atol, first_step, max_step, chart, refresh, basis, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
+        self.assertIn("stepper, step, rtol, atol, rtol_qd, atol_qd, first_step, max_step, chart, refresh, basis, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
         self.refused_file("the keys of [initial]: omega, tilt, q, qd", 6, initial="x = 1")
         self.refused_file("the keys of [output]: file, every, interval, fields", 6, output="x = 1")
         self.refused_file("the keys of [time]: start, end", 5, time="end = 1\nx = 1")
@@ -420,6 +420,10 @@ class SceneErrors(Case):
             ("model", "mass = 123456789012345678901", "too many digits"), ("initial", "tilt = 2.0", "between -pi/2 and pi/2"),
             ("solver", "step = 0.0", "step must be positive"), ("solver", 'stepper = "rk5"', 'did you mean "rk4"?'),
             ("solver", 'chart = "papre"', 'did you mean "paper"?'), ("solver", 'refresh = "never"', "factor, refine"),
+            ("solver", "rtol = 1", "rtol must lie between"), ("solver", "rtol = [1e-6, 1e-7]", "must have 9"),
+            ("solver", "rtol = " + str(8 * [1e-6] + [1]), "rtol must lie between 1e-15 and 1e-2"),
+            ("solver", "atol = " + str(8 * [1e-6] + [-1]), "atol must be positive"), ("solver", "rtol_qd = 0", "rtol_qd must"),
+            ("solver", "atol_qd = -1", "atol_qd must"), ("solver", 'rtol = "small"', "rtol must be a number, not a text"),
             ("solver", "constraint_tolerance = 1", "between 1e-15 and 1e-2"), ("solver", "utol = -1", "utol must"),
             ("solver", "Btol = 1", "Btol must"), ("solver", "Htol = 1", "Htol must"), ("solver", "v_limit = -1", "v_limit must"),
             ("solver", "w_limit = -1", "w_limit must"), ("solver", "secant_limit = 0.5", "must be above 1"),
@@ -555,6 +559,22 @@ class CommandLine(Case):
             self.scene(text, "again.toml")
             self.assertEqual(self.tandem("show", "again.toml").stdout, text)
             self.assertEqual(self.tandem("show", str(scene)).stdout, text)
+
+    def test_tolerances_for_all_or_one_a_coordinate(self):
+        text = self.tandem("show", "rolling_disk", "--set", "solver.rtol=1e-6").stdout
+        self.assertIn("\nrtol = 1e-6 ", text)
+        self.assertNotIn("\nrtol_qd", text)
+        rtol = [1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7, 1e-7, 1e-8, 1e-8]
+        settings = ["--set", "solver.stepper=dopri5", "--set", f"solver.rtol={rtol}", "--set", "solver.atol_qd=1e-5"]
+        text = self.tandem("show", "rolling_disk", *settings).stdout
+        self.assertIn("\nrtol = [1e-6, 1e-6, 1e-6, 1e-7, ", text)
+        self.assertIn("\natol_qd = 1e-5 ", text)
+        self.assertNotIn("\nrtol_qd", text)
+        self.assertEqual(self.tandem("show", self.scene(text)).stdout, text)
+        report = self.tandem("run", "scene.toml", *SHORT, "--output", "a.h5").stdout
+        self.assertIn("dopri5, rtol 1e-8 to 1e-6, atol 1e-8 to 1e-5", report)
+        text = self.tandem("show", "scene.toml", "--set", "solver.rtol=1e-4").stdout
+        self.assertIn("\nrtol = 0.0001 ", text)
 
     def test_numbers_come_back_to_the_last_bit(self):
         numbers = [0.1, 1 / 3, 1e-300, 5e-324, 1.7976931348623157e308, 123456789.123456789, 1e22, 2**53 + 2.0, 1e-5]

@@ -56,7 +56,7 @@ contains
         if (.not. reader%failed()) call build_model(trim(scene%model_name), reader, scene%model, scene%q, scene%qd)
         call read_start(reader, scene)
         call read_time(reader, scene)
-        call read_solver(reader, scene%options)
+        if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
         call read_output(reader, scene)
         if (reader%failed()) then
             call move_alloc(reader%error, error)

@@ -183,7 +183,8 @@ contains
 
         call check_model(model, error)
         if (allocated(error)) return
-        call options%check(error)
+        call options%check_sizes(model%n, error)
+        if (.not. allocated(error)) call options%check(error)
         if (allocated(error)) return
         if (size(q) /= model%n .or. size(qd) /= model%n) then
             call set_error(error, status_invalid_option, 'q0 and qd0 have '//to_text(size(q))//' and '// &

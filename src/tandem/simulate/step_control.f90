@@ -16,9 +16,10 @@ module tandem_simulate_step_control
         real(wp) :: h = 0.0_wp
         !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
-        real(wp), private :: rtol = 0.0_wp, atol = 0.0_wp, max_step = huge(1.0_wp)
+        !> rtol and atol s for q and for qd (n).
+        real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
+        real(wp), private :: max_step = huge(1.0_wp)
         real(wp), private :: exponent = 0.2_wp, integral = 0.0_wp, last_norm = 1.0e-4_wp
-        real(wp), allocatable, private :: scale(:)
         logical, private :: was_rejected = .false.
     contains
         procedure :: initialize
@@ -44,17 +45,21 @@ contains
         !> Implicit steppers have no integral part: their errors jump with Newton's.
         logical, intent(in) :: implicit
 
-        self%rtol = options%rtol
-        self%atol = options%absolute_tolerance()
         self%max_step = huge(1.0_wp)
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%h = min(options%first_step, self%max_step)
         self%exponent = 1.0_wp/real(estimate_order + 1, wp)
         self%integral = 0.0_wp
         if (.not. implicit .and. estimate_order < 7) self%integral = 0.04_wp
-        self%scale = scale
         self%weight_q = scale
         self%weight_qd = scale
+        self%rtol_q = scale
+        self%rtol_qd = scale
+        self%atol_q = scale
+        self%atol_qd = scale
+        call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
+        self%atol_q = self%atol_q*scale
+        self%atol_qd = self%atol_qd*scale
         call self%restart()
     end subroutine initialize
 
@@ -66,8 +71,8 @@ contains
         integer :: i
 
         do i = 1, size(q)
-            self%weight_q(i) = 1.0_wp/(self%atol*self%scale(i) + self%rtol*max(abs(q0(i)), abs(q(i))))
-            self%weight_qd(i) = 1.0_wp/(self%atol*self%scale(i) + self%rtol*max(abs(qd0(i)), abs(qd(i))))
+            self%weight_q(i) = 1.0_wp/(self%atol_q(i) + self%rtol_q(i)*max(abs(q0(i)), abs(q(i))))
+            self%weight_qd(i) = 1.0_wp/(self%atol_qd(i) + self%rtol_qd(i)*max(abs(qd0(i)), abs(qd(i))))
         end do
     end subroutine set_weights
 

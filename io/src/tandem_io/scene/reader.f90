@@ -9,7 +9,7 @@ module tandem_io_scene_reader
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_scene_values, only: convert, place_of
-    use tomlf, only: toml_key, toml_table, toml_value
+    use tomlf, only: toml_array, toml_key, toml_table, toml_value
     implicit none (type, external)
     private
 
@@ -41,6 +41,7 @@ module tandem_io_scene_reader
         procedure :: text
         generic :: get => get_real, get_integer, get_string, get_choice, get_vector, get_strings
         procedure :: get_reals
+        procedure :: get_for_each
         procedure, private :: get_real, get_integer, get_string, get_choice, get_vector, get_strings
         procedure, private :: find
         procedure, private :: record
@@ -340,6 +341,43 @@ contains
         end if
         call self%record(key, to_toml(values), source, unit, help)
     end subroutine get_reals
+
+    !> One number for all of something, or one for each in a list.
+    subroutine get_for_each(self, key, length, values, value, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> How many there are.
+        integer, intent(in) :: length
+        !> The list; not allocated where there is none.
+        real(wp), allocatable, intent(inout) :: values(:)
+        !> The number for all, the default before. Where it is absent, the key has no default, and a number fills the list.
+        real(wp), intent(inout), optional :: value
+        character(len=*), intent(in), optional :: help
+        class(toml_value), pointer :: found
+        real(wp) :: number
+        integer :: source
+
+        call self%find(key, found, source)
+        if (.not. (associated(found) .or. present(value))) then
+            call self%propose(key)
+            return
+        end if
+        if (associated(found)) then
+            select type (found)
+            type is (toml_array)
+                call self%get_reals(key, values, length, help=help)
+                return
+            end select
+        end if
+        number = 0.0_wp
+        if (present(value)) number = value
+        call self%get_real(key, number, help=help)
+        if (present(value)) then
+            value = number
+        else
+            values = spread(number, 1, length)
+        end if
+    end subroutine get_for_each
 
     !> Some of some texts, each once at most.
     subroutine get_strings(self, key, values, choices, help)

@@ -11,8 +11,10 @@ module tandem_io_scene_solver
 contains
 
     !> The options of a run.
-    subroutine read_solver(reader, options)
+    subroutine read_solver(reader, n, options)
         class(reader_type), intent(inout) :: reader
+        !> Number of coordinates.
+        integer, intent(in) :: n
         !> The defaults before, the options after.
         type(options_type), intent(inout) :: options
         character(len=*), parameter :: unset = '0 for constraint_tolerance'
@@ -21,10 +23,16 @@ contains
         call reader%get('stepper', options%stepper, stepper_names)
         call reader%get('step', options%step, unit='s', help='of fixed steps')
         call verify('step')
-        call reader%get('rtol', options%rtol, help='above 0, steps follow an error estimate instead of step')
+        call reader%get_for_each('rtol', n, options%rtol_q, options%rtol, &
+            help='or one a coordinate; above 0, steps follow an error estimate instead of step')
         call verify('rtol')
-        call reader%get('atol', options%atol, help='in units of the coordinate scales; 0 for rtol')
+        call reader%get_for_each('atol', n, options%atol_q, options%atol, &
+            help='or one a coordinate; in units of the coordinate scales; 0 for rtol')
         call verify('atol')
+        call reader%get_for_each('rtol_qd', n, options%rtol_qd, help='of the velocities, where others than for the coordinates')
+        call verify('rtol_qd')
+        call reader%get_for_each('atol_qd', n, options%atol_qd, help='of the velocities, where others than for the coordinates')
+        call verify('atol_qd')
         call reader%get('first_step', options%first_step, unit='s', help='with rtol; 0 for a choice by the program')
         call verify('first_step')
         call reader%get('max_step', options%max_step, unit='s', help='with rtol; 0 for none')

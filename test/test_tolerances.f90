@@ -1,0 +1,198 @@
+! SPDX-License-Identifier: MIT
+!> Tolerances one a coordinate.
+module test_tolerances
+    use asserts, only: check_below, check_close, check_failure, check_no_failure, check_true
+    use model_tilted_skate, only: tilted_skate_type
+    use tandem, only: failure_type => error_type, options_type, simulation_type, statistics_type, wp
+    use tandem_simulate_step_control, only: step_control_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: collect_tolerances
+
+contains
+
+    !> The tests of this suite.
+    subroutine collect_tolerances(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('each-coordinate-is-weighted-by-its-own-tolerances', test_weights), &
+            new_unittest('what-is-not-given-follows-what-is', test_stand_ins), &
+            new_unittest('equal-tolerances-one-a-coordinate-are-the-one-for-all', test_same_run), &
+            new_unittest('a-tight-velocity-makes-more-steps', test_tight_velocity), &
+            new_unittest('lists-of-the-wrong-length-are-refused', test_lengths), &
+            new_unittest('values-that-cannot-be-are-refused', test_values)]
+    end subroutine collect_tolerances
+
+    !> 1 / (atol s + rtol max |y|), every entry different.
+    subroutine test_weights(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(step_control_type) :: control
+        type(options_type) :: options
+        real(wp), parameter :: scale(2) = [2.0_wp, 0.5_wp]
+
+        options%rtol_q = [1.0e-3_wp, 1.0e-4_wp]
+        options%rtol_qd = [1.0e-5_wp, 1.0e-6_wp]
+        options%atol_q = [1.0e-7_wp, 1.0e-8_wp]
+        ! A zero stands for the relative tolerance there.
+        options%atol_qd = [0.0_wp, 1.0e-9_wp]
+        call control%initialize(options, scale, 4, .false.)
+        call control%set_weights([1.0_wp, -3.0_wp], [-2.0_wp, 1.0_wp], [0.0_wp, 4.0_wp], [5.0_wp, -6.0_wp])
+        call check_close(error, control%weight_q, 1.0_wp/[2.0e-7_wp + 2.0e-3_wp, 0.5e-8_wp + 3.0e-4_wp], 1.0e-8_wp, 'of q')
+        if (allocated(error)) return
+        call check_close(error, 1.0e-5_wp*control%weight_qd, 1.0e-5_wp/[2.0e-5_wp + 5.0e-5_wp, 0.5e-9_wp + 6.0e-6_wp], 1.0e-12_wp, &
+            'of qd')
+    end subroutine test_weights
+
+    subroutine test_stand_ins(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        real(wp) :: rtol_q(2), rtol_qd(2), atol_q(2), atol_qd(2)
+
+        options%constraint_tolerance = 1.0e-13_wp
+        call check_below(error, options%relative_tolerance(), 0.0_wp, 'relative tolerance of fixed steps')
+        if (allocated(error)) return
+        ! Of the coordinates only: the velocities follow, and Newton's tolerance follows the smallest.
+        options%rtol_q = [1.0e-4_wp, 1.0e-6_wp]
+        call check_true(error, options%is_adaptive(), 'a list asks for steps under error control')
+        if (allocated(error)) return
+        call options%fill_tolerances(rtol_q, rtol_qd, atol_q, atol_qd)
+        call check_close(error, [rtol_q, rtol_qd, atol_q, atol_qd], [options%rtol_q, options%rtol_q, &
+            options%rtol_q, options%rtol_q], 0.0_wp, 'the list of the coordinates')
+        if (allocated(error)) return
+        call check_close(error, [options%relative_tolerance(), options%absolute_tolerance(), 1.0e3_wp*options%newton_tolerance()], &
+            spread(1.0e-6_wp, 1, 3), 1.0e-20_wp, 'the smallest')
+        if (allocated(error)) return
+        ! Of the velocities only, beside a number for all.
+        deallocate (options%rtol_q)
+        options%rtol = 1.0e-5_wp
+        options%atol = 1.0e-9_wp
+        options%rtol_qd = [1.0e-3_wp, 1.0e-2_wp]
+        call options%fill_tolerances(rtol_q, rtol_qd, atol_q, atol_qd)
+        call check_close(error, [rtol_q, rtol_qd, atol_q, atol_qd], [1.0e-5_wp, 1.0e-5_wp, 1.0e-3_wp, 1.0e-2_wp, &
+            spread(1.0e-9_wp, 1, 4)], 0.0_wp, 'the list of the velocities')
+        if (allocated(error)) return
+        call check_close(error, [options%relative_tolerance()], [1.0e-5_wp], 0.0_wp, 'the smallest beside a number for all')
+        if (allocated(error)) return
+        ! Of the velocities only: the coordinates have the smallest of them.
+        options%rtol = 0.0_wp
+        options%atol = 0.0_wp
+        call options%fill_tolerances(rtol_q, rtol_qd, atol_q, atol_qd)
+        call check_close(error, [rtol_q, atol_q, atol_qd], [spread(1.0e-3_wp, 1, 4), options%rtol_qd], 0.0_wp, 'the smallest')
+    end subroutine test_stand_ins
+
+    !> Run the tilted skate to t = 10: its state, its error and its steps.
+    subroutine skate(options, state, found, steps, failure)
+        type(options_type), intent(in) :: options
+        real(wp), intent(out) :: state(4), found
+        integer, intent(out) :: steps
+        type(failure_type), allocatable, intent(out) :: failure
+        type(tilted_skate_type), target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+
+        call model%define()
+        call simulation%initialize(model, options, 0.0_wp, [0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp], failure)
+        if (.not. allocated(failure)) call simulation%integrate(10.0_wp, failure)
+        state = 0.0_wp
+        if (.not. allocated(failure)) state = [simulation%state%q, simulation%state%qd]
+        found = maxval(abs(state(:2) - model%solution(10.0_wp)))
+        statistics = simulation%statistics()
+        steps = int(statistics%steps)
+    end subroutine skate
+
+    !> Bitwise.
+    subroutine test_same_run(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: for_all, each
+        type(failure_type), allocatable :: failure
+        real(wp) :: first(4), second(4), found
+        integer :: steps
+
+        for_all%stepper = 'dopri5'
+        for_all%rtol = 1.0e-7_wp
+        for_all%atol = 1.0e-9_wp
+        each%stepper = 'dopri5'
+        each%rtol_q = spread(1.0e-7_wp, 1, 2)
+        each%atol_q = spread(1.0e-9_wp, 1, 2)
+        call skate(for_all, first, found, steps, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call skate(each, second, found, steps, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_close(error, second, first, 0.0_wp, 'state at the end')
+    end subroutine test_same_run
+
+    !> Tolerances 1e-4 but for the velocities, 1e-10: it is the tight ones that the steps follow, and not so without them.
+    subroutine test_tight_velocity(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: state(4), loose, tight
+        integer :: few, many
+
+        options%stepper = 'dopri5'
+        options%rtol = 1.0e-4_wp
+        call skate(options, state, loose, few, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        options%rtol_qd = spread(1.0e-10_wp, 1, 2)
+        options%atol_qd = spread(1.0e-10_wp, 1, 2)
+        call skate(options, state, tight, many, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        ! Order 5: a million times the tolerance is 16 times the step.
+        call check_true(error, many > 8*few, 'more steps')
+        if (allocated(error)) return
+        call check_below(error, tight, 1.0e-3_wp*loose, 'error')
+    end subroutine test_tight_velocity
+
+    subroutine test_lengths(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: state(4), found
+        integer :: steps
+
+        options%stepper = 'dopri5'
+        options%rtol = 1.0e-4_wp
+        options%atol_qd = spread(1.0e-6_wp, 1, 3)
+        call skate(options, state, found, steps, failure)
+        call check_failure(error, failure, 'invalid_option', 'atol_qd has 3 entries, the model has n = 2')
+        if (allocated(error)) return
+        deallocate (options%atol_qd)
+        options%rtol_q = [real(wp) ::]
+        call skate(options, state, found, steps, failure)
+        call check_failure(error, failure, 'invalid_option', 'rtol_q has 0 entries')
+    end subroutine test_lengths
+
+    subroutine test_values(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: bad(3)
+        integer :: i
+
+        bad = [-1.0e-6_wp, ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_positive_inf)]
+        do i = 1, size(bad)
+            options%rtol_q = [1.0e-6_wp, bad(i)]
+            call options%check(failure)
+            call check_failure(error, failure, 'invalid_option', 'rtol_q(2) = ')
+            if (allocated(error)) return
+            deallocate (options%rtol_q)
+            options%atol_q = [bad(i), 1.0e-6_wp]
+            call options%check(failure)
+            call check_failure(error, failure, 'invalid_option', 'atol_q(1) = ')
+            if (allocated(error)) return
+            deallocate (options%atol_q)
+        end do
+        ! A relative tolerance of zero would leave a coordinate without any.
+        options%rtol_qd = [0.0_wp, 1.0e-6_wp]
+        call options%check(failure)
+        call check_failure(error, failure, 'invalid_option', 'rtol_qd(1) = ')
+    end subroutine test_values
+end module test_tolerances
