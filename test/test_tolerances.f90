@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Tolerances one a coordinate.
+!> Tolerances one a coordinate, and limits on work.
 module test_tolerances
-    use asserts, only: check_below, check_close, check_failure, check_no_failure, check_true
+    use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_true
     use model_tilted_skate, only: tilted_skate_type
-    use tandem, only: failure_type => error_type, options_type, simulation_type, statistics_type, wp
+    use runs, only: run
+    use tandem, only: failure_type => error_type, options_type, simulation_type, statistics_type, stepper_names, wp
     use tandem_simulate_step_control, only: step_control_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
@@ -24,7 +25,12 @@ contains
             new_unittest('equal-tolerances-one-a-coordinate-are-the-one-for-all', test_same_run), &
             new_unittest('a-tight-velocity-makes-more-steps', test_tight_velocity), &
             new_unittest('lists-of-the-wrong-length-are-refused', test_lengths), &
-            new_unittest('values-that-cannot-be-are-refused', test_values)]
+            new_unittest('values-that-cannot-be-are-refused', test_values), &
+            new_unittest('evaluations-end-at-their-limit', test_evaluations), &
+            new_unittest('rejected-steps-count-too', test_rejected), &
+            new_unittest('seconds-end-at-their-limit', test_seconds), &
+            new_unittest('a-limit-that-is-not-reached-changes-nothing', test_not_reached), &
+            new_unittest('limits-on-work-must-not-be-negative', test_work_options)]
     end subroutine collect_tolerances
 
     !> 1 / (atol s + rtol max |y|), every entry different.
@@ -195,4 +201,122 @@ contains
         call options%check(failure)
         call check_failure(error, failure, 'invalid_option', 'rtol_qd(1) = ')
     end subroutine test_values
+
+    !> Every stepper, fixed steps and controlled ones: at most one step more, and the last state is a step's own.
+    subroutine test_evaluations(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(tilted_skate_type), target :: model
+        type(simulation_type) :: simulation, same
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        integer :: i, k
+        integer, parameter :: limit = 200
+
+        call model%define()
+        do k = 1, 2
+            do i = 1, size(stepper_names)
+                options = options_type()
+                options%stepper = stepper_names(i)
+                options%step = 0.01_wp
+                if (k == 2 .and. stepper_names(i) == 'rk4') cycle
+                if (k == 2) options%rtol = 1.0e-10_wp
+                options%max_evaluations = limit
+                call run(simulation, model, options, 0.0_wp, [0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp], 10.0_wp, failure)
+                call check_failure(error, failure, 'work_limit', 'max_evaluations = 200 is reached, t = ')
+                if (allocated(error)) return
+                statistics = simulation%statistics()
+                ! A dop853 step takes 12; an implicit one may take more in Newton's iteration, seen: 24.
+                call check_true(error, statistics%right_hand_sides >= limit .and. statistics%right_hand_sides <= limit + 30, &
+                    stepper_names(i)//': evaluations')
+                if (allocated(error)) return
+                options%max_evaluations = 0
+                options%max_steps = int(statistics%steps)
+                call run(same, model, options, 0.0_wp, [0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp], 10.0_wp, failure)
+                call check_failure(error, failure, 'step_limit', 'steps were taken')
+                if (allocated(error)) return
+                call check_close(error, [simulation%state%t, simulation%state%q], [same%state%t, same%state%q], 0.0_wp, &
+                    stepper_names(i)//': last state')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_evaluations
+
+    !> A first step of 10 is rejected many times: the limit is met before any step is accepted.
+    subroutine test_rejected(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(tilted_skate_type), target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+
+        call model%define()
+        options%stepper = 'dopri5'
+        options%rtol = 1.0e-12_wp
+        options%first_step = 10.0_wp
+        options%max_evaluations = 10
+        call run(simulation, model, options, 0.0_wp, [0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp], 10.0_wp, failure)
+        call check_failure(error, failure, 'work_limit', 't = 0.0')
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, statistics%steps == 0 .and. statistics%rejected == 2, 'two tries')
+    end subroutine test_rejected
+
+    !> 10 million steps would take seconds.
+    subroutine test_seconds(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(tilted_skate_type), target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+
+        call model%define()
+        options%step = 1.0e-6_wp
+        options%max_seconds = 0.02_wp
+        call run(simulation, model, options, 0.0_wp, [0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp], 10.0_wp, failure)
+        call check_failure(error, failure, 'work_limit', 'max_seconds = ')
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        ! A busy machine may let it wait.
+        call check_between(error, statistics%wall_seconds, 0.02_wp, 2.0_wp, 'wall time')
+        if (allocated(error)) return
+        call check_true(error, statistics%steps > 0, 'steps')
+    end subroutine test_seconds
+
+    subroutine test_not_reached(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: free(4), limited(4), found
+        integer :: steps
+
+        options%stepper = 'dop853'
+        options%rtol = 1.0e-8_wp
+        call skate(options, free, found, steps, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        options%max_evaluations = 100000
+        options%max_seconds = 1.0e6_wp
+        call skate(options, limited, found, steps, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_close(error, limited, free, 0.0_wp, 'state at the end')
+    end subroutine test_not_reached
+
+    subroutine test_work_options(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+
+        options%max_evaluations = -1
+        call options%check(failure)
+        call check_failure(error, failure, 'invalid_option', 'max_evaluations = -1')
+        if (allocated(error)) return
+        options%max_evaluations = 0
+        options%max_seconds = ieee_value(1.0_wp, ieee_quiet_nan)
+        call options%check(failure)
+        call check_failure(error, failure, 'invalid_option', 'max_seconds = ')
+    end subroutine test_work_options
 end module test_tolerances

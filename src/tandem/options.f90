@@ -69,6 +69,10 @@ module tandem_options
         integer :: max_events = 100000
         !> Most steps of one run.
         integer :: max_steps = huge(1)
+        !> Most evaluations of the right-hand side, those of rejected steps and of dense output included; 0 means no limit.
+        integer :: max_evaluations = 0
+        !> Most seconds of wall time, counted from the first step; 0 means no limit.
+        real(wp) :: max_seconds = 0.0_wp
     contains
         procedure :: check
         procedure :: check_sizes
@@ -102,6 +106,13 @@ contains
         else if (self%max_events < 1) then
             call set_error(error, status_invalid_option, 'max_events = '//to_text(self%max_events)//' must be at least 1')
         end if
+        if (allocated(error)) return
+        if (self%max_evaluations < 0) then
+            call set_error(error, status_invalid_option, 'max_evaluations = '//to_text(self%max_evaluations)// &
+                ' must be positive, or 0 for no limit')
+            return
+        end if
+        call check_limit('max_seconds', self%max_seconds, error)
         if (allocated(error)) return
         call check_positive('step', self%step, error)
         if (allocated(error)) return

@@ -430,6 +430,7 @@ class SceneErrors(Case):
             ("solver", "start_tolerance = 0", "start_tolerance must"), ("solver", 'basis = "lu"', "qr, svd"),
             ("solver", "intol = 1", "intol must"), ("solver", "condition_limit = -1", "condition_limit must"),
             ("solver", "iteration_limit = -1", "iteration_limit must"), ("solver", "max_steps = 0", "must be at least 1"),
+            ("solver", "max_evaluations = -1", "max_evaluations must"), ("solver", "max_seconds = -1", "max_seconds must"),
             ("solver", "max_steps = 3000000000", "must lie between"), ("output", "every = 0", "every must be positive"),
             ("output", 'file = ""', "must not be empty"), ("output", 'file = "a\\nb"', "control characters"),
             ("output", 'fields = ["q", "qqd"]', 'did you mean "qd"?'), ("output", 'fields = ["q", "q"]', "more than once"),

@@ -14,9 +14,10 @@ module tandem_simulation
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
         status_invalid_option, status_not_evaluable, status_not_finite, status_of, status_ok, status_rank_deficient, &
-        status_singular_mass, status_step_limit, status_step_underflow
+        status_singular_mass, status_step_limit, status_step_underflow, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
@@ -90,6 +91,7 @@ module tandem_simulation
         integer, private :: n_at_once = 0
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
+        type(work_limit_type), private :: work
         type(properties_type), private :: method
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
@@ -204,6 +206,7 @@ contains
         self%model => model
         self%options = options
         self%tally = statistics_type()
+        call self%work%set(options%max_evaluations, options%max_seconds)
         self%grid_steps = 0
         self%on_grid = .true.
         self%last_step = 0.0_wp

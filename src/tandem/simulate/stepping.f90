@@ -23,6 +23,8 @@ contains
                 to_text(self%state%t))
             return
         end if
+        if (self%work%is_set) call check_work(self, error)
+        if (allocated(error)) return
         last_errors = self%errors
         last_grid_steps = self%grid_steps
         was_on_grid = self%on_grid
@@ -144,6 +146,8 @@ contains
                 if (norm <= 1.0_wp) exit
                 self%tally%rejected = self%tally%rejected + 1
                 call self%control%reject(h, norm)
+                if (self%work%is_set) call check_work(self, error)
+                if (allocated(error)) return
                 cycle
             end if
             if (stat == status_callback_failed) then
@@ -152,6 +156,8 @@ contains
             end if
             self%tally%failed = self%tally%failed + 1
             call self%control%fail(h)
+            if (self%work%is_set) call check_work(self, error)
+            if (allocated(error)) return
             if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
             if (allocated(error)) return
         end do
@@ -160,6 +166,17 @@ contains
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
+
+    !> The error of a run that has cost what it may; the state is the last accepted one.
+    subroutine check_work(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        associate (evaluations => self%chart%counts%right_hand_sides)
+            if (self%work%is_spent(evaluations)) call set_error(error, status_work_limit, &
+                self%work%describe(evaluations)//', t = '//to_text(self%state%t))
+        end associate
+    end subroutine check_work
 
     !> The error of a step that would no longer change the time: the reason of the last failure where there was one.
     subroutine underflow(self, stat, h, error)

@@ -64,6 +64,10 @@ contains
         call verify('start_tolerance')
         call reader%get('max_steps', options%max_steps)
         call verify('max_steps')
+        call reader%get('max_evaluations', options%max_evaluations, help='of the right-hand side; 0 for no limit')
+        call verify('max_evaluations')
+        call reader%get('max_seconds', options%max_seconds, unit='s', help='of wall time; 0 for no limit')
+        call verify('max_seconds')
         call reader%close_table()
     contains
         !> The options were right before this key was read: what is wrong now is its fault.

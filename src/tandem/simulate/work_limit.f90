@@ -1,0 +1,67 @@
+! SPDX-License-Identifier: MIT
+!> Limits on what a run may cost: evaluations of the right-hand side, and wall time. Where none is set, nothing is counted and no
+!> clock is read.
+module tandem_simulate_work_limit
+    use tandem_error, only: to_text
+    use tandem_kinds, only: long, wp
+    implicit none (type, external)
+    private
+
+    public :: work_limit_type
+
+    type :: work_limit_type
+        !> Whether any limit is set; ask `is_spent` only then.
+        logical :: is_set = .false.
+        integer(long), private :: max_evaluations = 0, clock_start = 0
+        real(wp), private :: max_seconds = 0.0_wp
+        logical, private :: has_started = .false.
+    contains
+        procedure :: set
+        procedure :: is_spent
+        procedure :: describe
+    end type work_limit_type
+
+contains
+
+    !> Begin with limits; 0 means none.
+    pure subroutine set(self, max_evaluations, max_seconds)
+        class(work_limit_type), intent(inout) :: self
+        !> Most evaluations of the right-hand side.
+        integer, intent(in) :: max_evaluations
+        !> Most seconds of wall time since `is_spent` was first asked.
+        real(wp), intent(in) :: max_seconds
+
+        self%max_evaluations = int(max_evaluations, long)
+        self%max_seconds = max_seconds
+        self%is_set = max_evaluations > 0 .or. max_seconds > 0.0_wp
+        self%has_started = .false.
+    end subroutine set
+
+    !> Whether a limit is reached. The first call starts the clock.
+    logical function is_spent(self, evaluations)
+        class(work_limit_type), intent(inout) :: self
+        !> Evaluations so far.
+        integer(long), intent(in) :: evaluations
+        integer(long) :: now, rate
+
+        is_spent = self%max_evaluations > 0 .and. evaluations >= self%max_evaluations
+        if (.not. self%max_seconds > 0.0_wp) return
+        call system_clock(now, rate)
+        if (.not. self%has_started) self%clock_start = now
+        self%has_started = .true.
+        is_spent = is_spent .or. real(now - self%clock_start, wp) >= self%max_seconds*real(rate, wp)
+    end function is_spent
+
+    !> What the run has cost, in words.
+    function describe(self, evaluations) result(text)
+        class(work_limit_type), intent(in) :: self
+        integer(long), intent(in) :: evaluations
+        character(len=:), allocatable :: text
+
+        if (self%max_evaluations > 0 .and. evaluations >= self%max_evaluations) then
+            text = 'max_evaluations = '//to_text(int(self%max_evaluations))//' is reached'
+        else
+            text = 'max_seconds = '//to_text(self%max_seconds)//' have passed'
+        end if
+    end function describe
+end module tandem_simulate_work_limit
