@@ -10,6 +10,7 @@ program main
     use test_counters, only: collect_counters
     use test_dense, only: collect_dense
     use test_derivatives, only: collect_derivatives
+    use test_estimates, only: collect_estimates
     use test_euler_parameters, only: collect_euler_parameters
     use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
@@ -63,6 +64,7 @@ program main
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('control', collect_control), &
         new_testsuite('tolerances', collect_tolerances), &
+        new_testsuite('estimates', collect_estimates), &
         new_testsuite('dense', collect_dense), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &

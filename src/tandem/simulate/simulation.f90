@@ -14,6 +14,7 @@ module tandem_simulation
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
         status_invalid_option, status_not_evaluable, status_not_finite, status_of, status_ok, status_rank_deficient, &
@@ -92,6 +93,7 @@ module tandem_simulation
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
         type(work_limit_type), private :: work
+        type(stiffness_type), private :: stiffness
         type(properties_type), private :: method
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
@@ -206,6 +208,7 @@ contains
         self%model => model
         self%options = options
         self%tally = statistics_type()
+        self%stiffness = stiffness_type()
         call self%work%set(options%max_evaluations, options%max_seconds)
         self%grid_steps = 0
         self%on_grid = .true.
@@ -354,6 +357,9 @@ contains
         type(statistics_type) :: statistics_
 
         statistics_ = self%tally
+        statistics_%is_stiff = self%stiffness%is_stiff
+        statistics_%stiff_from = self%stiffness%since
+        statistics_%stiff_steps = self%stiffness%steps
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
     end function statistics
 

@@ -32,6 +32,11 @@ module tandem_simulate_statistics
         integer(long) :: charts_by(n_reasons) = 0
         !> Largest constraint errors over all accepted steps, on the natural scale of each row.
         real(wp) :: position_error = 0.0_wp, velocity_error = 0.0_wp, acceleration_error = 0.0_wp
+        !> Explicit steppers: steps at the limit of stability; whether there were so many in a row that stability, not accuracy,
+        !> limits the steps, and since when.
+        integer(long) :: stiff_steps = 0
+        logical :: is_stiff = .false.
+        real(wp) :: stiff_from = 0.0_wp
         !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
         real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
         !> Evaluations of the functions of events.

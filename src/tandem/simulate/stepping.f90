@@ -48,6 +48,8 @@ contains
             return
         end if
         self%last_step = self%state%t - self%start%t
+        if (self%method%stability_limit > 0.0_wp) call self%stiffness%observe(self%start%t, &
+            self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit)
         self%has_step = .true.
         self%segment_of_step = self%model%segment
         self%chart_is_current = .false.

@@ -24,7 +24,7 @@ contains
         type(properties_type) :: properties_
 
         properties_ = properties_type('dopri5', 5, 6, .false., 4, 'conditional (|h lambda| < 3.3)', &
-            'Dormand, Prince 1980; Hairer, Norsett, Wanner I, table II.5.2')
+            'Dormand, Prince 1980; Hairer, Norsett, Wanner I, table II.5.2', stability_limit=3.25_wp)
     end function properties
 
     !> The tableau.

@@ -30,6 +30,7 @@ module tandem_stepper_explicit
         procedure :: advance
         procedure :: estimate
         procedure :: set_stage
+        procedure :: stiffness
         procedure, private :: estimate_norm
         procedure(set_tableau_interface), deferred :: set_tableau
     end type explicit_type
@@ -128,6 +129,31 @@ contains
         second = 0.1_wp*self%estimate_norm(2, h, weight_q, weight_qd)
         norm = norm**2/sqrt(norm**2 + second**2)
     end subroutine estimate
+
+    !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards
+    !> the direction of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
+    !> Velocities count h times in both, so that units do not matter and a slow motion stays below 1: not to be asked after dense
+    !> output, which overwrites the stage.
+    real(wp) function stiffness(self, h, arrived)
+        class(explicit_type), intent(in) :: self
+        real(wp), intent(in) :: h
+        type(state_type), intent(in) :: arrived
+        real(wp) :: of_q, of_qd, of_qdd
+        integer :: i, s
+
+        s = size(self%b)
+        of_q = 0.0_wp
+        of_qd = 0.0_wp
+        of_qdd = 0.0_wp
+        do i = 1, size(self%q)
+            of_q = of_q + (arrived%q(i) - self%q(i))**2
+            of_qd = of_qd + (arrived%qd(i) - self%rate_q(i, s))**2
+            of_qdd = of_qdd + (arrived%qdd(i) - self%rate_qd(i, s))**2
+        end do
+        of_qd = h**2*of_qd
+        of_qdd = h**4*of_qdd
+        stiffness = sqrt((of_qd + of_qdd)/max(of_q + of_qd, tiny(1.0_wp)))
+    end function stiffness
 
     !> The weighted norm of one estimate.
     real(wp) function estimate_norm(self, number, h, weight_q, weight_qd)

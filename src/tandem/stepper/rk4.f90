@@ -23,7 +23,7 @@ contains
         type(properties_type) :: properties_
 
         properties_ = properties_type('rk4', 4, 4, .false., 0, 'conditional (|h lambda| < 2.8)', &
-            'W. Kutta 1901; Hairer, Norsett, Wanner I, table II.1.2')
+            'W. Kutta 1901; Hairer, Norsett, Wanner I, table II.1.2', stability_limit=2.5_wp)
     end function properties
 
     !> The tableau.

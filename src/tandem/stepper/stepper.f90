@@ -24,6 +24,8 @@ module tandem_stepper
         character(len=96) :: source = ''
         !> Order of the position between the ends of a step; the velocity has one less where it is Hermite's 6.
         integer :: dense_order = 6
+        !> Explicit methods: h |lambda| at which the step is at the limit of stability; 0 where there is none.
+        real(wp) :: stability_limit = 0.0_wp
     end type properties_type
 
     type, abstract :: stepper_type
@@ -33,6 +35,7 @@ module tandem_stepper
         procedure(advance_interface), deferred :: advance
         procedure(estimate_interface), deferred :: estimate
         procedure :: interpolate
+        procedure :: stiffness
     end type stepper_type
 
     abstract interface
@@ -125,6 +128,18 @@ contains
         dqd = start%dqd - start%qd + slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &
             slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
     end subroutine interpolate
+
+    !> An estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for
+    !> methods that have no such limit.
+    real(wp) function stiffness(self, h, arrived)
+        class(stepper_type), intent(in) :: self
+        !> Size of that step.
+        real(wp), intent(in) :: h
+        !> The state at its end.
+        type(state_type), intent(in) :: arrived
+
+        stiffness = 0.0_wp
+    end function stiffness
 
     !> Root mean square of weighted errors of q and qd.
     pure real(wp) function weighted_norm(error_q, error_qd, weight_q, weight_qd)

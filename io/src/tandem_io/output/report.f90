@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
-    use tandem, only: derivative_name, n_derivatives, n_reasons, n_terms, reason_name, statistics_type, term_name
+    use tandem, only: derivative_name, long, n_derivatives, n_reasons, n_terms, reason_name, statistics_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none (type, external)
     private
@@ -24,6 +24,9 @@ contains
             call file%attach(place, 'failed', s%failed)
             call file%attach(place, 'smallest_step', min(s%smallest_step, s%largest_step))
             call file%attach(place, 'largest_step', s%largest_step)
+            call file%attach(place, 'stiff', merge(1_long, 0_long, s%is_stiff))
+            call file%attach(place, 'stiff_from', s%stiff_from)
+            call file%attach(place, 'stiff_steps', s%stiff_steps)
             call file%attach(place, 'charts', s%charts)
             do i = 1, n_reasons
                 call file%attach(place, 'charts_by_'//as_name(reason_name(i)), s%charts_by(i))
