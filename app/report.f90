@@ -58,6 +58,8 @@ contains
         call print_line('largest errors', 'position '//short(s%position_error, 2)//', velocity '// &
             short(s%velocity_error, 2)//', acceleration '//short(s%acceleration_error, 2)// &
             ' over all steps (tolerance '//to_toml(scene%options%constraint_tolerance)//", on each row's natural scale)")
+        if (s%local_error_steps > 0) call print_line('local error', short(s%local_error, 2)//' a step at most, '// &
+            short(s%local_error_sum, 2)//' summed over the run, not counting how the motion amplifies it')
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &
                 ' of its natural scale, since the model leaves gamma to differences')

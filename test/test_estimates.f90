@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> What a run says about itself: that it is stiff, and how wrong it is.
 module test_estimates
-    use asserts, only: check_below, check_between, check_no_failure, check_true
+    use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
     use runs, only: get_start, new_scene, run
     use tandem, only: failure_type => error_type, model_type, motorcycle_type, options_type, simulation_type, &
         statistics_type, wp
+    use tandem_simulate_local_error, only: local_error_type
     use tandem_simulate_stiffness, only: stiffness_type
+    use tandem_stepper_state, only: state_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -26,7 +28,13 @@ contains
             new_unittest('a-stiff-pendulum-is-noticed', test_stiff_pendulum), &
             new_unittest('a-stiff-suspension-is-noticed', test_stiff_suspension), &
             new_unittest('fixed-steps-near-the-limit-are-noticed', test_stiff_rk4), &
-            new_unittest('what-is-not-stiff-gives-no-alarm', test_not_stiff)]
+            new_unittest('what-is-not-stiff-gives-no-alarm', test_not_stiff), &
+            new_unittest('boole-finds-a-known-local-error', test_window), &
+            new_unittest('windows-begin-anew-where-steps-differ', test_windows), &
+            new_unittest('local-errors-of-fixed-steps-are-the-true-ones', test_local_errors), &
+            new_unittest('local-errors-of-controlled-steps-are-the-estimates', test_controlled_errors), &
+            new_unittest('a-breakpoint-spoils-no-window', test_breakpoint), &
+            new_unittest('few-steps-give-no-estimate', test_few_steps)]
     end subroutine collect_estimates
 
     subroutine test_rule(error)
@@ -184,4 +192,207 @@ contains
             end do
         end do
     end subroutine test_not_stiff
+
+    !> The state of y = q = t**5 with something added to q, from which the local error follows.
+    pure function polynomial(t, added) result(state)
+        real(wp), intent(in) :: t, added
+        type(state_type) :: state
+
+        state%t = t
+        state%q = [t**5 + added]
+        state%qd = [5*t**4]
+        state%qdd = [20*t**3]
+        state%dq = state%q
+        state%dqd = state%q
+    end function polynomial
+
+    !> Boole's rule is exact for rates of degree 5: what is left is what the steps have added, 1 + 2 + 3 + 4 thousandths.
+    subroutine test_window(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(local_error_type) :: local
+        logical :: is_complete
+        integer :: i
+
+        call local%initialize([1.0_wp])
+        do i = 0, 3
+            call local%extend(polynomial(1.0_wp + 0.25_wp*i, 5.0e-4_wp*i*(i + 1)), &
+                polynomial(1.25_wp + 0.25_wp*i, 5.0e-4_wp*(i + 1)*(i + 2)), is_complete)
+            call check_true(error, is_complete .eqv. i == 3, 'a window has four steps')
+            if (allocated(error)) return
+        end do
+        ! Rounding of values up to 32.
+        call check_close(error, [local%error_q, local%error_qd], [1.0e-2_wp, 0.0_wp], 1.0e-13_wp, 'sum of the errors')
+        if (allocated(error)) return
+        call local%add(1.0e-2_wp, 4)
+        call check_close(error, [local%largest, local%total], [2.5e-3_wp, 1.0e-2_wp], 1.0e-16_wp, 'largest and sum')
+    end subroutine test_window
+
+    !> Two steps, then one of another size, one that does not continue, and two more: the window that is complete then begins with
+    !> the one that does not continue.
+    subroutine test_windows(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(local_error_type) :: local
+        real(wp), parameter :: from(8) = [0.0_wp, 0.5_wp, 1.0_wp, 2.0_wp, 2.5_wp, 3.0_wp, 3.5_wp, 4.0_wp]
+        real(wp), parameter :: to(8) = [0.5_wp, 1.0_wp, 1.25_wp, 2.5_wp, 3.0_wp, 3.5_wp, 4.0_wp, 4.5_wp]
+        logical :: is_complete
+        integer :: i
+
+        call local%initialize([1.0_wp])
+        do i = 1, 8
+            call local%extend(polynomial(from(i), 0.0_wp), polynomial(to(i), 0.0_wp), is_complete)
+            call check_true(error, is_complete .eqv. i == 7, 'which step completes a window')
+            if (allocated(error)) return
+            ! Rounding of values up to 1e3.
+            if (i == 7) call check_below(error, maxval(abs([local%error_q, local%error_qd])), 1.0e-12_wp, 'an error of nothing')
+            if (allocated(error)) return
+        end do
+        call local%restart()
+        do i = 5, 8
+            call local%extend(polynomial(from(i), 0.0_wp), polynomial(to(i), 0.0_wp), is_complete)
+            call check_true(error, is_complete .eqv. i == 8, 'four steps after a restart')
+            if (allocated(error)) return
+        end do
+    end subroutine test_windows
+
+    !> Sum over windows of the true local errors: each step against dop853 at 1e-14 from the same state.
+    subroutine check_local_errors(error, scene, stepper, step, low, high)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), intent(in) :: scene, stepper
+        real(wp), intent(in) :: step, low, high
+        class(model_type), allocatable, target :: model, exact_model
+        type(simulation_type) :: simulation, exact
+        type(statistics_type) :: statistics
+        type(options_type) :: options, tight
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:), error_q(:), error_qd(:)
+        real(wp) :: t, total
+        integer :: i, k
+
+        call new_scene(scene, model)
+        call new_scene(scene, exact_model)
+        call get_start(scene, q, qd)
+        options%stepper = stepper
+        options%step = step
+        tight%stepper = 'dop853'
+        tight%rtol = 1.0e-14_wp
+        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+        total = 0.0_wp
+        do k = 1, 10
+            error_q = spread(0.0_wp, 1, size(q))
+            error_qd = error_q
+            do i = 1, 4
+                t = simulation%state%t
+                q = simulation%state%q
+                qd = simulation%state%qd
+                if (.not. allocated(failure)) call simulation%step(huge(1.0_wp), failure)
+                if (.not. allocated(failure)) call run(exact, exact_model, tight, t, q, qd, simulation%state%t, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                error_q = error_q + (simulation%state%q - exact%state%q)
+                error_qd = error_qd + (simulation%state%qd - exact%state%qd)
+            end do
+            total = total + sqrt((sum((error_q/(1 + abs(simulation%state%q)))**2) + &
+                sum((error_qd/(1 + abs(simulation%state%qd)))**2))/(2*size(q)))
+        end do
+        statistics = simulation%statistics()
+        call check_count(error, statistics%local_error_steps, 40, 'steps behind the estimate')
+        if (allocated(error)) return
+        call check_between(error, statistics%local_error_sum/total, low, high, scene//', '//stepper//': estimated over true')
+    end subroutine check_local_errors
+
+    !> Steps whose errors are well above rounding. What is left is of order h; seen over four times as many windows: 0.99 to 1.02.
+    subroutine test_local_errors(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(3) = [character(len=10) :: 'knife_edge', 'disk', 'vehicle']
+        character(len=9), parameter :: methods(3) = [character(len=9) :: 'rk4', 'trapezoid', 'sdirk54']
+        integer :: i, k
+
+        do i = 1, size(scenes)
+            do k = 1, size(methods)
+                call check_local_errors(error, trim(scenes(i)), trim(methods(k)), 1.0e-2_wp, 0.95_wp, 1.05_wp)
+                if (allocated(error)) return
+            end do
+        end do
+        ! The rest of Boole's rule is not small against the error of a method of order 5.
+        call check_local_errors(error, 'heavy_top', 'dopri5', 1.0e-2_wp, 0.5_wp, 2.0_wp)
+        if (allocated(error)) return
+        ! Its own estimate, which errs to the safe side.
+        call check_local_errors(error, 'heavy_top', 'dop853', 1.0e-2_wp, 1.0_wp, 10.0_wp)
+    end subroutine test_local_errors
+
+    !> At most the tolerance a step, with one tolerance for everything or several.
+    subroutine test_controlled_errors(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: one, several
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_scene('knife_edge', model)
+        call get_start('knife_edge', q, qd)
+        options%stepper = 'sdirk54'
+        options%rtol = 1.0e-6_wp
+        call run(simulation, model, options, 0.0_wp, q, qd, 5.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        one = simulation%statistics()
+        call check_count(error, one%local_error_steps, int(one%steps), 'every step has an estimate')
+        if (allocated(error)) return
+        call check_between(error, one%local_error, 0.3e-6_wp, 1.0e-6_wp, 'largest')
+        if (allocated(error)) return
+        ! The same tolerances, which the program does not see: the errors are measured anew, on s + |y| at the end of a step.
+        options%rtol_q = spread(1.0e-6_wp, 1, 3)
+        call run(simulation, model, options, 0.0_wp, q, qd, 5.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        several = simulation%statistics()
+        call check_between(error, several%local_error_sum/one%local_error_sum, 0.9_wp, 1.1_wp, 'sum measured anew')
+    end subroutine test_controlled_errors
+
+    !> Within 4 s before and after the vehicle's kink at 2 pi the errors are of the same size; a window across it would show the
+    !> jump of the steering's acceleration, h**2 times 0.017.
+    subroutine test_breakpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: before, after
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_scene('vehicle', model)
+        call get_start('vehicle', q, qd)
+        options%step = 1.0e-2_wp
+        call run(simulation, model, options, 0.0_wp, q, qd, 6.0_wp, failure)
+        before = simulation%statistics()
+        if (.not. allocated(failure)) call simulation%integrate(8.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        after = simulation%statistics()
+        call check_true(error, after%local_error_steps > before%local_error_steps + 190, 'windows go on behind it')
+        if (allocated(error)) return
+        call check_below(error, after%local_error, before%local_error, 'largest error behind the kink')
+    end subroutine test_breakpoint
+
+    subroutine test_few_steps(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_scene('knife_edge', model)
+        call get_start('knife_edge', q, qd)
+        options%step = 1.0e-2_wp
+        call run(simulation, model, options, 0.0_wp, q, qd, 0.035_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        ! Three steps, and one that was cut.
+        call check_true(error, statistics%steps == 4 .and. statistics%local_error_steps == 0, 'no window is complete')
+    end subroutine test_few_steps
 end module test_estimates

@@ -77,6 +77,7 @@ module tandem_options
         procedure :: check
         procedure :: check_sizes
         procedure :: is_adaptive
+        procedure :: has_one_tolerance
         procedure :: relative_tolerance
         procedure :: absolute_tolerance
         procedure :: fill_tolerances
@@ -179,6 +180,14 @@ contains
 
         is_adaptive = .not. is_unset(self%rtol) .or. allocated(self%rtol_q) .or. allocated(self%rtol_qd)
     end function is_adaptive
+
+    !> Whether rtol is the tolerance of everything, relative and absolute.
+    pure logical function has_one_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        has_one_tolerance = abs(self%absolute_tolerance() - self%rtol) <= 0.0_wp .and. .not. (allocated(self%rtol_q) .or. &
+            allocated(self%rtol_qd) .or. allocated(self%atol_q) .or. allocated(self%atol_qd))
+    end function has_one_tolerance
 
     !> The smallest relative tolerance in use: rtol where there is one for all coordinates. 0 for fixed steps.
     pure real(wp) function relative_tolerance(self)

@@ -12,6 +12,7 @@ module tandem_simulation
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
         by_start, by_step, by_v, by_w, statistics_type
+    use tandem_simulate_local_error, only: local_error_type, steps_of_window
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulate_stiffness, only: stiffness_type
@@ -94,6 +95,7 @@ module tandem_simulation
         type(step_control_type), private :: control
         type(work_limit_type), private :: work
         type(stiffness_type), private :: stiffness
+        type(local_error_type), private :: local_error
         type(properties_type), private :: method
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
@@ -229,6 +231,7 @@ contains
         self%state%q = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%state%q = model%coordinate_scale
         call self%control%initialize(options, self%state%q, self%method%estimate_order, self%method%implicit)
+        call self%local_error%initialize(self%state%q)
         call self%stepper%initialize(model%n, options%newton_tolerance())
         call self%state%allocate(model%n)
         call self%next%allocate(model%n)
@@ -360,6 +363,13 @@ contains
         statistics_%is_stiff = self%stiffness%is_stiff
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
+        associate (local => self%local_error)
+            if (local%steps == 0) return
+            statistics_%local_error = local%largest
+            statistics_%local_error_steps = local%steps
+            ! Steps in no full window count like the others.
+            statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
+        end associate
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
     end function statistics
 

@@ -32,6 +32,10 @@ module tandem_simulate_statistics
         integer(long) :: charts_by(n_reasons) = 0
         !> Largest constraint errors over all accepted steps, on the natural scale of each row.
         real(wp) :: position_error = 0.0_wp, velocity_error = 0.0_wp, acceleration_error = 0.0_wp
+        !> Estimated error of a step, the largest, and the sum over all, on the scale s + |y| of each coordinate and velocity, root
+        !> mean square; how the motion amplifies them is not in it. Behind them stand so many steps; 0 means no estimate.
+        real(wp) :: local_error = 0.0_wp, local_error_sum = 0.0_wp
+        integer(long) :: local_error_steps = 0
         !> Explicit steppers: steps at the limit of stability; whether there were so many in a row that stability, not accuracy,
         !> limits the steps, and since when.
         integer(long) :: stiff_steps = 0

@@ -108,6 +108,7 @@ contains
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
             return
         end if
+        call note_local_error(self, h)
         self%on_grid = ends_on_grid
         if (ends_on_grid) self%grid_steps = self%grid_steps + 1
     end subroutine try_fixed_step
@@ -163,11 +164,46 @@ contains
             if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
             if (allocated(error)) return
         end do
+        call note_local_error(self, h, norm)
         call self%control%accept(h, is_cut .or. h < self%control%h, norm)
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
+
+    !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
+    !> made, else of the window of equal steps that it completes.
+    subroutine note_local_error(self, h, norm)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        !> The estimate of a controlled step on the scale of the tolerances.
+        real(wp), intent(in), optional :: norm
+        logical :: is_complete
+        real(wp) :: relative, filtered
+
+        associate (local => self%local_error)
+            if (present(norm) .and. self%options%has_one_tolerance()) then
+                call local%add(norm*self%options%rtol, 1)
+            else if (present(norm) .or. self%method%order > 5) then
+                call local%set_weights(self%next)
+                call self%stepper%estimate(self%chart, h, local%weight_q, local%weight_qd, relative)
+                call local%add(relative, 1)
+            else
+                call local%extend(self%state, self%next, is_complete)
+                if (.not. is_complete) return
+                call local%set_weights(self%next)
+                relative = weighted_norm(local%error_q, local%error_qd, local%weight_q, local%weight_qd)
+                if (self%method%implicit) then
+                    ! Stiff modes have rates that are large against their changes. The filter takes that out, and also what an
+                    ! error leaves in dependent velocities, so it counts only where it takes nearly all.
+                    call self%chart%filter_error(local%error_q, local%error_qd)
+                    filtered = weighted_norm(local%error_q, local%error_qd, local%weight_q, local%weight_qd)
+                    if (filtered < 0.1_wp*relative) relative = filtered
+                end if
+                call local%add(relative, steps_of_window)
+            end if
+        end associate
+    end subroutine note_local_error
 
     !> The error of a run that has cost what it may; the state is the last accepted one.
     subroutine check_work(self, error)
@@ -318,6 +354,7 @@ contains
             if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
             model%segment = model%segment + 1
             call self%control%restart()
+            call self%local_error%restart()
             call self%chart%forget()
             stat = status_ok
             if (jumps) then

@@ -1,0 +1,129 @@
+! SPDX-License-Identifier: MIT
+!> The local errors of a run: what single steps leave, the largest and their sum.
+!>
+!> Steppers with an estimate of their own bring it. For fixed steps of the others it comes from windows of four equal steps, without
+!> an evaluation: y_4 - y_0 less Boole's quadrature of the rates at the five points is the sum of the four local errors, up to the
+!> quadrature's own error of order h^7 and a part h J of itself (theory, section 20).
+module tandem_simulate_local_error
+    use tandem_kinds, only: long, wp
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: local_error_type, steps_of_window
+
+    !> Steps of a window, and 90/4 times Boole's weights for the ends of its steps and for its start.
+    integer, parameter :: steps_of_window = 4
+    real(wp), parameter :: weight(steps_of_window) = [32.0_wp, 12.0_wp, 32.0_wp, 7.0_wp], first_weight = 7.0_wp
+
+    type :: local_error_type
+        !> Largest error of a step, and sum of all, on the scale s + |y| of each coordinate and velocity, root mean square.
+        real(wp) :: largest = 0.0_wp, total = 0.0_wp
+        !> Steps behind them.
+        integer(long) :: steps = 0
+        !> 1 / (s + |y|) for q and for qd, s the coordinate scales; the error of the last window (n).
+        real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
+        !> The state at the start of the window, the weighted sum of the rates since, and the scales (n).
+        real(wp), allocatable, private :: q0(:), qd0(:), sum_q(:), sum_qd(:), scale(:)
+        real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
+        integer, private :: in_window = 0
+    contains
+        procedure :: initialize
+        procedure :: set_weights
+        procedure :: add
+        procedure :: extend
+        procedure :: restart
+    end type local_error_type
+
+contains
+
+    !> Begin anew with coordinate scales (n).
+    pure subroutine initialize(self, scale)
+        class(local_error_type), intent(inout) :: self
+        real(wp), intent(in) :: scale(:)
+
+        self%largest = 0.0_wp
+        self%total = 0.0_wp
+        self%steps = 0
+        self%in_window = 0
+        self%scale = scale
+        self%weight_q = scale
+        self%weight_qd = scale
+        self%error_q = scale
+        self%error_qd = scale
+        self%q0 = scale
+        self%qd0 = scale
+        self%sum_q = scale
+        self%sum_qd = scale
+    end subroutine initialize
+
+    !> Make errors relative to a state.
+    pure subroutine set_weights(self, state)
+        class(local_error_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+        integer :: i
+
+        do i = 1, size(self%scale)
+            self%weight_q(i) = 1.0_wp/(self%scale(i) + abs(state%q(i)))
+            self%weight_qd(i) = 1.0_wp/(self%scale(i) + abs(state%qd(i)))
+        end do
+    end subroutine set_weights
+
+    !> Take note of the errors of some steps.
+    pure subroutine add(self, total, steps)
+        class(local_error_type), intent(inout) :: self
+        !> Their sum, relative.
+        real(wp), intent(in) :: total
+        integer, intent(in) :: steps
+
+        ! Less than rounding leaves cannot be.
+        self%total = self%total + max(total, steps*epsilon(1.0_wp))
+        self%largest = max(self%largest, total/real(steps, wp), epsilon(1.0_wp))
+        self%steps = self%steps + steps
+    end subroutine add
+
+    !> Take note of a step. A step that does not continue the last one, or has another size, begins a new window.
+    pure subroutine extend(self, start, arrived, is_complete)
+        class(local_error_type), intent(inout) :: self
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        !> Whether `error_q` and `error_qd` are now the sum of the errors of a window, for `add`.
+        logical, intent(out) :: is_complete
+        real(wp) :: h
+        integer :: i
+
+        h = arrived%t - start%t
+        if (abs(start%t - self%t_last) > 0.0_wp .or. abs(h - self%h) > 8.0_wp*spacing(abs(arrived%t))) self%in_window = 0
+        self%h = h
+        self%t_last = arrived%t
+        if (self%in_window == 0) then
+            self%t0 = start%t
+            do i = 1, size(self%q0)
+                self%q0(i) = start%q(i)
+                self%qd0(i) = start%qd(i)
+                self%sum_q(i) = first_weight*start%qd(i)
+                self%sum_qd(i) = first_weight*start%qdd(i)
+            end do
+        end if
+        self%in_window = self%in_window + 1
+        do i = 1, size(self%q0)
+            self%sum_q(i) = self%sum_q(i) + weight(self%in_window)*arrived%qd(i)
+            self%sum_qd(i) = self%sum_qd(i) + weight(self%in_window)*arrived%qdd(i)
+        end do
+        is_complete = self%in_window == steps_of_window
+        if (.not. is_complete) return
+        self%in_window = 0
+        h = (arrived%t - self%t0)/90.0_wp
+        do i = 1, size(self%q0)
+            self%error_q(i) = arrived%q(i) - self%q0(i) - h*self%sum_q(i)
+            self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%sum_qd(i)
+        end do
+    end subroutine extend
+
+    !> Begin a new window: where the motion has a kink or a jump.
+    pure subroutine restart(self)
+        class(local_error_type), intent(inout) :: self
+
+        self%in_window = 0
+    end subroutine restart
+end module tandem_simulate_local_error
