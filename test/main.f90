@@ -2,6 +2,7 @@
 !> Runs the tests: all of them, one suite, or one test. Usage: tandem-test [SUITE [TEST]]
 program main
     use test_accuracy, only: collect_accuracy
+    use test_assembly, only: collect_assembly
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
     use test_constraints, only: collect_constraints
@@ -15,6 +16,7 @@ program main
     use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
+    use test_linalg_singular, only: collect_linalg_singular
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mechanisms, only: collect_mechanisms
     use test_model_check, only: collect_model_check
@@ -43,6 +45,7 @@ program main
         new_testsuite('linalg_basis', collect_linalg_basis), &
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &
+        new_testsuite('linalg_singular', collect_linalg_singular), &
         new_testsuite('euler_parameters', collect_euler_parameters), &
         new_testsuite('rigid', collect_rigid), &
         new_testsuite('models', collect_models), &
@@ -53,6 +56,7 @@ program main
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &
+        new_testsuite('assembly', collect_assembly), &
         new_testsuite('failures', collect_failures), &
         new_testsuite('statuses', collect_statuses), &
         new_testsuite('rk4', collect_rk4), &

@@ -100,6 +100,7 @@ module tandem_model
     contains
         procedure :: n_constraints
         procedure :: row_name
+        procedure :: coordinate_label
     end type model_type
 
     abstract interface
@@ -276,4 +277,20 @@ contains
         write (number, '(i0)') i
         name = name//trim(number)
     end function row_name
+
+    !> The name of a coordinate, q1, q2, ... where the model gives none.
+    pure function coordinate_label(self, i) result(name)
+        class(model_type), intent(in) :: self
+        !> Its index.
+        integer, intent(in) :: i
+        character(len=:), allocatable :: name
+        character(len=12) :: number
+
+        if (allocated(self%coordinate_name)) then
+            name = trim(self%coordinate_name(i))
+            return
+        end if
+        write (number, '(i0)') i
+        name = 'q'//trim(number)
+    end function coordinate_label
 end module tandem_model

@@ -13,6 +13,7 @@ module tandem_simulation
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
+    use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulate_stiffness, only: stiffness_type
@@ -176,9 +177,9 @@ module tandem_simulation
 
 contains
 
-    !> Set up a run that starts from (t, q, qd). Errors: invalid_model, invalid_option, inconsistent_start, rank_deficient,
-    !> singular_mass, callback_failed, not_finite.
-    subroutine initialize(self, model, options, t, q, qd, error)
+    !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors: invalid_model,
+    !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite.
+    subroutine initialize(self, model, options, t, q, qd, error, assembly)
         class(simulation_type), intent(inout) :: self
         !> The model; it must outlive the simulation and serves only this one.
         class(model_type), intent(inout), target :: model
@@ -186,6 +187,8 @@ contains
         !> Start time, coordinates (n) and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
+        !> How to assemble the start, and what that did; without it a start that violates the constraints is refused.
+        type(assembly_type), intent(inout), optional :: assembly
 
         call check_model(model, error)
         if (allocated(error)) return
@@ -253,7 +256,14 @@ contains
         self%state%qd = qd
         model%segment = 1
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        if (present(assembly)) then
+            call assemble(model, assembly, t, self%state%q, self%state%qd, error)
+            if (allocated(error)) return
+        end if
         call self%accept_start(error)
+        if (.not. present(assembly)) return
+        self%tally%start_moved_q = maxval(abs(self%state%q - q))
+        self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
     end subroutine initialize
 
     !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.

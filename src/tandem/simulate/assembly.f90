@@ -1,0 +1,290 @@
+! SPDX-License-Identifier: MIT
+!> Sure starts: the consistent state nearest to a given one, some of it fixed or weighted, in bounded work; how far each coordinate
+!> moved, and which constraint is to blame where there is no such state, or none near enough.
+module tandem_simulate_assembly
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_check, only: check_model
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_simulate_nearest_position, only: nearest_position_type
+    use tandem_simulate_nearest_velocity, only: nearest_velocity_type
+    use tandem_status, only: status_inconsistent_start, status_invalid_option, status_of, status_ok, status_type
+    use tandem_tangent_counts, only: counts_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: assembly_type, assemble, velocity_metrics
+
+    !> The metrics of `assembly_type%velocity_metric`.
+    character(len=8), parameter :: velocity_metrics(2) = [character(len=8) :: 'mass', 'weights']
+
+    !> What is asked for, and what was found.
+    type :: assembly_type
+        !> Weights > 0 of the coordinates and of the velocities (n) in the squared distance; default 1/coordinate_scale**2.
+        real(wp), allocatable :: weight_q(:), weight_qd(:)
+        !> Which coordinates and which velocities keep their values (n); default none.
+        logical, allocatable :: fixed_q(:), fixed_qd(:)
+        !> Which velocity is nearest: by `mass`, with the weights for what M leaves open, or by `weights` alone.
+        character(len=8) :: velocity_metric = 'mass'
+        !> How far any coordinate and any velocity may move, in units of coordinate_scale (and per unit of time); 0 for no limit.
+        real(wp) :: largest_move_q = 1.0_wp, largest_move_qd = 0.0_wp
+        !> Largest constraint error that counts as none, on the natural scale of each row.
+        real(wp) :: tolerance = 1.0e-12_wp
+        !> How many positions may be tried.
+        integer :: iteration_limit = 200
+        !> Found: the changes of q and qd (n).
+        real(wp), allocatable :: moved_q(:), moved_qd(:)
+        !> The row of C that moved q most and the one that moved qd most in the norms of the weights, 0 where nothing moved.
+        integer :: row_q = 0, row_qd = 0
+        !> Positions tried. Whether q is known to be the nearest of the consistent positions around it.
+        integer :: iterations = 0
+        logical :: is_nearest = .false.
+        !> Evaluations of the model's terms.
+        type(counts_type) :: counts
+    end type assembly_type
+
+contains
+
+    !> Move (q, qd) to the nearest consistent state at t. Errors: invalid_model, invalid_option, inconsistent_start,
+    !> callback_failed, not_evaluable, not_finite; with each of them q and qd are unchanged.
+    subroutine assemble(model, request, t, q, qd, error)
+        class(model_type), intent(inout), target :: model
+        type(assembly_type), intent(inout) :: request
+        !> Time, coordinates (n), velocities (n).
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(evaluator_type) :: evaluator
+        type(nearest_position_type) :: position
+        type(nearest_velocity_type) :: velocity
+        logical :: fixed_q(size(q)), fixed_qd(size(q))
+        real(wp) :: scale(size(q)), new_q(size(q)), new_qd(size(q))
+        integer :: stat
+
+        call check_model(model, error)
+        if (.not. allocated(error)) call check_request(model, request, t, q, qd, error)
+        if (allocated(error)) return
+        request%counts = counts_type()
+        request%row_q = 0
+        request%row_qd = 0
+        request%moved_q = spread(0.0_wp, 1, model%n)
+        request%moved_qd = request%moved_q
+        scale = 1.0_wp
+        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        fixed_q = .false.
+        if (allocated(request%fixed_q)) fixed_q = request%fixed_q
+        fixed_qd = .false.
+        if (allocated(request%fixed_qd)) fixed_qd = request%fixed_qd
+        model%segment = 1
+        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        call evaluator%initialize(model)
+
+        new_q = q
+        call position%initialize(model%n_holonomic, fixed_q, weights(request%weight_q, scale), scale, request%tolerance, &
+            request%iteration_limit)
+        call position%find(evaluator, t, new_q, request%counts, stat)
+        request%iterations = position%trials
+        request%is_nearest = position%is_nearest
+        if (stat == status_inconsistent_start) then
+            call set_error(error, stat, 'no consistent position near the start: constraint "'// &
+                model%row_name(position%failed_row)//'" stays off by '// &
+                off_by(position%failed_amount, position%failed_value)//' after '//to_text(position%trials)//' iterations'// &
+                while_fixed(model, fixed_q), advice_for(fixed_q, 'coordinates', 'q0'))
+        else if (stat /= status_ok) then
+            call fail(evaluator, stat, 'while the position was assembled', error)
+        else
+            request%row_q = strongest(position%pull, scale)
+            call check_move(model, position%pull, (new_q - q)/scale, request%largest_move_q, '', 'largest_move_q', error)
+        end if
+        if (allocated(error)) return
+
+        new_qd = qd
+        call velocity%initialize(model%n_constraints(), fixed_qd, weights(request%weight_qd, scale), scale, &
+            request%velocity_metric == 'mass', request%tolerance)
+        call velocity%find(evaluator, t, new_q, new_qd, request%counts, stat)
+        if (stat == status_inconsistent_start) then
+            call set_error(error, stat, 'no velocity satisfies all constraints: "'//model%row_name(velocity%failed_row)// &
+                '" stays off by '//off_by(velocity%failed_amount, velocity%failed_value)// &
+                while_fixed(model, fixed_qd), advice_for(fixed_qd, 'velocities', 'qd0'))
+        else if (stat /= status_ok) then
+            call fail(evaluator, stat, 'while the velocity was assembled', error)
+        else
+            request%row_qd = strongest(velocity%pull, scale)
+            call check_move(model, velocity%pull, (new_qd - qd)/scale, request%largest_move_qd, 'velocity of ', &
+                'largest_move_qd', error)
+        end if
+        if (allocated(error)) return
+
+        request%moved_q = new_q - q
+        request%moved_qd = new_qd - qd
+        q = new_q
+        qd = new_qd
+    end subroutine assemble
+
+    !> Refuse what cannot be asked for.
+    subroutine check_request(model, request, t, q, qd, error)
+        class(model_type), intent(in) :: model
+        type(assembly_type), intent(in) :: request
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        if (size(q) /= model%n .or. size(qd) /= model%n) then
+            call refuse('q0 and qd0 have '//to_text(size(q))//' and '//to_text(size(qd))//' entries, the model has n = '// &
+                to_text(model%n), 'give n entries each')
+        else if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
+            call refuse('the start time, q0 or qd0 is not finite', 'give finite numbers')
+        else if (.not. any(velocity_metrics == request%velocity_metric)) then
+            call refuse('velocity_metric = "'//trim(request%velocity_metric)//'" is unknown', 'use mass or weights')
+        else if (.not. (request%largest_move_q >= 0.0_wp .and. request%largest_move_qd >= 0.0_wp)) then
+            call refuse('largest_move_q or largest_move_qd is negative', 'give a limit, or 0 for none')
+        else if (.not. (request%tolerance > 0.0_wp .and. ieee_is_finite(request%tolerance))) then
+            call refuse('tolerance = '//to_text(request%tolerance)//' must be positive', 'give one of about 1e-12')
+        else if (request%iteration_limit < 1) then
+            call refuse('iteration_limit = '//to_text(request%iteration_limit)//' must be positive', 'give some hundred')
+        end if
+        call check_weights('weight_q', request%weight_q)
+        call check_weights('weight_qd', request%weight_qd)
+        call check_fixed('fixed_q', request%fixed_q)
+        call check_fixed('fixed_qd', request%fixed_qd)
+
+    contains
+
+        !> n positive numbers whose square roots may be divided by.
+        subroutine check_weights(name, values)
+            character(len=*), intent(in) :: name
+            real(wp), allocatable, intent(in) :: values(:)
+
+            if (allocated(error) .or. .not. allocated(values)) return
+            call check_length(name, size(values))
+            if (allocated(error)) return
+            if (any(.not. (values > tiny(1.0_wp) .and. values < huge(1.0_wp)))) then
+                call refuse('an entry of '//name//' is not positive and finite', &
+                    'fix what must not move, and give what may a small weight')
+            end if
+        end subroutine check_weights
+
+        subroutine check_fixed(name, values)
+            character(len=*), intent(in) :: name
+            logical, allocatable, intent(in) :: values(:)
+
+            if (allocated(error) .or. .not. allocated(values)) return
+            call check_length(name, size(values))
+        end subroutine check_fixed
+
+        subroutine check_length(name, length)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: length
+
+            if (length /= model%n) call refuse(name//' has '//to_text(length)//' entries instead of '//to_text(model%n), &
+                'give one for each coordinate')
+        end subroutine check_length
+
+        subroutine refuse(problem, advice)
+            character(len=*), intent(in) :: problem, advice
+
+            call set_error(error, status_invalid_option, problem, advice)
+        end subroutine refuse
+    end subroutine check_request
+
+    !> The weights asked for, or those of scaled coordinates.
+    pure function weights(given, scale) result(weight)
+        real(wp), allocatable, intent(in) :: given(:)
+        real(wp), intent(in) :: scale(:)
+        real(wp) :: weight(size(scale))
+
+        weight = 1.0_wp/scale**2
+        if (allocated(given)) weight = given
+    end function weights
+
+    !> Refuse a coordinate that moved too far, and name the row that pulled it most.
+    subroutine check_move(model, pull, move, limit, what, limit_name, error)
+        class(model_type), intent(in) :: model
+        !> How far each row pulled each coordinate; the sum of it in units of the scales; how far they may go.
+        real(wp), intent(in) :: pull(:, :), move(:), limit
+        !> What comes before the coordinate's name; the name of the limit.
+        character(len=*), intent(in) :: what, limit_name
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: unit
+        integer :: i, j
+
+        if (.not. limit > 0.0_wp .or. size(pull, 1) == 0) return
+        j = maxloc(abs(move), dim=1)
+        if (abs(move(j)) <= limit) return
+        i = maxloc(pull(:, j)*sign(1.0_wp, move(j)), dim=1)
+        unit = ''
+        if (allocated(model%coordinate_scale)) unit = ' of its scale'
+        call set_error(error, status_inconsistent_start, 'the '//what//'coordinate "'//model%coordinate_label(j)// &
+            '" would move by '//to_text(move(j))//unit//' (allowed: '//to_text(limit)// &
+            ') to satisfy the constraints, most of it for "'//model%row_name(i)//'"', &
+            'give a start nearer to the constraints, or raise '//limit_name)
+    end subroutine check_move
+
+    !> The row that moved the coordinates most, 0 if none did.
+    pure integer function strongest(pull, scale)
+        real(wp), intent(in) :: pull(:, :), scale(:)
+        real(wp) :: size_of(size(pull, 1))
+        integer :: i
+
+        strongest = 0
+        if (size(pull, 1) == 0) return
+        size_of = [(norm2(pull(i, :)/scale), i=1, size(pull, 1))]
+        if (maxval(size_of) > 0.0_wp) strongest = maxloc(size_of, dim=1)
+    end function strongest
+
+    !> A violation in words.
+    pure function off_by(amount, value) result(text)
+        !> What is left of the row, and on its natural scale.
+        real(wp), intent(in) :: amount, value
+        character(len=:), allocatable :: text
+        !> Above this the natural scale has vanished, and with it all that could move the row.
+        real(wp), parameter :: vanished = 1.0e3_wp
+
+        text = to_text(amount)
+        if (value < vanished) then
+            text = text//' ('//to_text(value)//' of its natural scale)'
+        else
+            text = text//' (and no motion changes it there)'
+        end if
+    end function off_by
+
+    !> The coordinates that were fixed, in words.
+    function while_fixed(model, is_fixed) result(text)
+        class(model_type), intent(in) :: model
+        logical, intent(in) :: is_fixed(:)
+        character(len=:), allocatable :: text
+        integer :: j
+
+        text = ''
+        do j = 1, size(is_fixed)
+            if (.not. is_fixed(j)) cycle
+            text = text//', '//model%coordinate_label(j)
+        end do
+        if (text /= '') text = ', with fixed '//text(3:)
+    end function while_fixed
+
+    !> What to do about a start that has no consistent state near.
+    pure function advice_for(is_fixed, things, start) result(text)
+        logical, intent(in) :: is_fixed(:)
+        !> What may be fixed, and what was given.
+        character(len=*), intent(in) :: things, start
+        character(len=:), allocatable :: text
+
+        text = 'give a '//start//' nearer to one that satisfies it, or correct the constraint'
+        if (any(is_fixed)) text = 'the fixed '//things//' may leave no solution: free some of them; or '//text
+    end function advice_for
+
+    !> An error of the model's procedures.
+    subroutine fail(evaluator, stat, when, error)
+        type(evaluator_type), intent(in) :: evaluator
+        integer, intent(in) :: stat
+        character(len=*), intent(in) :: when
+        type(error_type), allocatable, intent(out) :: error
+        type(status_type) :: row
+
+        row = status_of(stat)
+        call set_error(error, stat, trim(row%meaning)//' '//when//', term '//trim(evaluator%failed_term), &
+            'check the model''s procedure there, and the start')
+    end subroutine fail
+end module tandem_simulate_assembly
