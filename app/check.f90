@@ -6,6 +6,7 @@ module tandem_app_check
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_moves, only: moves_text
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -72,7 +73,7 @@ contains
                 place = 'row '//to_text(finding%row)
                 if (finding%row == 0) place = 'it could not be evaluated'
                 if (finding%column > 0) place = place//', column '//to_text(finding%column)// &
-                    ' ('//coordinate(scene, finding%column)//')'
+                    ' ('//scene%model%coordinate_label(finding%column)//')'
                 write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'WRONG by '//brief(finding%error)// &
                     ' of its largest entry: '//place//' is '//to_text(finding%value)//', differences give '// &
                     to_text(finding%expected)
@@ -86,22 +87,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
 
-        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error)
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
+        if (allocated(scene%assembly)) write (output_unit, '(a)') 'start assembled: '//moves_text(scene%model, scene%assembly)
         write (output_unit, '(a)') 'start: C has full rank '//to_text(scene%model%n_constraints())// &
             ', the errors of position, velocity and acceleration are '//brief(simulation%errors(1))//', '// &
             brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales'
     end subroutine print_start
-
-    !> The name of a coordinate.
-    function coordinate(scene, i) result(name)
-        type(scene_type), intent(in) :: scene
-        integer, intent(in) :: i
-        character(len=:), allocatable :: name
-
-        name = 'q'//to_text(i)
-        if (allocated(scene%model%coordinate_name)) name = trim(scene%model%coordinate_name(i))
-    end function coordinate
 
     !> A number with two digits.
     pure function brief(value) result(text)

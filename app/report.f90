@@ -4,6 +4,7 @@ module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: derivative_name, error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
         options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
+    use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
@@ -65,6 +66,7 @@ contains
                 ' of its natural scale, since the model leaves gamma to differences')
         end if
         call print_line('start moved', 'q by '//short(s%start_moved_q, 2)//', qd by '//short(s%start_moved_qd, 2))
+        if (allocated(scene%assembly)) call print_line('assembled', moves_text(scene%model, scene%assembly))
         if (s%velocity_jump > 0.0_wp) call print_line('velocity jump', short(s%velocity_jump, 6))
         call print_energy(trajectory)
         call print_line('output', scene%output%file//', '//rows_text(trajectory, error))

@@ -60,7 +60,7 @@ contains
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error)
         if (allocated(error)) return
-        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error)
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
         if (scene%output%file == path) then
             allocate (error)

@@ -54,7 +54,8 @@ module tandem_status
         status_type(status_invalid_model, 'invalid_model', .true., &
             'the model lacks a procedure or its sizes cannot be', 'complete the model as the message says'), &
         status_type(status_inconsistent_start, 'inconsistent_start', .true., &
-            'the start violates the constraints', 'give q0 and qd0 that satisfy the constraint row that the message names'), &
+            'the start violates the constraints', &
+            'give q0 and qd0 that satisfy the constraint row that the message names, or let the start be assembled'), &
         status_type(status_rank_deficient, 'rank_deficient', .false., &
             'constraint rows depend on each other', 'remove the row that the message names, or the state where it degenerates'), &
         status_type(status_singular_mass, 'singular_mass', .false., &

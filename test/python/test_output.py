@@ -311,6 +311,79 @@ class Outcome(Case):
         self.assertTrue(seen.endswith("\r"))
 
 
+class Assembly(Case):
+    """Starts that are off, from the paper's printed motorcycle, which leaves the pitch out (section 9)."""
+
+    PRINTED = """[scene]
+model = "motorcycle"
+[initial]
+q = [0, 0, 0.304, 1, 0, 0, 0, -0.062, -0.294, 0.621]
+qd = [0, 15, 0, 0, 0, 0, 0, 0, 0, 0]
+[time]
+end = 0.1
+"""
+
+    def test_the_printed_start_runs_only_assembled(self):
+        self.refused("run", self.scene(self.PRINTED), says=["inconsistent_start", "let the start be assembled"])
+        done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true")
+        self.assertRegex(done.stdout, r'assembled +position moved e1 by 3\.0E-03, s by -7\.8E-04, a1 by 6\.5E-04,')
+        for row in "front contact height", "no slip front":
+            self.assertIn(f'most of it for "{row}"', done.stdout)
+        with h5py.File(self.folder / "scene.h5") as file:
+            # The equilibrium, to half a unit of the printed digits.
+            expected = [0, 0, 0.30378, 1, 0.00315, 0, 0, -0.06145, -0.29364, 0.62070]
+            np.testing.assert_allclose(file["trajectory/q"][0], expected, rtol=0, atol=5e-4)
+            self.assertLess(file["diagnostics/position_error"][0], 1e-14)
+            self.assertLess(file["diagnostics/velocity_error"][0], 1e-14)
+            self.assertAlmostEqual(file["report"].attrs["start_moved_q"], 2.97e-3, 5)
+
+    def test_check_says_what_would_move(self):
+        done = self.tandem("check", self.scene(self.PRINTED), "--set", "initial.assemble=true")
+        self.assertIn("start assembled: position moved e1 by", done.stdout)
+        self.assertIn("C has full rank 8", done.stdout)
+        self.tandem("check", "scene.toml", code=2)
+
+    def test_a_consistent_start_does_not_move(self):
+        with_it = self.tandem("run", "motorcycle", *SHORT, "--set", "initial.assemble=true", "--output", "a.h5")
+        self.assertIn("position unmoved, velocity unmoved, 0 iterations", with_it.stdout)
+        self.tandem("run", "motorcycle", *SHORT, "--output", "b.h5")
+        with h5py.File(self.folder / "a.h5") as a, h5py.File(self.folder / "b.h5") as b:
+            np.testing.assert_array_equal(a["trajectory/q"], b["trajectory/q"])
+
+    def test_keys(self):
+        self.scene(self.PRINTED)
+        details = ["--set", 'initial.fixed=["rx", "a2"]', "--set", 'initial.fixed_velocities=["ry"]',
+                   "--set", "initial.weights=[1, 1, 2, 1, 1, 1, 1, 1, 1, 9]", "--set", "initial.velocity_metric=weights",
+                   "--set", "initial.velocity_weights=[1, 1, 2, 1, 1, 1, 1, 1, 1, 9]",
+                   "--set", "initial.largest_move=0.25", "--set", "initial.largest_velocity_move=2"]
+        shown = self.tandem("show", "scene.toml", "--set", "initial.assemble=true", *details).stdout
+        for line in 'fixed = ["rx", "a2"]', 'velocity_metric = "weights"', "largest_move = 0.25", "largest_velocity_move = 2.0":
+            self.assertIn(line, shown)
+        again = self.scene(shown, "again.toml")
+        self.assertEqual(self.tandem("show", again).stdout, shown)
+        self.tandem("run", again, "--output", "result.h5")
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertEqual(file["trajectory/q"][0, [0, 8]].tolist(), [0, -0.294])
+            self.assertEqual(file["trajectory/qd"][0, 1], 15)
+        for key in "fixed", "fixed_velocities":
+            self.refused("run", "scene.toml", "--set", "initial.assemble=true", "--set", f'initial.{key}=["sx"]',
+                         says=f'{key} "sx" is none of rx, ry, rz')
+        for key in "weights", "velocity_weights":
+            self.refused("run", "scene.toml", "--set", "initial.assemble=true", "--set",
+                         f"initial.{key}=[1, 1, 2, 0, 1, 1, 1, 1, 1, 9]", says=f"{key} element 4 must be positive")
+        self.refused("run", "scene.toml", "--set", "initial.assemble=yes", says="assemble must be true or false, not a text")
+        self.refused("run", "scene.toml", "--set", "initial.largest_move=1", says="largest_move needs assemble = true")
+        self.refused("run", "scene.toml", "--set", "initial.assemble=true", "--set", "initial.largest_moves=1",
+                     says=['did you mean "largest_move"?', "fixed_velocities"])
+
+    def test_too_far_and_impossible(self):
+        self.scene(self.PRINTED)
+        assemble = ["run", "scene.toml", "--set", "initial.assemble=true", "--set"]
+        self.refused(*assemble, "initial.largest_move=1e-3",
+                     says=['coordinate "e1" would move by 0.29', 'most of it for "front contact height"'])
+        self.refused(*assemble, 'initial.fixed=["rz", "e0"]', says=["no consistent position near", "with fixed rz, e0"])
+
+
 class Target(Case):
     def test_the_default_name_is_the_scenes(self):
         self.tandem("run", self.disk(), "--set", "scene.name=wheel")

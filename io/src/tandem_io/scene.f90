@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
-    use tandem, only: error_type, model_type, options_type, wp
+    use tandem, only: assembly_type, error_type, model_type, options_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
+    use tandem_io_scene_assembly, only: read_assembly
     use tandem_io_scene_ledger, only: key_length
     use tandem_io_scene_reader, only: positive, reader_type
     use tandem_io_scene_registry, only: build_model, model_names
@@ -30,6 +31,8 @@ module tandem_io_scene
         type(options_type) :: options
         !> Coordinates and velocities at the start (n).
         real(wp), allocatable :: q(:), qd(:)
+        !> How the start is to be assembled; not allocated where it is not.
+        type(assembly_type), allocatable :: assembly
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> What is written where.
@@ -108,6 +111,7 @@ contains
                 call reader%propose('qd')
             end if
         end associate
+        call read_assembly(reader, scene%model, scene%assembly)
         call reader%close_table()
     end subroutine read_start
 

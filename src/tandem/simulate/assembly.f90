@@ -96,7 +96,7 @@ contains
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
             request%row_q = strongest(position%pull, scale)
-            call check_move(model, position%pull, (new_q - q)/scale, request%largest_move_q, '', 'largest_move_q', error)
+            call check_move(model, position%pull, (new_q - q)/scale, request%largest_move_q, '', error)
         end if
         if (allocated(error)) return
 
@@ -112,8 +112,7 @@ contains
             call fail(evaluator, stat, 'while the velocity was assembled', error)
         else
             request%row_qd = strongest(velocity%pull, scale)
-            call check_move(model, velocity%pull, (new_qd - qd)/scale, request%largest_move_qd, 'velocity of ', &
-                'largest_move_qd', error)
+            call check_move(model, velocity%pull, (new_qd - qd)/scale, request%largest_move_qd, 'velocity of ', error)
         end if
         if (allocated(error)) return
 
@@ -199,12 +198,12 @@ contains
     end function weights
 
     !> Refuse a coordinate that moved too far, and name the row that pulled it most.
-    subroutine check_move(model, pull, move, limit, what, limit_name, error)
+    subroutine check_move(model, pull, move, limit, what, error)
         class(model_type), intent(in) :: model
         !> How far each row pulled each coordinate; the sum of it in units of the scales; how far they may go.
         real(wp), intent(in) :: pull(:, :), move(:), limit
-        !> What comes before the coordinate's name; the name of the limit.
-        character(len=*), intent(in) :: what, limit_name
+        !> What comes before the coordinate's name.
+        character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: unit
         integer :: i, j
@@ -218,7 +217,7 @@ contains
         call set_error(error, status_inconsistent_start, 'the '//what//'coordinate "'//model%coordinate_label(j)// &
             '" would move by '//to_text(move(j))//unit//' (allowed: '//to_text(limit)// &
             ') to satisfy the constraints, most of it for "'//model%row_name(i)//'"', &
-            'give a start nearer to the constraints, or raise '//limit_name)
+            'give a start nearer to the constraints, or allow a larger move')
     end subroutine check_move
 
     !> The row that moved the coordinates most, 0 if none did.

@@ -39,10 +39,10 @@ module tandem_io_scene_reader
         procedure :: propose
         procedure :: refuse
         procedure :: text
-        generic :: get => get_real, get_integer, get_string, get_choice, get_vector, get_strings
+        generic :: get => get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
         procedure :: get_reals
         procedure :: get_for_each
-        procedure, private :: get_real, get_integer, get_string, get_choice, get_vector, get_strings
+        procedure, private :: get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
         procedure, private :: find
         procedure, private :: record
         procedure, private :: refuse_value
@@ -243,6 +243,25 @@ contains
         end if
         call self%record(key, to_toml(value), source, help=help)
     end subroutine get_integer
+
+    !> True or false.
+    subroutine get_logical(self, key, value, help)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The default before, the value after.
+        logical, intent(inout) :: value
+        character(len=*), intent(in), optional :: help
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        call self%record(key, to_toml(value), source, help=help)
+    end subroutine get_logical
 
     !> A text of any length.
     subroutine get_string(self, key, value, help, required)

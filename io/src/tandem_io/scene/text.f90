@@ -8,10 +8,11 @@ module tandem_io_scene_text
 
     public :: to_toml, listed, nearest_name
 
-    !> A value as TOML: real, integer, text, and arrays of reals and of texts.
+    !> A value as TOML: real, integer, truth value, text, and arrays of reals and of texts.
     interface to_toml
         module procedure real_to_toml
         module procedure integer_to_toml
+        module procedure logical_to_toml
         module procedure string_to_toml
         module procedure reals_to_toml
         module procedure strings_to_toml
@@ -63,6 +64,14 @@ contains
         write (buffer, '(i0)') value
         text = trim(buffer)
     end function integer_to_toml
+
+    !> true or false.
+    pure function logical_to_toml(value) result(text)
+        logical, intent(in) :: value
+        character(len=:), allocatable :: text
+
+        text = trim(merge('true ', 'false', value))
+    end function logical_to_toml
 
     !> A quoted text.
     function string_to_toml(value) result(text)

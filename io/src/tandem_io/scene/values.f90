@@ -12,10 +12,11 @@ module tandem_io_scene_values
 
     public :: convert, place_of
 
-    !> Convert to a number, an integer, a text, an array of numbers, or an array of texts.
+    !> Convert to a number, an integer, a truth value, a text, an array of numbers, or an array of texts.
     interface convert
         module procedure convert_real
         module procedure convert_integer
+        module procedure convert_logical
         module procedure convert_string
         module procedure convert_reals
         module procedure convert_strings
@@ -84,6 +85,24 @@ contains
             problem = ''
         end select
     end subroutine convert_integer
+
+    !> True or false.
+    subroutine convert_logical(source, found, value, problem)
+        class(source_type), intent(in) :: source
+        class(toml_value), intent(in) :: found
+        logical, intent(inout) :: value
+        character(len=:), allocatable, intent(out) :: problem
+        logical, pointer :: truth
+
+        problem = 'must be true or false, not '//kind_of(found)
+        select type (found)
+        type is (toml_keyval)
+            if (found%get_type() /= toml_type%boolean) return
+            call found%get(truth)
+            value = truth
+            problem = ''
+        end select
+    end subroutine convert_logical
 
     !> A text, not empty and without control characters.
     subroutine convert_string(source, found, value, problem)

@@ -1,0 +1,60 @@
+! SPDX-License-Identifier: MIT
+!> What the assembly of a start did, in words.
+module tandem_app_moves
+    use tandem, only: assembly_type, model_type, to_text, wp
+    implicit none (type, external)
+    private
+
+    public :: moves_text
+
+    !> How many coordinates are named.
+    integer, parameter :: most_named = 3
+
+contains
+
+    !> The coordinates and velocities that moved most, the rows that moved them, and what that took.
+    function moves_text(model, assembly) result(text)
+        class(model_type), intent(in) :: model
+        !> After the assembly.
+        type(assembly_type), intent(in) :: assembly
+        character(len=:), allocatable :: text
+
+        text = 'position '//level(model, assembly%moved_q, assembly%row_q)//', velocity '// &
+            level(model, assembly%moved_qd, assembly%row_qd)//', '//to_text(assembly%iterations)//' iterations'
+        if (.not. assembly%is_nearest) text = text//', perhaps not the nearest position'
+    end function moves_text
+
+    !> One level: what moved most, largest first, and for which row.
+    function level(model, moved, row) result(text)
+        class(model_type), intent(in) :: model
+        real(wp), intent(in) :: moved(:)
+        integer, intent(in) :: row
+        character(len=:), allocatable :: text
+        logical :: left(size(moved))
+        integer :: i, j
+
+        text = 'unmoved'
+        if (row == 0) return
+        text = 'moved'
+        left = abs(moved) > 0.0_wp
+        do i = 1, most_named
+            if (.not. any(left)) exit
+            j = maxloc(abs(moved), dim=1, mask=left)
+            left(j) = .false.
+            if (i > 1) text = text//','
+            text = text//' '//model%coordinate_label(j)//' by '//brief(moved(j))
+        end do
+        if (any(left)) text = text//', others less'
+        text = text//' (most of it for "'//model%row_name(row)//'")'
+    end function level
+
+    !> A number with two digits.
+    pure function brief(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=12) :: buffer
+
+        write (buffer, '(es9.1)') value
+        text = trim(adjustl(buffer))
+    end function brief
+end module tandem_app_moves
