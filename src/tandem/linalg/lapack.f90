@@ -1,0 +1,131 @@
+! SPDX-License-Identifier: MIT
+!> Explicit interfaces of the LAPACK routines that tandem calls. Nothing outside src/tandem/linalg uses this module.
+!> Source: Anderson et al., LAPACK Users' Guide, 3rd ed., SIAM 1999.
+module tandem_linalg_lapack
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    public
+
+    interface
+        !> QR factorisation with column pivoting, A P = Q R.
+        subroutine dgeqp3(m, n, a, lda, jpvt, tau, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, lda, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            integer, intent(inout) :: jpvt(*)
+            real(wp), intent(out) :: tau(*), work(*)
+            integer, intent(out) :: info
+        end subroutine dgeqp3
+
+        !> The first n columns of the orthogonal Q of k reflectors.
+        subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, k, lda, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            real(wp), intent(in) :: tau(*)
+            real(wp), intent(out) :: work(*)
+            integer, intent(out) :: info
+        end subroutine dorgqr
+
+        !> C := Q C or Q' C with the Q of a QR factorisation.
+        subroutine dormqr(side, trans, m, n, k, a, lda, tau, c, ldc, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: side, trans
+            integer, intent(in) :: m, n, k, lda, ldc, lwork
+            real(wp), intent(in) :: a(lda, *), tau(*)
+            real(wp), intent(inout) :: c(ldc, *)
+            real(wp), intent(out) :: work(*)
+            integer, intent(out) :: info
+        end subroutine dormqr
+
+        !> Singular value decomposition A = U diag(s) V'.
+        subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: jobu, jobvt
+            integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+            integer, intent(out) :: info
+        end subroutine dgesvd
+
+        !> The solution of least norm of a least-squares problem, by a complete orthogonal factorisation.
+        subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+            real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+            integer, intent(inout) :: jpvt(*)
+            real(wp), intent(in) :: rcond
+            integer, intent(out) :: rank, info
+            real(wp), intent(out) :: work(*)
+        end subroutine dgelsy
+
+        !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix.
+        subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: jobz, uplo
+            integer, intent(in) :: n, lda, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            real(wp), intent(out) :: w(*), work(*)
+            integer, intent(out) :: info
+        end subroutine dsyev
+
+        !> LU factorisation with row pivoting.
+        subroutine dgetrf(m, n, a, lda, ipiv, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, lda
+            real(wp), intent(inout) :: a(lda, *)
+            integer, intent(out) :: ipiv(*), info
+        end subroutine dgetrf
+
+        !> Solution with the factors of `dgetrf`.
+        subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: trans
+            integer, intent(in) :: n, nrhs, lda, ldb
+            real(wp), intent(in) :: a(lda, *)
+            integer, intent(in) :: ipiv(*)
+            real(wp), intent(inout) :: b(ldb, *)
+            integer, intent(out) :: info
+        end subroutine dgetrs
+
+        !> Reciprocal condition number from the factors of `dgetrf`.
+        subroutine dgecon(norm, n, a, lda, anorm, rcond, work, iwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: norm
+            integer, intent(in) :: n, lda
+            real(wp), intent(in) :: a(lda, *), anorm
+            real(wp), intent(out) :: rcond, work(*)
+            integer, intent(out) :: iwork(*), info
+        end subroutine dgecon
+
+        !> Cholesky factorisation.
+        subroutine dpotrf(uplo, n, a, lda, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: uplo
+            integer, intent(in) :: n, lda
+            real(wp), intent(inout) :: a(lda, *)
+            integer, intent(out) :: info
+        end subroutine dpotrf
+
+        !> Solution with the factor of `dpotrf`.
+        subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: uplo
+            integer, intent(in) :: n, nrhs, lda, ldb
+            real(wp), intent(in) :: a(lda, *)
+            real(wp), intent(inout) :: b(ldb, *)
+            integer, intent(out) :: info
+        end subroutine dpotrs
+    end interface
+end module tandem_linalg_lapack
