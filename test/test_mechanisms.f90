@@ -32,7 +32,8 @@ contains
             new_unittest('crank-rocker-moves-as-its-geometry-says', test_crank_rocker), &
             new_unittest('bricard-lacks-one-rank-all-along-its-path', test_bricard_rank), &
             new_unittest('bricard-moves-as-its-geometry-says', test_bricard_motion), &
-            new_unittest('bricard-moves-the-same-without-any-row', test_bricard_rows)]
+            new_unittest('bricard-moves-the-same-without-any-row', test_bricard_rows), &
+            new_unittest('bricard-cannot-spare-the-same-rows-everywhere', test_bricard_parts)]
     end subroutine collect_mechanisms
 
     subroutine test_flat(error)
@@ -180,7 +181,7 @@ contains
         end do
     end subroutine test_bricard_motion
 
-    !> The redundancy involves every row, so that any of them may go, the normalisation of Euler parameters included.
+    !> Near the cube the redundancy involves every row, so that any of them may go, the normalisation of Euler parameters included.
     subroutine test_bricard_rows(error)
         type(error_type), allocatable, intent(out) :: error
         type(bricard_type), target :: model
@@ -210,4 +211,31 @@ contains
             call check_close(error, simulation%state%q, first, 3.0e-8_wp, 'motions without different rows')
         end do
     end subroutine test_bricard_rows
+    !> At angle = -pi/2 the parts of `y`, `z` and `Euler parameters` in the dependency vanish; that of `axis 2` never does.
+    subroutine test_bricard_parts(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(bricard_type) :: model
+        type(terms_type) :: terms
+        real(wp) :: q(35), qd(35), smallest, noise
+        real(wp), allocatable :: loads(:, :)
+        integer :: i, row, rank, stat
+
+        call model%define()
+        do i = -25, 5
+            call model%start(i*0.1_wp, 0.0_wp, q, qd)
+            call get_terms(model, 0.0_wp, q, qd, terms, stat)
+            call get_null_space(transpose(terms%jacobian), cut, loads)
+            call check_count(error, size(loads, 2), 1, 'dependencies')
+            if (allocated(error)) return
+            call check_below(error, -minval(abs(loads(5:30:5, 1))), -0.14_wp, 'minus the part of a row "axis 2"')
+        end do
+        do row = 1, 35
+            model%left_out = row
+            call model%define()
+            call model%start(-pi/2, 0.0_wp, q, qd)
+            call judge(model, 0.0_wp, q, rank, smallest, noise)
+            if (row > 30 .or. any(mod(row, 5) == [2, 3])) call check_count(error, rank, 33, 'rank without a row that is needed')
+            if (mod(row, 5) == 0 .and. row <= 30) call check_count(error, rank, 34, 'rank without a row "axis 2"')
+        end do
+    end subroutine test_bricard_parts
 end module test_mechanisms
