@@ -24,11 +24,13 @@ program main
     use test_motorcycle, only: collect_motorcycle
     use test_options, only: collect_options
     use test_order, only: collect_order
+    use test_rank, only: collect_rank
     use test_rank_models, only: collect_rank_models
     use test_reference, only: collect_reference
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
     use test_simulation, only: collect_simulation
+    use test_singular, only: collect_singular
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
     use test_tangent, only: collect_tangent
@@ -72,7 +74,9 @@ program main
         new_testsuite('dense', collect_dense), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
-        new_testsuite('rank_models', collect_rank_models)]
+        new_testsuite('rank_models', collect_rank_models), &
+        new_testsuite('rank', collect_rank), &
+        new_testsuite('singular', collect_singular)]
     n_failed = 0
     call get_argument(1, suite_name)
     call get_argument(2, test_name)

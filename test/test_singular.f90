@@ -1,0 +1,235 @@
+! SPDX-License-Identifier: MIT
+!> Tests of mechanisms that lose a rank, by the solver: the planar four-bar stops in its flat position, where its rank changes, and
+!> Bricard's mechanism, which lacks a rank everywhere, runs.
+module test_singular
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
+    use model_bricard, only: bricard_type
+    use model_four_bar, only: crank_rocker, four_bar_type
+    use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
+    use ranks, only: bricard_angle
+    use runs, only: choose, run
+    use tandem, only: chart_policies, failure_type => error_type, options_type, simulation_type, wp
+    use testdrive, only: error_type, new_unittest, unittest_type
+    use watch, only: energy_watch_type, error_watch_type
+    implicit none (type, external)
+    private
+
+    public :: collect_singular
+
+    real(wp), parameter :: pi = 4*atan(1.0_wp)
+    character(len=7), parameter :: steppers(3) = [character(len=7) :: 'rk4', 'dop853', 'sdirk54']
+
+contains
+
+    !> The suite.
+    subroutine collect_singular(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('a-flat-four-bar-cannot-start', test_flat_start), &
+            new_unittest('four-bar-stops-at-its-flat-position', test_through_flat), &
+            new_unittest('four-bar-stops-at-its-flat-position-in-one-chart', test_through_flat_in_one_chart), &
+            new_unittest('four-bar-stops-where-a-run-ends-flat', test_end_flat), &
+            new_unittest('crank-rocker-runs-through', test_crank_rocker), &
+            new_unittest('bricard-runs-with-one-redundant-row', test_bricard), &
+            new_unittest('bricard-stops-where-a-missing-row-was-needed', test_missing_row)]
+    end subroutine collect_singular
+
+    !> All rods on one line: the four rows in x depend on each other there.
+    subroutine test_flat_start(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(four_bar_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+        integer :: i, k
+
+        do k = 1, 2
+            if (k == 2) model%length = [0.7_wp, 1.2_wp, 0.7_wp, 1.2_wp]
+            call model%define()
+            do i = 0, 3
+                call model%start(pi*mod(i, 2), real(i/2, wp), q, qd)
+                call simulation%initialize(model, choose(stepper='rk4'), 0.0_wp, q, qd, failure)
+                call check_failure(error, failure, 'rank_deficient', 'joint')
+                if (allocated(error)) return
+                call check_text(error, failure%message, ' x')
+            end do
+        end do
+    end subroutine test_flat_start
+
+    !> Run a parallelogram without gravity, at 1 rad/s, until it should stop: in the flat position, which is `ahead` of its start.
+    subroutine check_through_flat(options, ahead, t_end, error)
+        type(options_type), intent(in) :: options
+        real(wp), intent(in) :: ahead, t_end
+        type(error_type), allocatable, intent(inout) :: error
+        type(four_bar_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9), step
+
+        model%g = 0.0_wp
+        call model%define()
+        call model%start(pi - ahead, 1.0_wp, q, qd)
+        call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
+        call check_failure(error, failure, 'rank_deficient', 'joint')
+        if (allocated(error)) return
+        call check_count(error, n_warnings(simulation), 0, 'warnings')
+        step = merge(options%max_step, options%step, options%is_adaptive())
+        call check_below(error, abs(simulation%state%t - ahead), step*(1 + 1.0e-9_wp), trim(options%stepper)// &
+            ': distance of the stop from the flat position')
+        call check_below(error, maxval(simulation%errors), 1.0e-12_wp, trim(options%stepper)//': constraint errors there')
+        ! The crank turns uniformly until then.
+        call model%start(pi - ahead + simulation%state%t, 1.0_wp, q, qd)
+        call check_close(error, simulation%state%q, q, 1.0e-6_wp, trim(options%stepper)//': q at the stop')
+    end subroutine check_through_flat
+
+    !> Steps of 1e-2 end in the flat position, half a step from it, and a hundredth of a step before and behind it.
+    subroutine test_through_flat(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: ahead(4) = [0.5_wp, 0.505_wp, 0.5001_wp, 0.4999_wp]
+        type(options_type) :: options
+        integer :: i, l
+
+        do l = 1, size(steppers)
+            options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
+            if (steppers(l) == 'dop853') then
+                options%rtol = 1.0e-8_wp
+                options%max_step = 0.1_wp
+            end if
+            do i = 1, size(ahead)
+                call check_through_flat(options, ahead(i), 1.0_wp, error)
+            end do
+        end do
+    end subroutine test_through_flat
+
+    !> The same where no new chart is made on the way.
+    subroutine test_through_flat_in_one_chart(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: ahead(2) = [0.2_wp, 0.205_wp]
+        type(options_type) :: options
+        integer :: i, l
+
+        do l = 1, size(steppers), 2
+            do i = 1, size(ahead)
+                options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp, chart='adaptive')
+                call check_through_flat(options, ahead(i), 0.5_wp, error)
+            end do
+        end do
+    end subroutine test_through_flat_in_one_chart
+
+    !> A run that ends in the flat position, whatever the steps.
+    subroutine test_end_flat(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: l
+
+        do l = 1, size(steppers)
+            options = choose(stepper=trim(steppers(l)), step=1.3e-2_wp)
+            if (steppers(l) == 'dop853') then
+                options%rtol = 1.0e-8_wp
+                options%max_step = 0.1_wp
+            end if
+            call check_through_flat(options, 0.3_wp, 0.3_wp, error)
+        end do
+    end subroutine test_end_flat
+
+    !> The control: three turns, never flat.
+    subroutine test_crank_rocker(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(four_bar_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(9), qd(9)
+        integer :: i, l
+
+        model%length = crank_rocker
+        call model%define()
+        call model%start(0.3_wp, 8.0_wp, q, qd)
+        do i = 1, 2
+            do l = 1, size(steppers)
+                options = choose(stepper=trim(steppers(l)), step=5.0e-3_wp, chart=chart_policies(i))
+                if (steppers(l) == 'dop853') options%rtol = 1.0e-8_wp
+                call run(simulation, model, options, 0.0_wp, q, qd, 2.5_wp, failure)
+                call check_no_failure(error, failure)
+                call check_count(error, n_warnings(simulation), 0, 'warnings of the crank-rocker')
+                call check_true(error, simulation%state%q(3) > 6*pi, 'the crank turns three times')
+            end do
+        end do
+    end subroutine test_crank_rocker
+
+    !> From rest in the cube for 2 s: one of 35 rows is redundant all the time. Not always the same ones can be spared: after
+    !> 1.25 s, at angle = -pi/2, most rows are needed that could be dropped before.
+    subroutine test_bricard(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(bricard_type), target :: model, fewer
+        type(simulation_type) :: simulation, without
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        type(energy_watch_type) :: energy
+        type(error_watch_type) :: errors
+        real(wp) :: q(35), qd(35), bound
+        integer :: i, l, named
+
+        call model%define()
+        call model%start(0.0_wp, 0.0_wp, q, qd)
+        ! `P6 axis 2` can be spared everywhere.
+        fewer%left_out = 30
+        call fewer%define()
+        do l = 2, 3
+            options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
+            if (steppers(l) == 'dop853') options%rtol = 1.0e-8_wp
+            call run(without, fewer, options, 0.0_wp, q, qd, 2.0_wp, failure)
+            call check_no_failure(error, failure)
+            errors = error_watch_type()
+            call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure, errors)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_count(error, n_warnings(simulation), 1, 'warnings')
+            named = 0
+            do i = 1, 35
+                if (index(all_warnings(simulation), model%row_name(i)) > 0) named = named + 1
+            end do
+            call check_true(error, named > 0, 'the warning names a row: '//all_warnings(simulation))
+            call check_below(error, maxval(errors%errors), 1.0e-12_wp, trim(steppers(l))//': constraint errors of all rows')
+            ! Which row is missing changes nothing but rounding, and with error control when a step is tried again: the tolerance.
+            bound = merge(1.0e-8_wp, 1.0e-11_wp, steppers(l) == 'dop853')
+            call check_same_motion(error, simulation, without, bound)
+            call check_multipliers(error, simulation, without, 100*bound)
+            call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure, energy)
+            call check_no_failure(error, failure)
+            ! Thirty times the tolerance; sdirk54 is of fourth order: (1e-2)**4 times (rates of 4/s)**4.
+            call check_below(error, energy%deviation, merge(3.0e-7_wp, 3.0e-6_wp, steppers(l) == 'dop853'), &
+                trim(steppers(l))//': deviation of the energy')
+        end do
+    end subroutine test_bricard
+
+    !> Without `P3 y` the rank is 34 of 34 until angle = -pi/2, where it drops to 33.
+    subroutine test_missing_row(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(bricard_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(35), qd(35)
+        integer :: l
+
+        model%left_out = 12
+        call model%define()
+        call model%start(0.0_wp, 0.0_wp, q, qd)
+        do l = 2, 3
+            options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
+            if (steppers(l) == 'dop853') then
+                options%rtol = 1.0e-8_wp
+                options%max_step = 0.05_wp
+            end if
+            call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
+            call check_failure(error, failure, 'rank_deficient')
+            if (allocated(error)) return
+            call check_count(error, n_warnings(simulation), 0, 'warnings')
+            ! One step at 2.2 rad/s.
+            call check_below(error, abs(bricard_angle(simulation%state%q) + pi/2), 2.3_wp* &
+                merge(options%max_step, options%step, options%is_adaptive()), trim(steppers(l))//': distance of the stop in angle')
+        end do
+    end subroutine test_missing_row
+end module test_singular
