@@ -47,8 +47,9 @@ module tandem_simulate_assembly
 
 contains
 
-    !> Move (q, qd) to the nearest consistent state at t. Errors: invalid_model, invalid_option, inconsistent_start,
-    !> callback_failed, not_evaluable, not_finite; with each of them q and qd are unchanged.
+    !> Move (q, qd) to the nearest consistent state at t, in the segment of the model that begins or goes on there. Errors:
+    !> invalid_model, invalid_option, inconsistent_start, callback_failed, not_evaluable, not_finite; with each of them q and qd
+    !> are unchanged.
     subroutine assemble(model, request, t, q, qd, error)
         class(model_type), intent(inout), target :: model
         type(assembly_type), intent(inout) :: request
