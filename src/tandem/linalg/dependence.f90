@@ -12,43 +12,45 @@ module tandem_linalg_dependence
 
 contains
 
-    !> Go through the rows in their order and keep each that is independent of those kept before, so that of a row and its copy
-    !> the first stays. Gram-Schmidt, twice; Golub, Van Loan, Matrix Computations, section 5.2.
-    subroutine split_rows(matrix, scale, tolerance, kept, dropped, combination)
+    !> Leave out rows until the others are independent: always the one with the largest part in the combination that vanishes, of
+    !> equal ones the last, so that a copy goes and not its original. Rows behind `n_first` go before those up to it.
+    subroutine split_rows(matrix, scale, n_first, tolerance, kept, dropped, combination)
         !> Rows (m, n) and the scales of their unknowns (n).
         real(wp), intent(in) :: matrix(:, :), scale(:)
-        !> A row of unit length depends on others where at most this is left of it.
+        !> How many rows to spare where others can go.
+        integer, intent(in) :: n_first
+        !> Rows of unit length depend on each other where their smallest singular value is at most this.
         real(wp), intent(in) :: tolerance
         !> Numbers of the independent rows and of the others, ascending.
         integer, allocatable, intent(out) :: kept(:), dropped(:)
         !> matrix(dropped, :) = combination matrix(kept, :).
         real(wp), allocatable, intent(out) :: combination(:, :)
-        real(wp) :: basis(size(matrix, 2), size(matrix, 1)), rest(size(matrix, 2)), length, part
-        integer :: i, j, pass
+        !> Smaller parts in the combination do not count, and parts that differ by less are equal.
+        real(wp), parameter :: counts = 1.0e-2_wp, equal = 1.0e-6_wp
+        real(wp), allocatable :: rows(:, :), share(:)
+        real(wp) :: smallest
+        integer :: i, k
         logical :: is_kept(size(matrix, 1))
 
-        is_kept = .false.
-        do i = 1, size(matrix, 1)
-            length = norm2(matrix(i, :)*scale)
-            if (.not. length > 0.0_wp) cycle
-            rest = matrix(i, :)*scale/length
-            do pass = 1, 2
-                do j = 1, i - 1
-                    if (.not. is_kept(j)) cycle
-                    part = dot_product(basis(:, j), rest)
-                    rest = rest - part*basis(:, j)
-                end do
-            end do
-            if (.not. norm2(rest) > tolerance) cycle
-            is_kept(i) = .true.
-            basis(:, i) = rest/norm2(rest)
+        is_kept = .true.
+        do k = 1, size(matrix, 1)
+            kept = pack([(i, i=1, size(is_kept))], is_kept)
+            rows = matrix(kept, :)
+            allocate (share(size(kept)))
+            call weakest_combination(rows, scale, share, smallest)
+            if (smallest > tolerance) exit
+            share = abs(share)
+            if (any(share > counts .and. kept > n_first)) where (kept <= n_first) share = 0.0_wp
+            is_kept(kept(findloc(share >= (1.0_wp - equal)*maxval(share), .true., dim=1, back=.true.))) = .false.
+            deallocate (share)
         end do
         kept = pack([(i, i=1, size(is_kept))], is_kept)
         dropped = pack([(i, i=1, size(is_kept))], .not. is_kept)
         allocate (combination(size(dropped), size(kept)), source=0.0_wp)
+        rows = transpose(matrix(kept, :)*spread(scale, 1, size(kept)))
         do i = 1, size(dropped)
-            call solve_least_norm(transpose(matrix(kept, :)*spread(scale, 1, size(kept))), matrix(dropped(i), :)*scale, &
-                combination(i, :))
+            share = matrix(dropped(i), :)*scale
+            call solve_least_norm(rows, share, combination(i, :))
         end do
     end subroutine split_rows
 

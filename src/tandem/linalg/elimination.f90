@@ -12,10 +12,15 @@ module tandem_linalg_elimination
 
     public :: elimination_type
 
+    !> A row of which at most this part is left depends on the rows before it; as the rank decision of `tandem_linalg_basis`.
+    real(wp), parameter :: rank_tolerance = 1.0e-10_wp
+
     type :: elimination_type
         private
         !> The sign of det(Cd), carried over every change of pivots, so that it changes only where Cd turns singular.
         integer, public :: orientation = 1
+        !> The smallest pivot against the largest entry of its row.
+        real(wp), public :: weakness = 1.0_wp
         integer :: parity = 1, held_parity = 1, held_orientation = 1
         integer :: m = 0, n = 0
         logical :: has_pivots = .false., held_has_pivots = .false.
@@ -132,6 +137,7 @@ contains
 
         stat = 0
         pivot_sign = 1
+        self%weakness = 1.0_wp
         self%row_size = 0.0_wp
         do j = 1, self%n
             do k = 1, self%m
@@ -160,6 +166,11 @@ contains
             end if
             if (p > 0) then
                 if (.not. abs(self%rows(p, k)) > tiny(1.0_wp)) p = 0
+            end if
+            if (p > 0) then
+                self%weakness = min(self%weakness, abs(self%rows(p, k))*scale(p)/self%row_size(k))
+                ! What rounding leaves of a row that depends on others is no pivot.
+                if (search .and. self%weakness <= rank_tolerance) p = 0
             end if
             if (p == 0) then
                 stat = k

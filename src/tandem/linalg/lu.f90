@@ -28,6 +28,7 @@ module tandem_linalg_lu
         procedure :: invert
         procedure :: reciprocal_condition
         procedure :: determinant_sign
+        procedure :: smallest_pivot
         procedure, private :: factor_small
         procedure, private :: solve_small
     end type lu_type
@@ -185,6 +186,17 @@ contains
             if (self%factors(i, i) < 0.0_wp .neqv. self%pivots(i) /= i) determinant_sign = -determinant_sign
         end do
     end function determinant_sign
+
+    !> The smallest pivot against the norm of the matrix; 1 for n = 0.
+    pure real(wp) function smallest_pivot(self)
+        class(lu_type), intent(in) :: self
+        integer :: i
+
+        smallest_pivot = 1.0_wp
+        do i = 1, self%n
+            smallest_pivot = min(smallest_pivot, abs(self%factors(i, i))/max(self%norm, tiny(1.0_wp)))
+        end do
+    end function smallest_pivot
 
     !> An estimate of 1/cond in the 1-norm; 1 for n = 0.
     real(wp) function reciprocal_condition(self)

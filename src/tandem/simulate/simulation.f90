@@ -18,9 +18,10 @@ module tandem_simulation
     use tandem_simulate_warning, only: warning_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
-    use tandem_status, only: status_callback_failed, status_constraints_not_held, status_inconsistent_start, &
-        status_invalid_option, status_not_evaluable, status_not_finite, status_of, status_ok, status_rank_deficient, &
-        status_singular_mass, status_step_limit, status_step_underflow, status_work_limit
+    use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
+        status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_evaluable, status_not_finite, &
+        status_of, status_ok, status_position_diverged, status_rank_deficient, status_singular_mass, status_step_limit, &
+        status_step_underflow, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
@@ -92,6 +93,8 @@ module tandem_simulation
         real(wp), allocatable, private :: lambda(:)
         logical, private :: lambda_is_current = .false., values_are_stale = .true.
         integer, private :: n_at_once = 0
+        !> Time until C loses rank, if its smallest singular value goes on falling as it does.
+        real(wp), private :: room = huge(1.0_wp)
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
         type(work_limit_type), private :: work
@@ -114,6 +117,7 @@ module tandem_simulation
         procedure :: add_event
         procedure, private :: look_for_events
         procedure, private :: accept_start
+        procedure, private :: choose_rows_anew
         procedure, private :: renew_chart
         procedure, private :: measure_errors
         procedure, private :: fail
@@ -134,6 +138,14 @@ module tandem_simulation
     end interface
 
     interface
+        !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
+        module subroutine choose_rows_anew(self, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine choose_rows_anew
+
         !> Watch an event from the current state on; call it after `initialize`, which forgets all events. The event is the caller's
         !> and must outlive the run.
         module subroutine add_event(self, event)
@@ -245,6 +257,7 @@ contains
         self%renewal = 0
         self%n_events = 0
         self%n_at_once = 0
+        self%room = huge(1.0_wp)
         self%is_stopped = .false.
         self%stopped_by = ''
         self%values_are_stale = .true.
@@ -428,6 +441,10 @@ contains
         integer :: stat
 
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (self%chart%wants_other_rows()) then
+            call self%choose_rows_anew(stat)
+            self%room = huge(1.0_wp)
+        end if
         if (stat /= status_ok) then
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             return

@@ -98,14 +98,14 @@ contains
         logical, intent(in) :: is_deficient
         type(error_type), allocatable, intent(out) :: error
         type(redundancy_type) :: redundancy
-        type(counts_type) :: counts
         real(wp) :: scale(self%model%n)
         integer :: stat, i, k
 
         scale = 1.0_wp
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         associate (state => self%state, options => self%options, model => self%model)
-            call redundancy%analyse(model, scale, state%t, state%q, state%qd, options%start_tolerance, self%chart%counts, stat)
+            call redundancy%analyse(model, scale, state%t, state%q, state%qd, options%constraint_tolerance, self%chart%counts, &
+                stat)
             if (stat == status_inconsistent_rows) then
                 k = findloc(redundancy%dropped, redundancy%failed_row, dim=1)
                 call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
@@ -120,7 +120,8 @@ contains
                 call self%fail(stat, 'at the start', error)
                 return
             end if
-            state%q = redundancy%q
+            ! What is off by more than the tolerance is not moved silently: it is refused with the rows that are left.
+            if (redundancy%error <= options%start_tolerance) state%q = redundancy%q
             if (size(redundancy%dropped) == 0) return
             do i = 1, size(redundancy%dropped)
                 if (size(redundancy%partners(i)) == 0) then
@@ -132,13 +133,48 @@ contains
                         ' and was left out; the multipliers are those of least norm')
                 end if
             end do
-            counts = self%chart%counts
-            deallocate (self%chart)
-            allocate (dense_chart_type :: self%chart)
-            call self%chart%initialize(model, options, self%method%implicit, error, redundancy%kept)
-            self%chart%counts = counts
         end associate
+        call use_rows(self, redundancy%kept, error)
     end subroutine drop_redundant_rows
+
+    !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
+    module subroutine choose_rows_anew(self, stat)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        type(redundancy_type) :: redundancy
+        type(error_type), allocatable :: error
+        real(wp) :: scale(self%model%n)
+
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        call redundancy%choose(self%model, scale, self%state%t, self%state%q, self%chart%counts, stat)
+        if (stat /= status_ok) return
+        if (size(redundancy%dropped) /= self%chart%n_dropped) then
+            stat = status_rank_deficient
+            return
+        end if
+        call use_rows(self, redundancy%kept, error)
+        if (allocated(error)) then
+            stat = error%stat
+            return
+        end if
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+    end subroutine choose_rows_anew
+
+    !> A chart that uses some of the rows.
+    subroutine use_rows(self, kept, error)
+        class(simulation_type), intent(inout) :: self
+        !> Their numbers, ascending.
+        integer, intent(in) :: kept(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(counts_type) :: counts
+
+        counts = self%chart%counts
+        deallocate (self%chart)
+        allocate (dense_chart_type :: self%chart)
+        call self%chart%initialize(self%model, self%options, self%method%implicit, error, kept)
+        self%chart%counts = counts
+    end subroutine use_rows
 
     !> Warn of nonholonomic rows that are integrable.
     subroutine look_for_integrable_rows(self)
@@ -156,7 +192,11 @@ contains
             call self%warn('the nonholonomic constraint "'//self%model%row_name(alone(i))// &
                 '" is integrable: it restricts the position, which is held only if it is given as a holonomic constraint')
         end do
-        if (together) call self%warn('the nonholonomic constraints are integrable together: they restrict the position, which '// &
-            'is held only if they are given as holonomic constraints')
+        if (.not. together) return
+        associate (nh => self%model%n_holonomic)
+            call self%warn('the nonholonomic constraints'//self%with_rows([(i, i=nh + 1, self%model%n_constraints())], 0, ' ')// &
+                ' are integrable together: they restrict the position, which is held only if they are given as '// &
+                'holonomic constraints')
+        end associate
     end subroutine look_for_integrable_rows
 end submodule tandem_simulate_starting

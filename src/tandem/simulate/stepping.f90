@@ -4,6 +4,9 @@
 submodule(tandem_simulation) tandem_simulate_stepping
     implicit none (type, external)
 
+    !> Steps approach a loss of rank until its singular value has fallen to this part: closer, rounding decides where they go.
+    real(wp), parameter :: least_independence = 1.0e-5_wp
+
 contains
 
     !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
@@ -36,8 +39,7 @@ contains
         if (allocated(error)) return
         self%start = self%state
         self%state = self%next
-        call check_rank(self, error)
-        if (.not. allocated(error)) call self%measure_errors(error)
+        call self%measure_errors(error)
         if (allocated(error)) then
             ! A state that misses the tolerance is not kept.
             self%state = self%start
@@ -72,17 +74,31 @@ contains
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
     end subroutine step
 
-    !> A step across a singular configuration has left the motion that the constraints determine.
-    subroutine check_rank(self, error)
+    !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.
+    subroutine check_rank(self, stat)
         class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        integer :: stat
+        !> ok, rank_deficient, or what evaluating the model may give.
+        integer, intent(out) :: stat
 
-        associate (before => self%start, state => self%state)
-            call self%chart%check_rank(before%t, before%q, state%t, state%q, stat)
-            if (stat /= status_ok) call self%fail(stat, 'between t = '//to_text(before%t)//' and '//to_text(state%t), error)
+        associate (state => self%state, next => self%next)
+            call self%chart%measure_rank(next%t, next%q, self%room, stat)
+            if (self%room < huge(1.0_wp)) self%room = self%room*(next%t - state%t)
         end associate
+        if (stat == status_ok .and. .not. self%room > 0.0_wp) stat = status_rank_deficient
     end subroutine check_rank
+
+    !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
+    subroutine look_for_lost_rank(self, h, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        !> The reason, replaced where this is it.
+        integer, intent(inout) :: stat
+
+        if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
+        associate (state => self%state)
+            if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, 1.01_wp*h)) stat = status_rank_deficient
+        end associate
+    end subroutine look_for_lost_rank
 
     !> The next step of the grid, into self%next.
     subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
@@ -103,7 +119,20 @@ contains
         end if
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+        stat = status_ok
+        if (self%room < 1.01_wp*h) then
+            associate (state => self%state)
+                if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, 1.01_wp*h)) stat = status_rank_deficient
+            end associate
+        end if
+        if (stat == status_ok) then
+            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+            if (stat == status_ok) then
+                call check_rank(self, stat)
+            else
+                call look_for_lost_rank(self, h, stat)
+            end if
+        end if
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
             return
@@ -125,11 +154,25 @@ contains
 
         call renew_by_policy(self, error)
         if (allocated(error)) return
+        if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then
+            ! To name the rows.
+            associate (state => self%state)
+                is_cut = self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)
+            end associate
+            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t + self%room), error)
+            return
+        end if
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+        ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
+        if (0.5_wp*self%room < self%control%h) then
+            associate (state => self%state)
+                if (.not. self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)) self%room = huge(1.0_wp)
+            end associate
+        end if
         if (.not. self%control%h > 0.0_wp) call choose_first_step(self, stop_at - self%state%t)
         stat = status_ok
         do
-            h = self%control%h
+            h = min(self%control%h, 0.5_wp*self%room)
             ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
             is_cut = self%state%t + 1.01_wp*h >= stop_at
             self%next%t = stop_at
@@ -146,12 +189,17 @@ contains
             if (stat == status_ok) then
                 call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
                 call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
-                if (norm <= 1.0_wp) exit
-                self%tally%rejected = self%tally%rejected + 1
-                call self%control%reject(h, norm)
-                if (self%work%is_set) call check_work(self, error)
-                if (allocated(error)) return
-                cycle
+                if (.not. norm <= 1.0_wp) then
+                    self%tally%rejected = self%tally%rejected + 1
+                    call self%control%reject(h, norm)
+                    if (self%work%is_set) call check_work(self, error)
+                    if (allocated(error)) return
+                    cycle
+                end if
+                call check_rank(self, stat)
+                if (stat == status_ok) exit
+            else if (stat /= status_callback_failed) then
+                call look_for_lost_rank(self, h, stat)
             end if
             if (stat == status_callback_failed) then
                 call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
@@ -304,6 +352,7 @@ contains
         integer :: stat
 
         if (self%chart_is_current) return
+        if (self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = max(self%renewal, by_failure)
         if (self%renewal /= 0) then
             call self%renew_chart(self%renewal, error)
             self%renewal = 0

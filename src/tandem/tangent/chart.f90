@@ -36,6 +36,11 @@ module tandem_tangent_chart
         integer, allocatable :: failed_rows(:)
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
+        !> The largest of these so far, and how many redundant rows were left out.
+        real(wp) :: best_independence = 0.0_wp
+        !> The part of it that `measure_rank` found left, where it looked; else 1.
+        real(wp) :: fallen = 1.0_wp
+        integer :: n_dropped = 0
         !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
         character(len=:), allocatable :: failed_term
     contains
@@ -54,10 +59,15 @@ module tandem_tangent_chart
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
         procedure(errors_interface), deferred :: constraint_errors
-        procedure(rank_interface), deferred :: check_rank
+        procedure(rank_interface), deferred :: measure_rank
+        procedure(ahead_interface), deferred :: loses_rank_ahead
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
+        procedure :: wants_other_rows
     end type chart_type
+
+    !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was.
+    real(wp), parameter :: near_rank_loss = 0.2_wp
 
     abstract interface
         !> Attach the model and allocate the work space, once.
@@ -218,18 +228,30 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine errors_interface
 
-        !> Has C lost rank between two states of a step, or have redundant rows become independent? To be called with the
-        !> last point as (t, q). Where a singular value passes through zero within a step, no chart sees it at zero.
-        subroutine rank_interface(self, t0, q0, t, q, stat)
+        !> How many steps as the last one C is away from losing rank, as its smallest singular value falls; huge where it does not,
+        !> 0 where one has passed through zero within the step, or redundant rows have become independent. `failed_rows` are then
+        !> those that depend on each other.
+        subroutine rank_interface(self, t, q, room, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The state before (n) and the state now (n).
-            real(wp), intent(in) :: t0, t
-            real(wp), intent(in), contiguous :: q0(:), q(:)
-            !> A status code; `rank_deficient` with `failed_rows`.
+            !> The end of the step; its start is where the chart was made or refreshed last.
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(out) :: room
+            !> A status code.
             integer, intent(out) :: stat
         end subroutine rank_interface
+
+        !> Whether C loses rank on the straight way from a state within the time h: for a step that cannot be taken.
+        logical function ahead_interface(self, t, q, qd, h)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: h
+        end function ahead_interface
 
         !> How the chart stands at a point: what the policy watches.
         subroutine health_interface(self, t, q, qd, health, stat)
@@ -253,4 +275,13 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine energy_interface
     end interface
+
+contains
+
+    !> Which of redundant rows can be left out changes along a motion: the ones in use become dependent, another choice is not.
+    pure logical function wants_other_rows(self)
+        class(chart_type), intent(in) :: self
+
+        wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%best_independence
+    end function wants_other_rows
 end module tandem_tangent_chart

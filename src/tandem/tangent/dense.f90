@@ -64,6 +64,10 @@ module tandem_tangent_dense
         real(wp), allocatable :: all_gamma(:), all_lambda(:)
         !> The orientation of C at the origin, see `split_type`.
         integer :: origin_orientation = 1
+        !> The smallest pivot at the last state.
+        real(wp) :: last_weakness = 1.0_wp
+        !> C where the current step starts (m, n).
+        real(wp), allocatable :: step_jacobian(:, :)
         !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
         !> `qd_point`) are those of it.
         logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
@@ -87,7 +91,8 @@ module tandem_tangent_dense
         procedure :: multipliers
         procedure :: project_velocity
         procedure :: constraint_errors
-        procedure :: check_rank
+        procedure :: measure_rank
+        procedure :: loses_rank_ahead
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure, private :: move_to
@@ -123,6 +128,7 @@ contains
         self%nh = size(self%model%terms%phi)
         self%m = size(self%model%terms%nu)
         if (present(kept)) then
+            self%n_dropped = model%n_constraints() - size(kept)
             self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
             self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
             self%all_lambda = self%all_gamma
@@ -193,6 +199,8 @@ contains
         end if
         call self%split_here(stat)
         self%origin_orientation = self%split%orientation
+        self%last_weakness = self%split%weakness
+        self%step_jacobian = self%model%terms%jacobian
         if (stat /= status_ok .or. self%has_bases) return
         do j = 1, self%n - self%m
             self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
@@ -217,6 +225,7 @@ contains
         end if
         self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
         self%independence = self%basis%smallest
+        self%best_independence = max(self%best_independence, self%independence)
         if (self%basis%deficient) then
             call self%blame_dependent(self%basis%dependent_row)
             stat = status_rank_deficient
@@ -249,6 +258,7 @@ contains
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) then
+            self%step_jacobian = self%model%terms%jacobian
             call self%position%refresh(self%model%terms%jacobian, q, self%scale, self%counts, stat)
         end if
     end subroutine refresh
@@ -602,18 +612,23 @@ contains
         end subroutine measure
     end subroutine constraint_errors
 
-    !> Has C lost rank between two states, or have redundant rows become independent?
-    subroutine check_rank(self, t0, q0, t, q, stat)
+    !> How many steps as the one that ends at (t, q) C is away from losing rank.
+    subroutine measure_rank(self, t, q, room, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t0, t
-        real(wp), intent(in), contiguous :: q0(:), q(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out) :: room
         integer, intent(out) :: stat
         !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
         real(wp), parameter :: largest_rest = 1.0e-6_wp
-        real(wp), allocatable :: before(:, :)
+        !> A loss of rank further away than so many steps is not looked for.
+        real(wp), parameter :: horizon = 8.0_wp
+        real(wp) :: share(self%m), smallest, smallest_before, fall
         integer :: i, j
 
         self%failed_row = 0
+        self%fallen = 1.0_wp
+        room = huge(1.0_wp)
         stat = status_ok
         if (self%m == 0) return
         call self%move_to(t, q, stat)
@@ -627,24 +642,83 @@ contains
                         if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
                         call self%blame_dependent(0)
                         self%failed_row = self%dropped(i)
-                        stat = status_rank_deficient
+                        room = 0.0_wp
                         return
                     end do
                 end associate
             end do
         end if
-        if (self%split%orientation == self%origin_orientation) return
-        ! The determinant met by the way may have changed its sign for the choice of its columns alone.
-        self%origin_orientation = self%split%orientation
-        call self%move_to(t0, q0, stat)
-        if (stat /= status_ok) return
-        before = self%model%terms%jacobian
+        ! Pivots are at hand. They fall towards a loss of rank, and for the choice of their columns alone.
+        fall = self%last_weakness - self%split%weakness
+        self%last_weakness = self%split%weakness
+        if (self%split%orientation == self%origin_orientation .and. self%split%weakness > horizon*fall) return
+        call weakest_combination(self%step_jacobian, self%scale, share, smallest_before)
+        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
+        self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
+        if (self%split%orientation /= self%origin_orientation) then
+            if (.not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)) room = 0.0_wp
+            self%origin_orientation = self%split%orientation
+        end if
+        if (room <= horizon) call self%blame_dependent(0)
+    end subroutine measure_rank
+
+    !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
+    logical function loses_rank_ahead(self, t, q, qd, h)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t, h
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        !> Halvings of the way; how much C may change until the loss.
+        integer, parameter :: most_halvings = 12
+        real(wp), parameter :: largest_change = 0.5_wp
+        real(wp), allocatable :: here(:, :)
+        real(wp) :: near, far, middle
+        integer :: k, stat
+
+        loses_rank_ahead = .false.
+        if (self%m == 0) return
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
-        if (keeps_orientation(before, self%model%terms%jacobian, self%scale)) return
-        call self%blame_dependent(0)
-        stat = status_rank_deficient
-    end subroutine check_rank
+        here = self%model%terms%jacobian
+        near = 0.0_wp
+        far = h
+        if (keeps_until(h)) return
+        do k = 1, most_halvings
+            middle = 0.5_wp*(near + far)
+            if (keeps_until(middle)) then
+                near = middle
+            else
+                far = middle
+            end if
+        end do
+        loses_rank_ahead = .not. keeps_until(far)
+        if (loses_rank_ahead) loses_rank_ahead = relative_change() <= largest_change
+        if (loses_rank_ahead) call self%blame_dependent(0)
+
+    contains
+
+        !> Whether C has its orientation still; what cannot be evaluated counts as no loss.
+        logical function keeps_until(ahead)
+            real(wp), intent(in) :: ahead
+
+            self%trial = q + ahead*qd
+            call self%move_to(t + ahead, self%trial, stat)
+            keeps_until = stat /= status_ok
+            if (.not. keeps_until) keeps_until = keeps_orientation(here, self%model%terms%jacobian, self%scale)
+        end function keeps_until
+
+        !> The change of C since, rows of unit length, Frobenius norm.
+        real(wp) function relative_change()
+            integer :: i
+
+            relative_change = 0.0_wp
+            do i = 1, self%m
+                relative_change = relative_change + sum(((self%model%terms%jacobian(i, :) - here(i, :))*self%scale)**2)/ &
+                    max(sum((here(i, :)*self%scale)**2), tiny(1.0_wp))
+            end do
+            relative_change = sqrt(relative_change)
+        end function relative_change
+    end function loses_rank_ahead
 
     !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
     subroutine measure_health(self, t, q, qd, health, stat)

@@ -29,11 +29,15 @@ module tandem_tangent_redundancy
         !> After `inconsistent_rows` or `rank_deficient`: a row that depends on others, and the level at which it contradicts
         !> them: 0 none, 1 position, 2 velocity, 3 acceleration.
         integer :: failed_row = 0, failed_level = 0
+        !> The largest position error of the start as it was given, on the natural scale of its row, and that row.
+        real(wp) :: error = 0.0_wp
+        integer :: worst_row = 0
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
         real(wp), allocatable, private :: scale(:)
     contains
         procedure :: analyse
+        procedure :: choose
         procedure :: partners
         procedure, private :: restore
         procedure, private :: find_contradiction
@@ -67,16 +71,39 @@ contains
         self%q = q
         call self%evaluator%initialize(model)
         call self%differences%initialize(model, scale)
+        call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
+        if (stat /= status_ok) return
+        self%error = 0.0_wp
+        associate (terms => self%evaluator%terms)
+            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, q, scale, self%error, self%worst_row)
+        end associate
         call self%restore([(i, i=1, model%n_holonomic)], t, self%q, counts, stat)
         if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian + need_nu, t, self%q, qd, counts, stat)
         if (stat /= status_ok) return
         jacobian = self%evaluator%terms%jacobian
-        call split_rows(jacobian, scale, dependent, self%kept, self%dropped, self%combination)
+        call split_rows(jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, self%combination)
         if (size(self%dropped) == 0) return
         call self%find_contradiction(t, self%q, qd, tolerance, 2, counts, stat)
         if (stat == status_ok) call self%probe(jacobian, t, counts, stat)
         if (stat == status_ok) call self%find_contradiction(t, self%q, qd, tolerance, 3, counts, stat)
     end subroutine analyse
+
+    !> Choose anew which rows to leave out, at a state on the constraints: those that the others replace best.
+    subroutine choose(self, model, scale, t, q, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        !> Coordinate scales (n), time and coordinates (n).
+        real(wp), intent(in) :: scale(:), t, q(:)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        call self%evaluator%initialize(model)
+        call self%evaluator%evaluate(need_jacobian, t, q, q, counts, stat)
+        if (stat /= status_ok) return
+        call split_rows(self%evaluator%terms%jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, &
+            self%combination)
+    end subroutine choose
 
     !> The rows that a dropped one depends on.
     pure function partners(self, number) result(rows)
@@ -220,7 +247,7 @@ contains
                 error = 0.0_wp
                 row = 0
                 if (nh > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, error, row)
-                call split_rows(terms%jacobian, self%scale, largest_rest, kept, dropped, combination)
+                call split_rows(terms%jacobian, self%scale, nh, largest_rest, kept, dropped, combination)
                 if (error <= largest_error .and. size(kept) == size(self%kept)) cycle
             end associate
             self%failed_row = self%dropped(1)

@@ -9,7 +9,7 @@ module tandem_tangent_split
     use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_kernels, only: set_product
     use tandem_linalg_lu, only: lu_type
-    use tandem_status, only: status_chart_left, status_ok
+    use tandem_status, only: status_chart_left, status_ok, status_rank_deficient
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
@@ -25,6 +25,8 @@ module tandem_tangent_split
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
         !> The sign of the determinant that `update` has met, of Cd or C X: where it changes along a motion, C may have lost rank.
         integer :: orientation = 1
+        !> The smallest pivot met: where it falls far, C is near to losing rank.
+        real(wp) :: weakness = 1.0_wp
         !> After a failure: the row without a pivot, 0 where it is not one row's fault.
         integer :: failed_row = 0
         !> Most corrections that a refinement of H has taken since the caller set this to zero.
@@ -99,8 +101,9 @@ contains
         select case (self%way)
         case (by_elimination)
             call self%elimination%eliminate(jacobian, scale, self%failed_row)
+            self%weakness = self%elimination%weakness
             if (self%failed_row /= 0) then
-                stat = status_chart_left
+                stat = status_rank_deficient
                 return
             end if
             call self%elimination%get_right_inverse(self%right_inverse)
@@ -128,6 +131,7 @@ contains
 
         call self%c_x_lu%factor(self%c_x, stat)
         if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
+        if (stat == 0) self%weakness = self%c_x_lu%smallest_pivot()
     end subroutine measure_orientation
 
     !> Keep what the next update starts from, so that a look at another point leaves no trace.
@@ -156,6 +160,7 @@ contains
         call self%c_x_lu%factor(self%c_x, stat)
         if (stat == 0) call self%c_x_lu%invert(self%h%inverse)
         if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
+        if (stat == 0) self%weakness = self%c_x_lu%smallest_pivot()
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine invert
 end module tandem_tangent_split
