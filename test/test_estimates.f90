@@ -198,12 +198,11 @@ contains
         real(wp), intent(in) :: t, added
         type(state_type) :: state
 
+        call state%allocate(1)
         state%t = t
-        state%q = [t**5 + added]
-        state%qd = [5*t**4]
-        state%qdd = [20*t**3]
-        state%dq = state%q
-        state%dqd = state%q
+        state%q(1) = t**5 + added
+        state%qd(1) = 5*t**4
+        state%qdd(1) = 20*t**3
     end function polynomial
 
     !> Boole's rule is exact for rates of degree 5: what is left is what the steps have added, 1 + 2 + 3 + 4 thousandths.
