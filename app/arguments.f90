@@ -16,8 +16,9 @@ module tandem_app_arguments
     end type option_type
 
     !> Every option of any subcommand.
-    type(option_type), parameter :: options(5) = [option_type('--set', .true.), option_type('--output', .true.), &
-        option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.)]
+    type(option_type), parameter :: options(6) = [option_type('--set', .true.), option_type('--output', .true.), &
+        option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.), &
+        option_type('--error', .false.)]
 
     type :: arguments_type
         !> The subcommand, empty where there is none.
@@ -27,7 +28,7 @@ module tandem_app_arguments
         !> The settings `table.key=value`, blanks at their ends dropped.
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
-        logical :: quiet = .false., force = .false., help = .false.
+        logical :: quiet = .false., force = .false., help = .false., error = .false.
     contains
         procedure :: parse
         procedure, private :: take
@@ -116,6 +117,8 @@ contains
             call self%add_setting('output.file='//quoted(value))
         case ('--quiet')
             self%quiet = .true.
+        case ('--error')
+            self%error = .true.
         case ('--force')
             self%force = .true.
         case default

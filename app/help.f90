@@ -29,6 +29,7 @@ module tandem_app_help
         '  --set table.key=value   override a key of the scene, as often as you like', &
         '  --output FILE           the result file, as --set output.file=FILE', &
         'Options of run:', &
+        '  --error                 estimate the error at the end by a second, more accurate run', &
         '  --quiet                 no progress on stderr', &
         '  --force                 overwrite a file even if it is no result of tandem', &
         '', &

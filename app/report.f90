@@ -2,7 +2,7 @@
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem, only: derivative_name, error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
+    use tandem, only: derivative_name, error_type, global_error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
         options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
     use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
@@ -25,12 +25,16 @@ module tandem_app_report
 contains
 
     !> Print the report of a run.
-    subroutine print_report(scene, simulation, trajectory, error)
+    subroutine print_report(scene, simulation, trajectory, error, global_error, estimate_error)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
         type(trajectory_type), intent(in) :: trajectory
         !> How the run failed, if it did.
         type(error_type), allocatable, intent(in) :: error
+        !> The error of the whole run, where it was asked for and found.
+        type(global_error_type), intent(in) :: global_error
+        !> Why it was not found.
+        type(error_type), allocatable, intent(in) :: estimate_error
         type(statistics_type) :: s
         character(len=:), allocatable :: steps
 
@@ -61,6 +65,9 @@ contains
             ' over all steps (tolerance '//to_toml(scene%options%constraint_tolerance)//", on each row's natural scale)")
         if (s%local_error_steps > 0) call print_line('local error', short(s%local_error, 2)//' a step at most, '// &
             short(s%local_error_sum, 2)//' summed over the run, not counting how the motion amplifies it')
+        if (allocated(estimate_error)) call print_line('error at end', 'not known: '//estimate_error%message)
+        if (global_error%is_known) call print_line('error at end', error_at_end(global_error, scene))
+        call print_warnings(s, scene%options, global_error)
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &
                 ' of its natural scale, since the model leaves gamma to differences')
@@ -73,6 +80,59 @@ contains
         call print_line('computed', computed(s))
         call print_line('left out', left_out(s, scene))
     end subroutine print_report
+
+    !> The estimated error of the whole run.
+    function error_at_end(global_error, scene) result(text)
+        type(global_error_type), intent(in) :: global_error
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable :: text
+
+        associate (g => global_error)
+            text = 'q '//short(g%error_q, 2)//name_of(g%worst_q)//', qd '//short(g%error_qd, 2)//name_of(g%worst_qd)//', '// &
+                short(g%largest, 2)//' of |y| + scale at most, at t = '//short(g%t_largest, 3)//' s, '
+            if (g%is_bound) then
+                text = text//'an upper bound, by a second run with ten times the tolerance'
+            else if (scene%options%is_adaptive()) then
+                text = text//'estimated by a second run with a tenth of the tolerance'
+            else
+                text = text//'estimated by a second run with half the step'
+            end if
+            text = text//' ('//count_text(g%right_hand_sides)//' right-hand sides, '//short(g%seconds, 3)//' s)'
+        end associate
+    contains
+        !> The name of a coordinate in parentheses, where it has one.
+        function name_of(i) result(name)
+            integer, intent(in) :: i
+            character(len=:), allocatable :: name
+
+            name = ''
+            if (allocated(scene%model%coordinate_name)) name = ' ('//trim(scene%model%coordinate_name(i))//')'
+        end function name_of
+    end function error_at_end
+
+    !> Say clearly where the numbers of a run mean little.
+    subroutine print_warnings(s, options, global_error)
+        type(statistics_type), intent(in) :: s
+        type(options_type), intent(in) :: options
+        type(global_error_type), intent(in) :: global_error
+        !> Errors above these parts of the state, and above so many times the tolerance, are worth a warning.
+        real(wp), parameter :: large = 1.0e-2_wp, times = 100.0_wp
+        character(len=:), allocatable :: advice
+        real(wp) :: tolerance
+
+        tolerance = options%relative_tolerance()
+        advice = 'take smaller steps'
+        if (options%is_adaptive()) advice = 'tighten rtol'
+        if (s%local_error_sum > large) call print_line('WARNING', 'the steps alone leave errors of '// &
+            short(s%local_error_sum, 2)//' of the state: '//advice)
+        if (.not. global_error%is_known) return
+        if (options%is_adaptive() .and. global_error%largest > times*tolerance) then
+            call print_line('WARNING', 'the error reaches '//short(global_error%largest/tolerance, 2)// &
+                ' times the tolerance, since the motion amplifies what steps leave: '//advice)
+        else if (global_error%largest > large) then
+            call print_line('WARNING', 'the error reaches '//short(global_error%largest, 2)//' of the state: '//advice)
+        end if
+    end subroutine print_warnings
 
     !> That an explicit stepper is at work on a stiff model.
     function stiff(s, is_adaptive) result(text)

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: error_type, simulation_type
+    use tandem, only: error_type, global_error_type, simulation_type
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
@@ -23,9 +23,10 @@ contains
         type(scene_type), target :: scene
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory
-        type(error_type), allocatable :: error, output_error
+        type(global_error_type), target :: global_error
+        type(error_type), allocatable :: error, output_error, estimate_error
 
-        call arguments%parse([character(len=8) :: '--set', '--output', '--quiet', '--force', '--help'], .true., error)
+        call arguments%parse([character(len=8) :: '--set', '--output', '--error', '--quiet', '--force', '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
             call help(code)
             return
@@ -37,10 +38,12 @@ contains
             return
         end if
 
-        call integrate(arguments, scene, simulation, trajectory, error)
-        call trajectory%close(simulation, error, output_error)
+        if (arguments%error) call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
+        call integrate(arguments, scene, simulation, trajectory, global_error, error)
+        if (arguments%error .and. .not. allocated(error)) call estimate(arguments, scene, global_error, estimate_error)
+        call trajectory%close(simulation, error, output_error, global_error)
         if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
-        call print_report(scene, simulation, trajectory, error)
+        call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
         code = done
         if (.not. allocated(error)) return
         call complain(error%message)
@@ -71,20 +74,37 @@ contains
     end subroutine prepare
 
     !> The run, watched by the result file and by the progress.
-    subroutine integrate(arguments, scene, simulation, trajectory, error)
+    subroutine integrate(arguments, scene, simulation, trajectory, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
+        !> Watches only where it is asked for.
+        type(global_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(progress_type), target :: progress
         type(observer_list_type) :: observers
 
         call observers%add(trajectory)
+        if (arguments%error) call observers%add(global_error)
         progress = progress_type(t_start=scene%t_start, t_end=scene%t_end)
         if (.not. arguments%quiet) call observers%add(progress)
         call simulation%integrate(scene%t_end, error, observers)
     end subroutine integrate
+
+    !> The second run, with a model of its own, since a run may change its model.
+    subroutine estimate(arguments, scene, global_error, error)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(in) :: scene
+        type(global_error_type), intent(inout) :: global_error
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: again
+        character(len=:), allocatable :: path
+
+        call find_scene(arguments%scene, path, error)
+        if (.not. allocated(error)) call read_scene(path, arguments%settings, again, error)
+        if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
+    end subroutine estimate
 
     !> The command line as it was typed, about.
     function command_line() result(text)

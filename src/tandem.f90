@@ -15,6 +15,7 @@ module tandem
     use tandem_options, only: basis_methods, chart_policies, options_type, refresh_modes
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
+    use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: at_end, at_start, at_step, observer_type, simulation_type
@@ -36,6 +37,7 @@ module tandem
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, warning_type
     public :: assembly_type, assemble, velocity_metrics
+    public :: global_error_type
     public :: properties_type, new_stepper, stepper_names
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

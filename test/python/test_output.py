@@ -650,6 +650,39 @@ class CommandLine(Case):
         text = self.tandem("show", "scene.toml", "--set", "solver.rtol=1e-4").stdout
         self.assertIn("\nrtol = 0.0001 ", text)
 
+    def test_the_error_of_a_run(self):
+        settings = ["--set", "solver.stepper=dopri5", "--set", "solver.rtol=1e-4", "--set", "time.end=10"]
+        report = self.tandem("run", "rolling_disk", *settings, "--error", "--output", "a.h5").stdout
+        self.assertRegex(report, r"  error at end +q [^\n]*,\n? *estimated by a second run with a tenth of the tolerance")
+        self.assertRegex(report, r"  WARNING +the error reaches \S+ times the tolerance")
+        self.assertRegex(report, r"  local error +\S+ a step at most, \S+ summed over the run")
+        with h5py.File(self.folder / "a.h5") as file:
+            attributes = file["report"].attrs
+            self.assertGreater(attributes["global_error"], 0.5)
+            self.assertGreaterEqual(attributes["global_error_largest"], attributes["global_error"])
+            self.assertLess(attributes["local_error"], 1e-4)
+            self.assertEqual(attributes["local_error_steps"], attributes["steps"])
+            self.assertEqual(attributes["stiff"], 0)
+        report = self.tandem("run", "articulated_vehicle", "--set", "solver.step=1e-2", "--error", "--output", "a.h5").stdout
+        self.assertRegex(report, r"by a second run with half the step")
+        self.assertNotIn("WARNING", report)
+        self.tandem("run", "rolling_disk", *SHORT, "--output", "b.h5")
+        with h5py.File(self.folder / "b.h5") as file:
+            self.assertNotIn("global_error", file["report"].attrs)
+
+    def test_the_error_of_a_run_that_fails(self):
+        report = self.tandem("run", "rolling_disk", "--set", "solver.max_evaluations=100", "--error", code=1).stdout
+        self.assertNotIn("error at end", report)
+
+    def test_a_stiff_model_is_noticed(self):
+        settings = ["--set", "model.stiffness=1.5e7", "--set", "model.damping=1.5e6", "--set", "solver.stepper=dopri5"]
+        report = self.tandem("run", "motorcycle", *settings, "--set", "solver.rtol=1e-5", "--set", "time.end=0.05", "--output",
+                             "a.h5").stdout
+        self.assertRegex(report, r"  stiff +from t = \S+ s, steps are limited by stability, not by accuracy")
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file["report"].attrs["stiff"], 1)
+            self.assertGreater(file["report"].attrs["stiff_steps"], 100)
+
     def test_numbers_come_back_to_the_last_bit(self):
         numbers = [0.1, 1 / 3, 1e-300, 5e-324, 1.7976931348623157e308, 123456789.123456789, 1e22, 2**53 + 2.0, 1e-5]
         for number in numbers:

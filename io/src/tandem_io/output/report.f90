@@ -1,12 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
-    use tandem, only: derivative_name, long, n_derivatives, n_reasons, n_terms, reason_name, statistics_type, term_name
+    use tandem, only: derivative_name, global_error_type, long, n_derivatives, n_reasons, n_terms, reason_name, &
+        statistics_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none (type, external)
     private
 
-    public :: write_report
+    public :: write_report, write_global_error
 
     character(len=*), parameter :: place = '/report'
 
@@ -68,6 +69,24 @@ contains
             call file%attach(place, 'cpu_seconds', s%cpu_seconds)
         end associate
     end subroutine write_report
+
+    !> Write the error of the run, where it is known.
+    subroutine write_global_error(file, global_error)
+        type(hdf5_type), intent(inout) :: file
+        type(global_error_type), intent(in) :: global_error
+
+        associate (g => global_error)
+            if (.not. g%is_known) return
+            call file%attach(place, 'global_error_q', g%error_q)
+            call file%attach(place, 'global_error_qd', g%error_qd)
+            call file%attach(place, 'global_error', g%relative)
+            call file%attach(place, 'global_error_largest', g%largest)
+            call file%attach(place, 'global_error_time', g%t_largest)
+            call file%attach(place, 'global_error_is_bound', merge(1_long, 0_long, g%is_bound))
+            call file%attach(place, 'global_error_right_hand_sides', g%right_hand_sides)
+            call file%attach(place, 'global_error_seconds', g%seconds)
+        end associate
+    end subroutine write_global_error
 
     !> Words as a name: blanks become underscores, bars vanish.
     pure function as_name(words) result(name)

@@ -5,13 +5,13 @@
 !> neither computed nor written.
 module tandem_io_output_trajectory
     use hdf5, only: hid_t
-    use tandem, only: at_end, at_start, at_step, error_type, label_length, long, model_type, observer_type, set_error, &
-        simulation_type, status_output_failed, to_text, wp
+    use tandem, only: at_end, at_start, at_step, error_type, global_error_type, label_length, long, model_type, observer_type, &
+        set_error, simulation_type, status_output_failed, to_text, wp
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_acceleration_error, field_chart, &
         field_kinetic_energy, field_lambda, field_length, field_names, field_position_error, field_potential_energy, &
         field_q, field_qd, field_qdd, field_step, field_type, field_velocity_error, fields, one, output_type
     use tandem_io_output_hdf5, only: hdf5_type
-    use tandem_io_output_report, only: write_report
+    use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
     use tandem_status, only: status_callback_failed, status_invalid_option
@@ -160,17 +160,20 @@ contains
     end subroutine observe
 
     !> Write what is left, the report and the outcome, and close the file.
-    subroutine close(self, simulation, run_error, error)
+    subroutine close(self, simulation, run_error, error, global_error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         !> The error of the run, not allocated where it was complete.
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
+        !> The error of the run, where it was estimated.
+        type(global_error_type), intent(in), optional :: global_error
         integer :: i
 
         call self%write_rows()
         call write_report(self%file, simulation%statistics())
+        if (present(global_error)) call write_global_error(self%file, global_error)
         if (allocated(run_error)) then
             call self%file%attach('/', 'status', 'failed')
             call self%file%attach('/', 'status_message', run_error%message)

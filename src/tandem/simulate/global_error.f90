@@ -1,0 +1,220 @@
+! SPDX-License-Identifier: MIT
+!> The error of a whole run, what the motion makes of the local errors included, estimated from a second, more accurate run.
+!>
+!> Watch the run as its observer, then call `estimate` with a second model. The second run has half the step, or a tenth of the
+!> tolerances; the difference of the two, over one less the ratio of their errors, is the error of the first (Richardson).
+!> Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
+module tandem_simulate_global_error
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: long, wp
+    use tandem_model, only: model_type
+    use tandem_options, only: options_type
+    use tandem_simulate_statistics, only: statistics_type
+    use tandem_simulation, only: observer_type, simulation_type
+    use tandem_status, only: status_invalid_option
+    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper_factory, only: new_stepper
+    implicit none (type, external)
+    private
+
+    public :: global_error_type
+
+    !> Times at which the runs are compared, equally spaced, the end among them.
+    integer, parameter :: n_times = 100
+    !> The tolerances of the second run, and the smallest that may come out.
+    real(wp), parameter :: part = 0.1_wp, smallest = 1.0e-15_wp
+
+    type, extends(observer_type) :: global_error_type
+        !> Whether the error was estimated.
+        logical :: is_known = .false.
+        !> Whether it is only a bound: tolerances too small to be made smaller, so the second run has larger ones.
+        logical :: is_bound = .false.
+        !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that have them.
+        real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
+        integer :: worst_q = 1, worst_qd = 1
+        !> Error at the end, and the largest at `n_times` times and when, on the scale s + |y|, max-norms over q and qd.
+        real(wp) :: relative = 0.0_wp, largest = 0.0_wp, t_largest = 0.0_wp
+        !> What the second run has cost: evaluations of the right-hand side, and wall time, s.
+        integer(long) :: right_hand_sides = 0
+        real(wp) :: seconds = 0.0_wp
+        real(wp), private :: t_start = 0.0_wp
+        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run.
+        real(wp), allocatable, private :: t(:), state(:, :, :)
+        integer, private :: n_taken = 0
+        !> Whether both runs could be evaluated at that time (n_times).
+        logical, private :: is_there(n_times) = .true.
+        integer(long), private :: work = 0
+        !> The run that is compared, while the second one goes on.
+        real(wp), allocatable, private :: difference(:, :, :)
+        logical, private :: is_second = .false.
+    contains
+        procedure :: initialize
+        procedure :: observe
+        procedure :: estimate
+        procedure, private :: take
+        procedure, private :: evaluate
+    end type global_error_type
+
+contains
+
+    !> Begin, before the run.
+    subroutine initialize(self, n, t_start, t_end)
+        class(global_error_type), intent(inout) :: self
+        !> Number of coordinates.
+        integer, intent(in) :: n
+        !> Start and end of the run.
+        real(wp), intent(in) :: t_start, t_end
+        integer :: i
+
+        self%is_known = .false.
+        self%is_second = .false.
+        self%n_taken = 0
+        self%is_there = .true.
+        self%t_start = t_start
+        self%t = [(t_start + (t_end - t_start)*real(i, wp)/real(n_times, wp), i=1, n_times)]
+        self%t(n_times) = t_end
+        if (allocated(self%state)) deallocate (self%state, self%difference)
+        allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
+    end subroutine initialize
+
+    !> Take the states at the times that the last step has passed.
+    subroutine observe(self, simulation, occasion, error)
+        class(global_error_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step` or `at_end`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+        type(error_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        real(wp) :: t_step
+
+        t_step = simulation%state%t
+        do while (self%n_taken < n_times)
+            if (self%t(self%n_taken + 1) > t_step) exit
+            call simulation%look_at(self%t(self%n_taken + 1), failure)
+            call self%take(simulation%state%q, simulation%state%qd)
+            ! That a time between steps cannot be had is no reason to end the run.
+            if (allocated(failure)) self%is_there(self%n_taken) = .false.
+            call simulation%look_back()
+        end do
+        statistics = simulation%statistics()
+        if (.not. self%is_second) self%work = statistics%right_hand_sides
+    end subroutine observe
+
+    !> Keep a state, of the second run its difference.
+    subroutine take(self, q, qd)
+        class(global_error_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+
+        self%n_taken = self%n_taken + 1
+        associate (k => self%n_taken)
+            if (self%is_second) then
+                self%difference(:, 1, k) = abs(q - self%state(:, 1, k))
+                self%difference(:, 2, k) = abs(qd - self%state(:, 2, k))
+            else
+                self%state(:, 1, k) = q
+                self%state(:, 2, k) = qd
+            end if
+        end associate
+    end subroutine take
+
+    !> Run a second time and compare.
+    subroutine estimate(self, model, options, q, qd, error)
+        class(global_error_type), intent(inout) :: self
+        !> A model of its own, equal to that of the run as it was at the start.
+        class(model_type), intent(inout), target :: model
+        !> Those of the run.
+        type(options_type), intent(in) :: options
+        !> The start of the run (n).
+        real(wp), intent(in) :: q(:), qd(:)
+        !> Why the error is not known: the run has not reached its end, or the second one failed.
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: second
+        type(properties_type) :: method
+        class(stepper_type), allocatable :: stepper
+        real(wp) :: ratio
+
+        if (self%n_taken < n_times) then
+            call set_error(error, status_invalid_option, 'the run to compare with has not reached its end', &
+                'give this object to integrate as the observer of the whole run')
+            return
+        end if
+        call new_stepper(options%stepper, stepper)
+        method = stepper%properties()
+        call choose_second(options, method, second, ratio)
+        self%is_bound = ratio > 1.0_wp
+        ! Its work is bounded too: it should take two or three times that of the first.
+        second%max_seconds = 0.0_wp
+        second%max_steps = huge(1)
+        second%max_evaluations = int(min(int(huge(1), long), 10000 + 20*self%work))
+        call simulation%initialize(model, second, self%t_start, q, qd, error)
+        if (allocated(error)) return
+        self%is_second = .true.
+        self%n_taken = 0
+        call simulation%integrate(self%t(n_times), error, self)
+        statistics = simulation%statistics()
+        self%right_hand_sides = statistics%right_hand_sides
+        self%seconds = statistics%wall_seconds
+        if (allocated(error)) return
+        if (.not. self%is_bound) self%difference = self%difference/(1.0_wp - ratio)
+        call self%evaluate(model)
+    end subroutine estimate
+
+    !> The options of the second run.
+    subroutine choose_second(options, method, second, ratio)
+        type(options_type), intent(in) :: options
+        type(properties_type), intent(in) :: method
+        type(options_type), intent(out) :: second
+        !> What the error of the second run should be of that of the first.
+        real(wp), intent(out) :: ratio
+        real(wp) :: factor
+
+        second = options
+        if (.not. options%is_adaptive()) then
+            second%step = 0.5_wp*options%step
+            ratio = 0.5_wp**method%order
+            return
+        end if
+        factor = part
+        if (part*options%relative_tolerance() < smallest) factor = 1.0_wp/part
+        second%rtol = factor*options%rtol
+        second%atol = factor*options%atol
+        if (allocated(second%rtol_q)) second%rtol_q = factor*second%rtol_q
+        if (allocated(second%rtol_qd)) second%rtol_qd = factor*second%rtol_qd
+        if (allocated(second%atol_q)) second%atol_q = factor*second%atol_q
+        if (allocated(second%atol_qd)) second%atol_qd = factor*second%atol_qd
+        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p.
+        ratio = factor**(real(method%order, wp)/real(method%estimate_order + 1, wp))
+    end subroutine choose_second
+
+    !> Norms of the differences.
+    subroutine evaluate(self, model)
+        class(global_error_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        real(wp) :: scale(size(self%state, 1)), relative
+        integer :: i, k
+
+        scale = 1.0_wp
+        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        self%largest = 0.0_wp
+        relative = 0.0_wp
+        self%t_largest = self%t(n_times)
+        do k = 1, n_times
+            if (.not. self%is_there(k)) cycle
+            relative = 0.0_wp
+            do i = 1, 2
+                relative = max(relative, maxval(self%difference(:, i, k)/(scale + abs(self%state(:, i, k)))))
+            end do
+            if (relative > self%largest) self%t_largest = self%t(k)
+            self%largest = max(self%largest, relative)
+        end do
+        self%relative = relative
+        self%worst_q = maxloc(self%difference(:, 1, n_times), dim=1)
+        self%worst_qd = maxloc(self%difference(:, 2, n_times), dim=1)
+        self%error_q = self%difference(self%worst_q, 1, n_times)
+        self%error_qd = self%difference(self%worst_qd, 2, n_times)
+        self%is_known = .true.
+    end subroutine evaluate
+end module tandem_simulate_global_error
