@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The command line: a subcommand, then words and options in any order.
 module tandem_app_arguments
-    use tandem, only: error_type
+    use tandem, only: error_type, to_text, wp
     use tandem_io, only: nearest_name
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -16,23 +16,30 @@ module tandem_app_arguments
     end type option_type
 
     !> Every option of any subcommand.
-    type(option_type), parameter :: options(6) = [option_type('--set', .true.), option_type('--output', .true.), &
+    type(option_type), parameter :: options(12) = [option_type('--set', .true.), option_type('--output', .true.), &
         option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.), &
+        option_type('--steppers', .true.), option_type('--reference', .true.), option_type('--samples', .true.), &
+        option_type('--repeats', .true.), option_type('--budget', .true.), option_type('--quick', .false.), &
         option_type('--error', .false.)]
 
     type :: arguments_type
-        !> The subcommand, empty where there is none.
+        !> The subcommand, empty where there is none; of `study`, two words.
         character(len=:), allocatable :: command
-        !> The scene, not allocated where there is none.
+        !> The scene, not allocated where there is none; where several are allowed, all of them are in `scenes`.
         character(len=:), allocatable :: scene
+        character(len=:), allocatable :: scenes(:)
         !> The settings `table.key=value`, blanks at their ends dropped.
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
-        logical :: quiet = .false., force = .false., help = .false., error = .false.
+        logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false.
+        !> The options of a study that have a value, as `--name=value`.
+        character(len=:), allocatable, private :: given(:)
+        integer, private :: first = 2
     contains
         procedure :: parse
+        procedure :: value_of
+        procedure :: number_of
         procedure, private :: take
-        procedure, private :: add_setting
     end type arguments_type
 
 contains
@@ -43,30 +50,40 @@ contains
 
         arguments%command = ''
         if (command_argument_count() > 0) arguments%command = argument(1)
-        allocate (character(len=0) :: arguments%settings(0))
+        if (arguments%command == 'study' .and. command_argument_count() > 1) then
+            arguments%command = 'study '//argument(2)
+            arguments%first = 3
+        end if
+        allocate (character(len=0) :: arguments%settings(0), arguments%given(0), arguments%scenes(0))
     end function read_arguments
 
     !> Read what follows the subcommand.
-    subroutine parse(self, allowed, takes_scene, error)
+    subroutine parse(self, allowed, takes_scene, error, many)
         class(arguments_type), intent(inout) :: self
         !> The options that the subcommand has.
         character(len=*), intent(in) :: allowed(:)
         !> Whether it wants a scene.
         logical, intent(in) :: takes_scene
         type(error_type), allocatable, intent(out) :: error
+        !> Whether it takes several scenes.
+        logical, intent(in), optional :: many
         character(len=:), allocatable :: word
+        logical :: takes_many
         integer :: i
 
-        i = 2
+        takes_many = .false.
+        if (present(many)) takes_many = many
+        i = self%first
         do while (i <= command_argument_count() .and. .not. allocated(error))
             word = argument(i)
             i = i + 1
             if (len(word) > 1 .and. index(word, '-') == 1) then
                 call self%take(word, i, allowed, error)
-            else if (allocated(self%scene) .or. .not. takes_scene) then
+            else if ((allocated(self%scene) .and. .not. takes_many) .or. .not. takes_scene) then
                 call set_usage_error(error, self%command, 'does not know what to do with "'//word//'"')
             else
                 self%scene = word
+                call add_text(self%scenes, word)
             end if
         end do
         if (allocated(error) .or. self%help) return
@@ -112,31 +129,74 @@ contains
         if (allocated(error)) return
         select case (name)
         case ('--set')
-            call self%add_setting(value)
+            call add_text(self%settings, value)
         case ('--output')
-            call self%add_setting('output.file='//quoted(value))
+            ! A study has a folder of files.
+            if (self%first == 2) then
+                call add_text(self%settings, 'output.file='//quoted(value))
+            else
+                call add_text(self%given, name//'='//value)
+            end if
         case ('--quiet')
             self%quiet = .true.
         case ('--error')
             self%error = .true.
         case ('--force')
             self%force = .true.
-        case default
+        case ('--quick')
+            self%quick = .true.
+        case ('--help')
             self%help = .true.
+        case default
+            call add_text(self%given, name//'='//value)
         end select
     end subroutine take
 
-    !> Add a setting after the others.
-    subroutine add_setting(self, setting)
-        class(arguments_type), intent(inout) :: self
-        character(len=*), intent(in) :: setting
-        character(len=max(len(self%settings), len(setting))) :: longer(size(self%settings) + 1)
+    !> The value of an option of a study, the last where it was given several times; a default where it was not.
+    function value_of(self, name, default) result(value)
+        class(arguments_type), intent(in) :: self
+        character(len=*), intent(in) :: name, default
+        character(len=:), allocatable :: value
+        integer :: i
 
-        longer(:size(self%settings)) = self%settings
-        longer(size(longer)) = setting
-        deallocate (self%settings)
-        allocate (self%settings, source=longer)
-    end subroutine add_setting
+        value = default
+        do i = 1, size(self%given)
+            if (index(self%given(i), name//'=') == 1) value = trim(self%given(i) (len(name) + 2:))
+        end do
+    end function value_of
+
+    !> The value of an option that is a number.
+    subroutine number_of(self, name, least, value, error)
+        class(arguments_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        !> The least that it may be.
+        real(wp), intent(in) :: least
+        !> The default before, the value after.
+        real(wp), intent(inout) :: value
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: text
+        integer :: stat
+
+        text = self%value_of(name, '')
+        if (text == '') return
+        stat = 1
+        if (verify(text, '0123456789.eE+-') == 0) read (text, *, iostat=stat) value
+        if (stat == 0 .and. value >= least .and. value <= huge(1)) return
+        call set_usage_error(error, self%command, 'needs a number of at least '//to_text(least)//' after '//name// &
+            ', not "'//text//'"')
+    end subroutine number_of
+
+    !> Add a text after the others.
+    subroutine add_text(texts, text)
+        character(len=:), allocatable, intent(inout) :: texts(:)
+        character(len=*), intent(in) :: text
+        character(len=max(len(texts), len(text))) :: longer(size(texts) + 1)
+
+        longer(:size(texts)) = texts
+        longer(size(longer)) = text
+        deallocate (texts)
+        allocate (texts, source=longer)
+    end subroutine add_text
 
     !> A text in TOML's quotes.
     pure function quoted(word) result(text)

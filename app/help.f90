@@ -10,9 +10,10 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=8), parameter :: commands(5) = [character(len=8) :: 'check', 'help', 'list', 'run', 'show']
+    character(len=16), parameter :: commands(6) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
+        'study precision']
 
-    character(len=96), parameter :: text(*) = [character(len=96) :: &
+    character(len=112), parameter :: text(*) = [character(len=112) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
         '', &
         'Usage:', &
@@ -20,24 +21,35 @@ module tandem_app_help
         '  tandem show SCENE [OPTIONS]  the complete scene as TOML, every default filled in', &
         '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
+        '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
         '  tandem help, tandem --version  this text, the version', &
         '', &
         'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &
         'looked for in the folder that TANDEM_SCENES names, in ./scenes, and in the checkout.', &
         '', &
-        'Options of run, show and check:', &
+        'Options of run, show, check and study:', &
         '  --set table.key=value   override a key of the scene, as often as you like', &
-        '  --output FILE           the result file, as --set output.file=FILE', &
+        '  --output FILE           the result file, as --set output.file=FILE; a study: its folder (study)', &
         'Options of run:', &
         '  --error                 estimate the error at the end by a second, more accurate run', &
+        'Options of run and study:', &
         '  --quiet                 no progress on stderr', &
-        '  --force                 overwrite a file even if it is no result of tandem', &
+        '  --force                 overwrite a file even if it is no result of tandem; a study: start anew', &
+        'Options of study precision:', &
+        '  --steppers NAME,NAME    only these steppers', &
+        '  --reference FILE        the true motion: a result file or a text table (default: it makes its own)', &
+        '  --samples N             times at which a motion is compared with its own reference (default 40)', &
+        '  --repeats N             least runs of which the time is the median (default 3)', &
+        '  --budget SECONDS        for all runs of a row; finer rows are left out (default 5)', &
+        '  --quick                 --repeats 1 --budget 0.5', &
+        'A study that was interrupted continues when it is called again.', &
         '', &
         'Exit codes: 0 done, 1 the run failed, 2 the input was wrong.', &
         '', &
         'Examples:', &
         '  tandem run rolling_disk --set time.end=10 --set solver.step=2e-3 --output disk.h5', &
-        '  tandem show rolling_disk > my_disk.toml']
+        '  tandem show rolling_disk > my_disk.toml', &
+        '  tandem study precision rolling_disk --set time.end=10 --output disk_study']
 
 contains
 
@@ -60,6 +72,11 @@ contains
         integer, intent(out) :: code
         character(len=:), allocatable :: guess
 
+        if (command == 'study') then
+            call complain('study needs to know which one: study precision SCENE...'//new_line('a')//'See tandem help.')
+            code = input_wrong
+            return
+        end if
         guess = nearest_name(command, commands)
         if (guess /= '') guess = ' Did you mean "'//guess//'"?'
         call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')

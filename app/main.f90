@@ -9,6 +9,7 @@ program tandem_program
     use tandem_app_list, only: list
     use tandem_app_run, only: run
     use tandem_app_show, only: show
+    use tandem_app_study_precision, only: study_precision
     use tandem_io, only: tandem_version
     implicit none (type, external)
     type(arguments_type) :: arguments
@@ -29,6 +30,8 @@ program tandem_program
         call check(arguments, code)
     case ('run')
         call run(arguments, code)
+    case ('study precision')
+        call study_precision(arguments, code)
     case default
         call refuse_command(arguments%command, code)
     end select

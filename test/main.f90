@@ -33,6 +33,7 @@ program main
     use test_singular, only: collect_singular
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
+    use test_study, only: collect_study
     use test_tangent, only: collect_tangent
     use test_tolerances, only: collect_tolerances
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
@@ -76,7 +77,8 @@ program main
         new_testsuite('mechanisms', collect_mechanisms), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
-        new_testsuite('singular', collect_singular)]
+        new_testsuite('singular', collect_singular), &
+        new_testsuite('study', collect_study)]
     n_failed = 0
     call get_argument(1, suite_name)
     call get_argument(2, test_name)

@@ -7,12 +7,13 @@
 !> the closing of what is open when the program ends.
 module tandem_io_output_hdf5
     use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, h5dclose_f, &
-        h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, h5f_acc_trunc_f, &
+        h5dcreate_f, h5dget_space_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, &
+        h5f_acc_trunc_f, &
         h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
         h5kind_to_type, h5oclose_f, h5oopen_f, h5open_f, h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
         h5s_scalar_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
-        h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_string, &
-        h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
+        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5t_cset_utf8_f, &
+        h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
     use tandem, only: long, wp
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
@@ -36,6 +37,10 @@ module tandem_io_output_hdf5
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_value
         procedure, private :: note
+        generic :: put => put_integers, put_reals, put_strings
+        procedure, private :: put_integers, put_reals, put_strings
+        procedure :: open_to_read
+        procedure :: get
     end type hdf5_type
 
     interface
@@ -307,6 +312,119 @@ contains
         call h5sclose_f(space, stat)
         call h5oclose_f(object, stat)
     end subroutine attach_value
+
+    !> Make a dataset of integers (rows).
+    subroutine put_integers(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(long), intent(in) :: values(:)
+        integer(long), target :: copy(size(values))
+
+        copy = values
+        call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), size(values))
+    end subroutine put_integers
+
+    !> Make a dataset of numbers (rows).
+    subroutine put_reals(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        real(wp), intent(in) :: values(:)
+        real(wp), target :: copy(size(values))
+
+        copy = values
+        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), size(values))
+    end subroutine put_reals
+
+    !> Make a dataset of texts (rows), blanks at their ends dropped.
+    subroutine put_strings(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        character(len=*), intent(in) :: values(:)
+        character(kind=c_char), target :: letters(len(values) + 1, size(values))
+        type(c_ptr), target :: starts(size(values))
+        integer(hid_t) :: text_type
+        integer :: i, j, stat
+
+        do i = 1, size(values)
+            starts(i) = c_loc(letters(1, i))
+            do j = 1, len_trim(values(i))
+                letters(j, i) = values(i) (j:j)
+            end do
+            letters(len_trim(values(i)) + 1, i) = c_null_char
+        end do
+        call h5tcopy_f(h5t_string, text_type, stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+        call put_values(self, path, text_type, text_type, c_loc(starts), size(values))
+        call h5tclose_f(text_type, stat)
+    end subroutine put_strings
+
+    !> Make a dataset of one dimension with all its values.
+    subroutine put_values(self, path, file_type, memory_type, values, rows)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t), intent(in) :: file_type, memory_type
+        type(c_ptr), intent(in) :: values
+        integer, intent(in) :: rows
+        integer(hid_t) :: space, dataset
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5screate_simple_f(1, [int(rows, hsize_t)], space, stat)
+        call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
+        call self%note(stat, 'make '//path)
+        if (stat == 0) then
+            if (rows > 0) call h5dwrite_f(dataset, memory_type, values, stat)
+            call self%note(stat, 'write '//path)
+            call h5dclose_f(dataset, stat)
+        end if
+        call h5sclose_f(space, stat)
+    end subroutine put_values
+
+    !> Open a file to read from it.
+    subroutine open_to_read(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer :: stat
+
+        call start_library(stat)
+        call self%note(stat, 'start HDF5')
+        if (allocated(self%problem)) return
+        call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat)
+        call self%note(stat, 'open '//path)
+    end subroutine open_to_read
+
+    !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
+    subroutine get(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> Not allocated where it could not be read.
+        real(wp), allocatable, target, intent(out) :: values(:, :)
+        integer(hid_t) :: dataset, space
+        integer(hsize_t) :: sizes(2), largest(2)
+        type(c_ptr) :: place
+        integer :: stat, rank
+
+        if (allocated(self%problem)) return
+        call h5dopen_f(self%file, path, dataset, stat)
+        call self%note(stat, 'find '//path)
+        if (stat /= 0) return
+        call h5dget_space_f(dataset, space, stat)
+        call h5sget_simple_extent_ndims_f(space, rank, stat)
+        if (rank == 1 .or. rank == 2) then
+            sizes = 1
+            call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
+            allocate (values(sizes(1), sizes(2)))
+            stat = 0
+            place = c_loc(values)
+            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, place, stat)
+        else
+            stat = -1
+        end if
+        call self%note(stat, 'read '//path)
+        if (stat /= 0 .and. allocated(values)) deallocate (values)
+        call h5sclose_f(space, stat)
+        call h5dclose_f(dataset, stat)
+    end subroutine get
 
     !> Keep the first failure.
     subroutine note(self, stat, action)

@@ -7,7 +7,7 @@ module tandem_io_output_target
     implicit none (type, external)
     private
 
-    public :: check_target, remove_file
+    public :: check_target, is_hdf5, remove_file
 
 contains
 
@@ -62,11 +62,11 @@ contains
     subroutine check_result(path, error)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
-        logical :: is_hdf5, can_be_opened, is_result
+        logical :: is_file, can_be_opened, is_result
 
-        call holds_attribute(path, 'tandem_version', is_hdf5, can_be_opened, is_result)
+        call holds_attribute(path, 'tandem_version', is_file, can_be_opened, is_result)
         if (is_result) return
-        if (is_hdf5 .and. .not. can_be_opened) then
+        if (is_file .and. .not. can_be_opened) then
             call set_error(error, status_output_failed, path//' is damaged, or another run is writing it', &
                 'choose another file, or overwrite it with --force')
         else
@@ -74,6 +74,14 @@ contains
                 'choose another file, or overwrite it with --force')
         end if
     end subroutine check_result
+
+    !> Whether a file is there and is HDF5.
+    logical function is_hdf5(path)
+        character(len=*), intent(in) :: path
+        logical :: can_be_opened, holds
+
+        call holds_attribute(path, 'tandem_version', is_hdf5, can_be_opened, holds)
+    end function is_hdf5
 
     !> Remove a file, if it can be removed.
     subroutine remove_file(path)

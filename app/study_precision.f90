@@ -1,0 +1,287 @@
+! SPDX-License-Identifier: MIT
+!> tandem study precision: error against run time of every stepper, over step sizes and tolerances.
+module tandem_app_study_precision
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_study_progress, only: study_progress_type
+    use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
+        read_scene, reference_type, scene_type, table_type, tandem_version, to_toml, write_reference
+    implicit none (type, external)
+    private
+
+    public :: study_precision
+
+    !> What was asked for, besides the scenes.
+    type :: request_type
+        character(len=:), allocatable :: folder, reference
+        character(len=16), allocatable :: steppers(:)
+        integer :: samples = 40, repeats = 3
+        real(wp) :: budget = 5.0_wp
+    end type request_type
+
+    !> Most seconds for each run of a reference.
+    real(wp), parameter :: reference_seconds = 60.0_wp
+
+contains
+
+    !> Study one scene after the other.
+    subroutine study_precision(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(scene_type), allocatable :: scenes(:)
+        type(request_type) :: request
+        type(error_type), allocatable :: error
+        integer :: i
+
+        call arguments%parse([character(len=12) :: '--set', '--output', '--quiet', '--force', '--help', '--steppers', &
+            '--reference', '--samples', '--repeats', '--budget', '--quick'], .true., error, many=.true.)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        if (.not. allocated(error)) call read_request(arguments, request, error)
+        if (.not. allocated(error)) call read_scenes(arguments, scenes, error)
+        code = input_wrong
+        if (.not. allocated(error)) then
+            do i = 1, size(scenes)
+                if (i > 1) write (output_unit, '()')
+                call study_scene(arguments, request, scenes(i), code, error)
+                if (allocated(error)) exit
+            end do
+        end if
+        if (allocated(error)) then
+            call complain(error%message)
+        else
+            code = done
+        end if
+    end subroutine study_precision
+
+    !> The options of the command line.
+    subroutine read_request(arguments, request, error)
+        type(arguments_type), intent(in) :: arguments
+        type(request_type), intent(inout) :: request
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: samples, repeats
+        character(len=:), allocatable :: names, name
+        integer :: comma
+
+        if (arguments%quick) then
+            request%repeats = 1
+            request%budget = 0.5_wp
+        end if
+        request%folder = arguments%value_of('--output', 'study')
+        request%reference = arguments%value_of('--reference', '')
+        samples = real(request%samples, wp)
+        repeats = real(request%repeats, wp)
+        call arguments%number_of('--samples', 1.0_wp, samples, error)
+        if (.not. allocated(error)) call arguments%number_of('--repeats', 1.0_wp, repeats, error)
+        if (.not. allocated(error)) call arguments%number_of('--budget', 1.0e-3_wp, request%budget, error)
+        if (allocated(error)) return
+        request%samples = nint(samples)
+        request%repeats = nint(repeats)
+        names = arguments%value_of('--steppers', '')
+        if (names == '') then
+            request%steppers = stepper_names
+            return
+        end if
+        allocate (request%steppers(0))
+        do while (names /= '')
+            comma = index(names//',', ',')
+            name = names(:comma - 1)
+            names = names(min(comma + 1, len(names) + 1):)
+            if (any(name == stepper_names)) then
+                request%steppers = [character(len=16) :: request%steppers, name]
+                cycle
+            end if
+            allocate (error)
+            error%message = 'there is no stepper "'//name//'"'
+            name = nearest_name(name, stepper_names)
+            if (name /= '') error%message = error%message//'; did you mean "'//name//'"?'
+            return
+        end do
+    end subroutine read_request
+
+    !> All the scenes, so that an error in one shows before hours are spent on another.
+    subroutine read_scenes(arguments, scenes, error)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), allocatable, intent(out) :: scenes(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: path
+        integer :: i, j
+
+        allocate (scenes(size(arguments%scenes)))
+        do i = 1, size(scenes)
+            call find_scene(trim(arguments%scenes(i)), path, error)
+            if (allocated(error)) return
+            call read_scene(path, arguments%settings, scenes(i), error)
+            if (allocated(error)) return
+            do j = 1, i - 1
+                if (scenes(j)%name /= scenes(i)%name) cycle
+                allocate (error)
+                error%message = 'two scenes have the name "'//scenes(i)%name//'", which names files; study them one by one'
+                return
+            end do
+        end do
+    end subroutine read_scenes
+
+    !> Study a scene, print its table, write its files.
+    subroutine study_scene(arguments, request, scene, code, error)
+        type(arguments_type), intent(in) :: arguments
+        type(request_type), intent(in) :: request
+        type(scene_type), intent(inout), target :: scene
+        !> Exit code, where there is an error.
+        integer, intent(out) :: code
+        type(error_type), allocatable, intent(out) :: error
+        type(precision_type) :: study
+        type(study_progress_type) :: progress
+        character(len=:), allocatable :: settings
+        logical :: finished
+
+        code = input_wrong
+        progress%quiet = arguments%quiet
+        settings = settings_of(scene, request)
+        if (request%reference /= '') then
+            call read_reference(request%reference, scene%t_start, scene%t_end, scene%q, scene%qd, request%samples, &
+                study%reference, error)
+            if (allocated(error)) return
+        end if
+        call study%journal%open(request%folder, 'precision_'//scene%name, precision_columns, settings, arguments%force, error)
+        if (allocated(error)) return
+        if (study%journal%resumed > 0) call progress%remark(scene%name//': continues with the '// &
+            to_text(study%journal%resumed)//' rows of '//study%journal%path//'.csv')
+        if (study%journal%started_anew) call progress%remark(scene%name//': starts anew, since '//study%journal%path// &
+            '.csv holds rows of another scene or other settings, or is empty')
+        if (request%reference == '') call get_reference(request, scene, study, progress, error)
+        if (allocated(error)) then
+            if (.not. is_input_error(error%stat)) code = run_failed
+            return
+        end if
+        code = run_failed
+        study%budget = request%budget
+        study%repeats = request%repeats
+        call study%start(scene, request%steppers)
+        do
+            call progress%show(scene%name//': measures row '//to_text(study%journal%table%rows() + 1))
+            call study%next_row(finished, error)
+            if (finished .or. allocated(error)) exit
+            call progress%remark(scene%name//', '//row_text(study%journal%table))
+        end do
+        call progress%clear()
+        call study%journal%close()
+        if (allocated(error)) return
+        call study%journal%write_hdf5('precision', settings, about(study), [character(len=12) :: 'agreement_q', &
+            'agreement_qd', 'floor_q'], [study%reference%agreement_q, study%reference%agreement_qd, study%floor_q()], error)
+        if (.not. allocated(error)) call print_study(scene, study)
+    end subroutine study_scene
+
+    !> What the rows depend on.
+    function settings_of(scene, request) result(text)
+        type(scene_type), intent(in) :: scene
+        type(request_type), intent(in) :: request
+        character(len=:), allocatable :: text
+        character(len=*), parameter :: newline = new_line('a')
+
+        text = scene%text//newline//'[study]'//newline//'tandem = "'//tandem_version//'"'//newline//'reference = '// &
+            to_toml(request%reference)//newline//'samples = '//to_toml(request%samples)//newline//'repeats = '// &
+            to_toml(request%repeats)//newline
+    end function settings_of
+
+    !> The study's own reference, from an earlier call or made now.
+    subroutine get_reference(request, scene, study, progress, error)
+        type(request_type), intent(in) :: request
+        type(scene_type), intent(inout), target :: scene
+        type(precision_type), intent(inout) :: study
+        type(study_progress_type), intent(inout) :: progress
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: path
+
+        path = study%journal%path//'_reference.txt'
+        if (study%journal%resumed > 0) then
+            call read_reference(path, scene%t_start, scene%t_end, scene%q, scene%qd, request%samples, study%reference, error)
+            if (.not. allocated(error)) return
+            deallocate (error)
+        end if
+        call progress%show(scene%name//': makes the reference')
+        call make_reference(scene, request%samples, reference_seconds, study%reference, error)
+        if (.not. allocated(error)) call write_reference(path, scene%name, study%reference, error)
+    end subroutine get_reference
+
+    !> A row in words, for the progress.
+    function row_text(table) result(text)
+        type(table_type), intent(in) :: table
+        character(len=:), allocatable :: text
+        integer :: row
+
+        row = table%rows()
+        text = table%text_at(row, 'stepper')//', '//table%text_at(row, 'control')//' '//table%text_at(row, 'value')//': '
+        if (table%text_at(row, 'status') /= 'complete') then
+            text = text//table%text_at(row, 'status')
+        else
+            text = text//'error '//brief(table%real_at(row, 'error_q'))//', '//brief(table%real_at(row, 'wall_seconds'))//' s'
+        end if
+    end function row_text
+
+    !> What the errors mean.
+    function about(study) result(text)
+        type(precision_type), intent(in) :: study
+        character(len=:), allocatable :: text
+
+        associate (reference => study%reference)
+            text = 'errors: the largest over '//to_text(size(reference%t))//' times up to t = '// &
+                to_toml(reference%t(size(reference%t)))//' s; reference: '//reference%origin
+            if (reference%agreement_q >= 0.0_wp) then
+                text = text//'; the two differ by '//brief(reference%agreement_q)//' in q and '// &
+                    brief(reference%agreement_qd)//' in qd: errors of less than ten times that are not quoted'
+            else
+                text = text//', whose accuracy it does not state'
+            end if
+        end associate
+    end function about
+
+    !> The table, what it is measured against, and what to take.
+    subroutine print_study(scene, study)
+        type(scene_type), intent(in) :: scene
+        type(precision_type), intent(in) :: study
+        type(table_type) :: table
+        character(len=:), allocatable :: text
+        real(wp) :: worst(3)
+        integer :: i, row
+
+        table = study%journal%table
+        worst = 0.0_wp
+        do row = 1, table%rows()
+            worst(1) = max(worst(1), table%real_at(row, 'position_error'))
+            worst(2) = max(worst(2), table%real_at(row, 'velocity_error'))
+            worst(3) = max(worst(3), table%real_at(row, 'acceleration_error'))
+            if (table%count_at(row, 'at_floor') == 0) cycle
+            call table%put(table%cells(:, row), 'error_q', '<'//brief(study%floor_q()))
+            table%cells(table%index_of('order'), row) = ''
+        end do
+        write (output_unit, '(a)') scene%name//': '//scene%description
+        write (output_unit, '(a)') about(study)
+        write (output_unit, '(a)') table%header()
+        do row = 1, table%rows()
+            if (row > 1) then
+                if (table%text_at(row, 'stepper')//table%text_at(row, 'control') /= &
+                    table%text_at(row - 1, 'stepper')//table%text_at(row - 1, 'control')) write (output_unit, '()')
+            end if
+            write (output_unit, '(a)') table%line(row)
+        end do
+        write (output_unit, '(a)') 'constraint errors of all runs, on natural scales: position '//brief(worst(1))// &
+            ', velocity '//brief(worst(2))//', acceleration '//brief(worst(3))
+        do i = 2, 12, 2
+            if (10.0_wp**(-i) < study%floor_q()) exit
+            row = study%cheapest(10.0_wp**(-i))
+            if (row == 0) exit
+            text = '1e-'//to_text(i)//': '//table%text_at(row, 'stepper')//', '//table%text_at(row, 'control')//' '// &
+                table%text_at(row, 'value')//', '//brief(table%real_at(row, 'wall_seconds'))//' s'
+            write (output_unit, '(a)') 'the shortest run with an error q of at most '//text
+        end do
+        write (output_unit, '(a)') 'files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
+            study%journal%path//'.h5 '//study%journal%path//'.png'
+    end subroutine print_study
+end module tandem_app_study_precision

@@ -1,0 +1,55 @@
+! SPDX-License-Identifier: MIT
+!> How a study tells on stderr how far it is: a line that stays for each row; on a terminal also what is being done now.
+module tandem_app_study_progress
+    use, intrinsic :: iso_fortran_env, only: error_unit
+    use tandem_app_terminal, only: stderr_is_terminal
+    implicit none (type, external)
+    private
+
+    public :: study_progress_type
+
+    !> Width of the line on a terminal.
+    integer, parameter :: width = 100
+
+    type :: study_progress_type
+        !> Whether nothing is told.
+        logical :: quiet = .false.
+    contains
+        procedure :: remark
+        procedure :: show
+        procedure :: clear
+    end type study_progress_type
+
+contains
+
+    !> A line that stays.
+    subroutine remark(self, text)
+        class(study_progress_type), intent(in) :: self
+        character(len=*), intent(in) :: text
+
+        if (self%quiet) return
+        call self%clear()
+        write (error_unit, '(a)') text
+        flush (error_unit)
+    end subroutine remark
+
+    !> A line that the next one overwrites, on a terminal only.
+    subroutine show(self, text)
+        class(study_progress_type), intent(in) :: self
+        character(len=*), intent(in) :: text
+
+        if (self%quiet .or. .not. stderr_is_terminal()) return
+        write (error_unit, '(a)', advance='no') achar(13)//text(:min(len(text), width))// &
+            repeat(' ', max(0, width - len(text)))
+        flush (error_unit)
+    end subroutine show
+
+    !> Remove the line that is to be overwritten.
+    subroutine clear(self)
+        class(study_progress_type), intent(in) :: self
+
+        if (self%quiet .or. .not. stderr_is_terminal()) return
+        write (error_unit, '(a)', advance='no') achar(13)//repeat(' ', width)//achar(13)
+        flush (error_unit)
+    end subroutine clear
+end module tandem_app_study_progress

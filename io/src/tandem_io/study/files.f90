@@ -1,0 +1,105 @@
+! SPDX-License-Identifier: MIT
+!> What studies need of files and Fortran does not have: to make a folder, to put one file in the place of another, to read a
+!> whole file.
+module tandem_io_study_files
+    use tandem, only: error_type, set_error, status_output_failed
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: make_folder, read_whole, write_whole, replace_file
+
+    interface
+        !> Make a folder; 0 on success.
+        function c_mkdir(path, mode) result(stat) bind(c, name='mkdir')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int), value :: mode
+            integer(c_int) :: stat
+        end function c_mkdir
+
+        !> Rename a file, in the place of another where there is one; 0 on success.
+        function c_rename(from, to) result(stat) bind(c, name='rename')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: from(*), to(*)
+            integer(c_int) :: stat
+        end function c_rename
+    end interface
+
+contains
+
+    !> Make a folder if it is not there; the one that it is to stand in must be.
+    subroutine make_folder(path, error)
+        character(len=*), intent(in) :: path
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: for_all = int(o'777')
+        logical :: exists
+        integer(c_int) :: stat
+
+        inquire (file=path//'/.', exist=exists)
+        if (exists) return
+        stat = c_mkdir(c_text(path), int(for_all, c_int))
+        if (stat /= 0) call set_error(error, status_output_failed, 'the folder '//path//' cannot be made', &
+            'choose a folder whose own folder exists and that no file stands in the place of')
+    end subroutine make_folder
+
+    !> The whole of a file; not allocated where it cannot be read.
+    subroutine read_whole(path, text)
+        character(len=*), intent(in) :: path
+        character(len=:), allocatable, intent(out) :: text
+        integer :: unit, stat, length
+
+        open (newunit=unit, file=path, status='old', action='read', access='stream', iostat=stat)
+        if (stat /= 0) return
+        inquire (unit=unit, size=length)
+        allocate (character(len=max(0, length)) :: text)
+        if (length > 0) read (unit, iostat=stat) text
+        close (unit)
+        if (stat /= 0) deallocate (text)
+    end subroutine read_whole
+
+    !> Write a file as a whole: whoever looks, finds the old one or the new one, never a part.
+    subroutine write_whole(path, text, error)
+        character(len=*), intent(in) :: path, text
+        type(error_type), allocatable, intent(out) :: error
+        character(len=256) :: message
+        integer :: unit, stat
+
+        message = ''
+        open (newunit=unit, file=path//'.new', status='replace', action='write', access='stream', iostat=stat, iomsg=message)
+        if (stat == 0) then
+            write (unit, iostat=stat, iomsg=message) text
+            close (unit)
+        end if
+        if (stat /= 0) then
+            call set_error(error, status_output_failed, 'cannot write '//path//': '//trim(message))
+        else
+            call replace_file(path, path//'.new', error)
+        end if
+    end subroutine write_whole
+
+    !> Put a file in the place of another, which need not be there.
+    subroutine replace_file(path, by, error)
+        !> The name that is taken, and the file that gets it.
+        character(len=*), intent(in) :: path, by
+        type(error_type), allocatable, intent(out) :: error
+
+        if (c_rename(c_text(by), c_text(path)) /= 0) then
+            call set_error(error, status_output_failed, 'cannot rename '//by//' to '//path)
+        end if
+    end subroutine replace_file
+
+    !> A text as C has it.
+    pure function c_text(text) result(letters)
+        character(len=*), intent(in) :: text
+        character(kind=c_char) :: letters(len(text) + 1)
+        integer :: i
+
+        do i = 1, len(text)
+            letters(i) = text(i:i)
+        end do
+        letters(size(letters)) = c_null_char
+    end function c_text
+end module tandem_io_study_files

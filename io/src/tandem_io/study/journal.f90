@@ -1,0 +1,204 @@
+! SPDX-License-Identifier: MIT
+!> The rows of a study on disk: appended as they are done, so that a study may be interrupted at any time and goes on later.
+!>
+!> NAME.csv holds the rows; NAME.toml the settings that they belong to. A later study with the same settings continues with the
+!> rows that are there; with others it starts anew. NAME.h5 holds the same table with units and meanings, when all is done.
+module tandem_io_study_journal
+    use tandem, only: error_type, long, set_error, status_output_failed, wp
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_target, only: check_target
+    use tandem_io_study_csv, only: csv_line, split_csv_line
+    use tandem_io_study_files, only: make_folder, read_whole, replace_file, write_whole
+    use tandem_io_study_table, only: cell_length, column_type, count_column, table_type, text_column
+    use tandem_io_version, only: format_version, tandem_version
+    implicit none (type, external)
+    private
+
+    public :: journal_type
+
+    character(len=*), parameter :: newline = new_line('a')
+
+    type :: journal_type
+        !> The rows so far.
+        type(table_type) :: table
+        !> Rows that an earlier study has left.
+        integer :: resumed = 0
+        !> Whether rows of other settings were dropped.
+        logical :: started_anew = .false.
+        !> The path of the files, without their endings.
+        character(len=:), allocatable :: path
+        integer, private :: unit = 0
+        logical, private :: is_open = .false.
+    contains
+        procedure :: open
+        procedure :: append
+        procedure :: close
+        procedure :: write_hdf5
+        procedure, private :: read_rows
+    end type journal_type
+
+contains
+
+    !> Open the journal NAME in a folder, which is made where it is not there, and take up the rows that are in it.
+    subroutine open(self, folder, name, columns, settings, force, error)
+        class(journal_type), intent(inout) :: self
+        character(len=*), intent(in) :: folder, name
+        !> The columns of the table.
+        type(column_type), intent(in) :: columns(:)
+        !> What the rows depend on, as TOML.
+        character(len=*), intent(in) :: settings
+        !> Whether to start anew in any case, and on top of files that are no study's.
+        logical, intent(in) :: force
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: found, text
+        logical :: exists, is_new
+        integer :: stat, row
+
+        self%path = folder//'/'//name
+        self%resumed = 0
+        self%started_anew = .false.
+        call self%table%initialize(columns)
+        call make_folder(folder, error)
+        if (allocated(error)) return
+        inquire (file=self%path//'.h5', exist=exists)
+        if (exists) call check_target(self%path//'.h5', force, is_new, error)
+        if (allocated(error)) return
+        inquire (file=self%path//'.csv', exist=exists)
+        call read_whole(self%path//'.toml', found)
+        if (exists .and. .not. force) then
+            if (.not. allocated(found)) then
+                call set_error(error, status_output_failed, self%path//'.csv exists, but not the '//name// &
+                    '.toml that a study leaves beside it', 'choose another folder, or overwrite with --force')
+                return
+            end if
+            if (found == settings) call self%read_rows()
+        end if
+        self%resumed = self%table%rows()
+        self%started_anew = exists .and. allocated(found) .and. self%resumed == 0
+        ! The old rows go before the new settings come: rows never stand beside settings that are not theirs.
+        text = heading(columns)//newline
+        do row = 1, self%resumed
+            text = text//csv_line(self%table%cells(:, row))//newline
+        end do
+        call write_whole(self%path//'.csv', text, error)
+        if (.not. allocated(error)) call write_whole(self%path//'.toml', settings, error)
+        if (allocated(error)) return
+        open (newunit=self%unit, file=self%path//'.csv', status='old', action='write', position='append', iostat=stat)
+        self%is_open = stat == 0
+        if (stat /= 0) call set_error(error, status_output_failed, 'cannot append to '//self%path//'.csv')
+    end subroutine open
+
+    !> Append a row and bring it to the disk.
+    subroutine append(self, cells, error)
+        class(journal_type), intent(inout) :: self
+        character(len=*), intent(in) :: cells(:)
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        call self%table%add(cells)
+        write (self%unit, '(a)', iostat=stat) csv_line(cells)
+        if (stat == 0) flush (self%unit, iostat=stat)
+        if (stat /= 0) call set_error(error, status_output_failed, 'cannot append to '//self%path//'.csv')
+    end subroutine append
+
+    !> Close the file of rows.
+    subroutine close(self)
+        class(journal_type), intent(inout) :: self
+
+        if (self%is_open) close (self%unit)
+        self%is_open = .false.
+    end subroutine close
+
+    !> Write the table as HDF5: a dataset a column in the group of the study's name, texts as strings.
+    subroutine write_hdf5(self, group, settings, about, names, values, error)
+        class(journal_type), intent(inout) :: self
+        !> Name of the group, such as `precision`.
+        character(len=*), intent(in) :: group
+        !> The settings, and a remark about the whole.
+        character(len=*), intent(in) :: settings, about
+        !> Names and values of further attributes of the group.
+        character(len=*), intent(in) :: names(:)
+        real(wp), intent(in) :: values(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+        real(wp), allocatable :: numbers(:)
+        integer(long), allocatable :: counts(:)
+        character(len=:), allocatable :: path, name
+        integer :: i, row
+
+        associate (table => self%table)
+            call file%create(self%path//'.h5.new')
+            call file%attach('/', 'format_version', int(format_version, long))
+            call file%attach('/', 'tandem_version', tandem_version)
+            call file%attach('/', 'study', group)
+            call file%attach('/', 'about', about)
+            call file%attach('/', 'settings', settings)
+            call file%add_group('/'//group)
+            do i = 1, size(names)
+                call file%attach('/'//group, trim(names(i)), values(i))
+            end do
+            allocate (numbers(table%rows()), counts(table%rows()))
+            do i = 1, size(table%columns)
+                name = trim(table%columns(i)%name)
+                path = '/'//group//'/'//name
+                select case (table%columns(i)%kind)
+                case (text_column)
+                    call file%put(path, table%cells(i, :))
+                case (count_column)
+                    do row = 1, table%rows()
+                        counts(row) = table%count_at(row, name)
+                    end do
+                    call file%put(path, counts)
+                case default
+                    do row = 1, table%rows()
+                        numbers(row) = table%real_at(row, name)
+                    end do
+                    call file%put(path, numbers)
+                end select
+                if (table%columns(i)%kind /= text_column) call file%attach(path, 'unit', trim(table%columns(i)%unit))
+                call file%attach(path, 'meaning', trim(table%columns(i)%meaning))
+            end do
+        end associate
+        call file%close()
+        if (allocated(file%problem)) then
+            call set_error(error, status_output_failed, self%path//'.h5: '//file%problem)
+        else
+            call replace_file(self%path//'.h5', self%path//'.h5.new', error)
+        end if
+    end subroutine write_hdf5
+
+    !> The first line of the file: the names of the columns.
+    pure function heading(columns) result(line)
+        type(column_type), intent(in) :: columns(:)
+        character(len=:), allocatable :: line
+        integer :: i
+
+        line = ''
+        do i = 1, size(columns)
+            line = line//','//csv_line([columns(i)%name])
+        end do
+        line = line(2:)
+    end function heading
+
+    !> Read the rows that stand in the file, up to the first that is not whole: the one that an interruption has cut.
+    subroutine read_rows(self)
+        class(journal_type), intent(inout) :: self
+        character(len=:), allocatable :: text
+        character(len=cell_length) :: cells(size(self%table%columns))
+        logical :: whole
+        integer :: first, last
+
+        call read_whole(self%path//'.csv', text)
+        if (.not. allocated(text)) return
+        first = index(text, newline) + 1
+        if (text(:first - 1) /= heading(self%table%columns)//newline) return
+        do
+            last = first + index(text(first:), newline) - 1
+            if (last < first) return
+            call split_csv_line(text(first:last - 1), cells, whole)
+            if (.not. whole) return
+            call self%table%add(cells)
+            first = last + 1
+        end do
+    end subroutine read_rows
+end module tandem_io_study_journal

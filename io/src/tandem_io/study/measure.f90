@@ -1,0 +1,309 @@
+! SPDX-License-Identifier: MIT
+!> Runs of a scene that are measured: the motion at some times, its error against a reference, and what the run costs.
+module tandem_io_study_measure
+    use tandem, only: at_end, at_start, error_type, long, observer_type, options_type, set_error, simulation_type, &
+        statistics_type, status_name, to_text, wp
+    use tandem_io_scene, only: scene_type
+    use tandem_io_scene_text, only: to_toml
+    use tandem_io_study_reference, only: reference_type
+    use tandem_status, only: status_step_limit
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: sampler_type, outcome_type, sample_run, time_run, make_reference, motion_of, over_budget
+
+    !> The status of a run that was stopped since it would have taken too long.
+    character(len=*), parameter :: over_budget = 'over_budget'
+    !> Steps between two looks at the clock.
+    integer, parameter :: steps_unwatched = 16
+
+    !> The observer that takes the motion at given times, by dense output, and watches the clock.
+    type, extends(observer_type) :: sampler_type
+        !> Times, ascending (k); what was found there (n, k); the total energy (0:k), at the start first.
+        real(wp), allocatable :: t(:), q(:, :), qd(:, :), energy(:)
+        !> Times that have passed.
+        integer :: taken = 0
+        !> Most seconds that the run may take, and whether it would have taken longer.
+        real(wp) :: most_seconds = huge(1.0_wp)
+        logical :: is_late = .false.
+        integer(long), private :: started = 0
+        integer, private :: unwatched = 0
+    contains
+        procedure :: observe
+        procedure, private :: take
+        procedure, private :: watch
+    end type sampler_type
+
+    !> What a run was.
+    type :: outcome_type
+        !> `complete`, the name of the status of its failure, or `over_budget`.
+        character(len=24) :: status = 'complete'
+        !> What went wrong, in words.
+        character(len=:), allocatable :: message
+        !> Largest differences of q and qd from the reference over its times, in units of the coordinate scales; NaN if it failed.
+        real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
+        !> Largest change of the total energy over these times, as a part of the energy at the start where that is not zero.
+        real(wp) :: energy_change = 0.0_wp
+        !> Medians of the seconds of the timed runs, and how many they were.
+        real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
+        integer :: repeats = 0
+        type(statistics_type) :: statistics
+    contains
+        procedure :: is_complete
+    end type outcome_type
+
+contains
+
+    !> Whether the run reached its end.
+    pure logical function is_complete(self)
+        class(outcome_type), intent(in) :: self
+
+        is_complete = self%status == 'complete'
+    end function is_complete
+
+    !> Run a scene once and compare it with a reference. The seconds are those of this run, its samples included.
+    subroutine sample_run(scene, options, t_end, reference, most_seconds, outcome)
+        type(scene_type), intent(inout), target :: scene
+        !> In the place of the scene's own.
+        type(options_type), intent(in) :: options
+        !> End of the run, at or after the last time of the reference.
+        real(wp), intent(in) :: t_end
+        type(reference_type), intent(in) :: reference
+        real(wp), intent(in) :: most_seconds
+        type(outcome_type), intent(out) :: outcome
+        type(simulation_type) :: simulation
+        type(sampler_type) :: sampler
+        type(error_type), allocatable :: error
+        integer :: i
+
+        sampler%t = reference%t
+        sampler%most_seconds = most_seconds
+        call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, error)
+        if (.not. allocated(error)) call simulation%integrate(t_end, error, sampler)
+        outcome%statistics = simulation%statistics()
+        outcome%wall_seconds = outcome%statistics%wall_seconds
+        outcome%cpu_seconds = outcome%statistics%cpu_seconds
+        if (allocated(error)) then
+            outcome%status = status_name(error%stat)
+            if (sampler%is_late) outcome%status = over_budget
+            outcome%message = error%message
+            outcome%error_q = ieee_value(1.0_wp, ieee_quiet_nan)
+            outcome%error_qd = outcome%error_q
+            outcome%energy_change = outcome%error_q
+            return
+        end if
+        do i = 1, size(reference%t)
+            outcome%error_q = max(outcome%error_q, largest(scene, sampler%q(:, i) - reference%q(:, i)))
+            outcome%error_qd = max(outcome%error_qd, largest(scene, sampler%qd(:, i) - reference%qd(:, i)))
+        end do
+        outcome%energy_change = maxval(abs(sampler%energy - sampler%energy(0)))
+        if (abs(sampler%energy(0)) > 0.0_wp) outcome%energy_change = outcome%energy_change/abs(sampler%energy(0))
+    end subroutine sample_run
+
+    !> Time a run that is known to be complete, nobody watching: the medians of at least `repeats` runs; short runs are repeated
+    !> more often.
+    subroutine time_run(scene, options, t_end, repeats, outcome)
+        type(scene_type), intent(inout), target :: scene
+        type(options_type), intent(in) :: options
+        real(wp), intent(in) :: t_end
+        integer, intent(in) :: repeats
+        !> The counts and the seconds are replaced.
+        type(outcome_type), intent(inout) :: outcome
+        integer, parameter :: most = 25
+        real(wp), parameter :: long_enough = 0.1_wp
+        type(simulation_type) :: simulation
+        type(error_type), allocatable :: error
+        real(wp) :: wall(max(most, repeats)), cpu(max(most, repeats))
+        integer :: i
+
+        do i = 1, size(wall)
+            call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, error)
+            if (.not. allocated(error)) call simulation%integrate(t_end, error)
+            outcome%statistics = simulation%statistics()
+            wall(i) = outcome%statistics%wall_seconds
+            cpu(i) = outcome%statistics%cpu_seconds
+            outcome%repeats = i
+            if (i >= repeats .and. (repeats == 1 .or. sum(wall(:i)) >= long_enough)) exit
+        end do
+        outcome%wall_seconds = median(wall(:outcome%repeats))
+        outcome%cpu_seconds = median(cpu(:outcome%repeats))
+    end subroutine time_run
+
+    !> Make a reference at `samples` times, evenly spread: dop853 at its tightest tolerance, accepted only if a second stepper
+    !> agrees with it. Where one of the two cannot do it in time, as on stiff scenes, SDIRK54 stands in.
+    subroutine make_reference(scene, samples, most_seconds, reference, error)
+        type(scene_type), intent(inout), target :: scene
+        integer, intent(in) :: samples
+        !> Most seconds for each of the runs.
+        real(wp), intent(in) :: most_seconds
+        type(reference_type), intent(out) :: reference
+        type(error_type), allocatable, intent(out) :: error
+        character(len=8), parameter :: steppers(3) = [character(len=8) :: 'dop853', 'dopri5', 'sdirk54']
+        !> The tolerances that are tried, the tightest that a run completes with counts; the first with the tightest `utol`.
+        real(wp), parameter :: tolerances(4) = [1.0e-15_wp, 1.0e-14_wp, 1.0e-13_wp, 1.0e-12_wp]
+        !> Solutions that differ by more than this part of the motion do not agree.
+        real(wp), parameter :: worst = 1.0e-3_wp
+        type(sampler_type) :: sampler
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(error_type), allocatable :: problem
+        character(len=:), allocatable :: why, name
+        integer :: i, j, k, agreed
+
+        agreed = 0
+        why = ''
+        do i = 1, size(steppers)
+            ! An implicit stepper of order 4 would need a million steps for less.
+            do k = merge(4, 1, steppers(i) == 'sdirk54'), size(tolerances)
+                options = scene%options
+                options%stepper = steppers(i)
+                options%rtol = tolerances(k)
+                options%atol = 0.0_wp
+                options%chart = 'every_step'
+                if (k == 1) options%utol = tolerances(k)
+                sampler = sampler_type(t=[(scene%t_start + (scene%t_end - scene%t_start)*j/samples, j=1, samples)], &
+                    most_seconds=most_seconds)
+                call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, problem)
+                if (.not. allocated(problem)) call simulation%integrate(scene%t_end, problem, sampler)
+                if (.not. allocated(problem) .or. sampler%is_late) exit
+            end do
+            name = trim(steppers(i))//' with rtol '//to_toml(options%rtol)
+            if (allocated(problem)) then
+                why = why//new_line('a')//'  '//name//': '//problem%message
+                cycle
+            end if
+            agreed = agreed + 1
+            if (agreed == 1) then
+                reference%t = sampler%t
+                reference%q = sampler%q
+                reference%qd = sampler%qd
+                reference%origin = name
+                cycle
+            end if
+            reference%agreement_q = 0.0_wp
+            reference%agreement_qd = 0.0_wp
+            do j = 1, samples
+                reference%agreement_q = max(reference%agreement_q, largest(scene, sampler%q(:, j) - reference%q(:, j)))
+                reference%agreement_qd = max(reference%agreement_qd, largest(scene, sampler%qd(:, j) - reference%qd(:, j)))
+            end do
+            if (reference%agreement_q <= worst*motion_of(scene, reference)) then
+                reference%origin = reference%origin//', confirmed by '//name
+                return
+            end if
+            why = why//new_line('a')//'  '//name//' differs by '//to_text(reference%agreement_q)
+        end do
+        call set_error(error, status_step_limit, 'no two steppers agree on a reference:'//why, &
+            'give a reference by --reference, or a shorter time.end')
+    end subroutine make_reference
+
+    !> Take what is due.
+    subroutine observe(self, simulation, occasion, error)
+        class(sampler_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step` or `at_end`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: sliver
+
+        if (occasion == at_start) then
+            if (allocated(self%q)) deallocate (self%q, self%qd, self%energy)
+            allocate (self%q(simulation%model%n, size(self%t)), self%qd(simulation%model%n, size(self%t)))
+            allocate (self%energy(0:size(self%t)))
+            self%taken = 0
+            call system_clock(self%started)
+            call self%take(simulation, error)
+            return
+        end if
+        if (occasion == at_end) return
+        do while (self%taken < size(self%t))
+            ! A time that rounding has put just behind the step belongs to its end.
+            sliver = 1.0e-9_wp*simulation%last_step
+            if (self%t(self%taken + 1) > simulation%state%t + sliver) exit
+            self%taken = self%taken + 1
+            call simulation%look_at(min(self%t(self%taken), simulation%state%t), error)
+            if (.not. allocated(error)) call self%take(simulation, error)
+            call simulation%look_back()
+            if (allocated(error)) return
+        end do
+        self%unwatched = self%unwatched + 1
+        if (self%unwatched >= steps_unwatched) call self%watch(error)
+    end subroutine observe
+
+    !> Keep the state, and the energy as far as the model has it.
+    subroutine take(self, simulation, error)
+        class(sampler_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: kinetic, potential
+        integer :: stat
+
+        if (self%taken > 0) then
+            self%q(:, self%taken) = simulation%state%q
+            self%qd(:, self%taken) = simulation%state%qd
+        end if
+        potential = 0.0_wp
+        call simulation%kinetic_energy(kinetic, stat)
+        if (stat == 0 .and. associated(simulation%model%potential_energy)) call simulation%potential_energy(potential, stat)
+        self%energy(self%taken) = kinetic + potential
+        if (stat /= 0) call set_error(error, stat, 'the energy could not be evaluated')
+    end subroutine take
+
+    !> Stop a run that takes too long.
+    subroutine watch(self, error)
+        class(sampler_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer(long) :: now, rate
+
+        self%unwatched = 0
+        call system_clock(now, rate)
+        self%is_late = real(now - self%started, wp) > self%most_seconds*real(rate, wp)
+        if (self%is_late) call set_error(error, status_step_limit, 'the run took more than its '// &
+            to_text(self%most_seconds)//' s', 'give more time by --budget')
+    end subroutine watch
+
+    !> The largest component of a difference, in units of the coordinate scales.
+    pure real(wp) function largest(scene, difference)
+        type(scene_type), intent(in) :: scene
+        !> (n).
+        real(wp), intent(in) :: difference(:)
+
+        if (allocated(scene%model%coordinate_scale)) then
+            largest = maxval(abs(difference)/scene%model%coordinate_scale)
+        else
+            largest = maxval(abs(difference))
+        end if
+    end function largest
+
+    !> How far the coordinates move from their start, at most.
+    real(wp) function motion_of(scene, reference)
+        type(scene_type), intent(in) :: scene
+        type(reference_type), intent(in) :: reference
+        integer :: i
+
+        motion_of = 0.0_wp
+        do i = 1, size(reference%t)
+            motion_of = max(motion_of, largest(scene, reference%q(:, i) - scene%q))
+        end do
+    end function motion_of
+
+    !> The middle one of some values.
+    pure real(wp) function median(values)
+        real(wp), intent(in) :: values(:)
+        real(wp) :: sorted(size(values)), value
+        integer :: i, j
+
+        sorted = values
+        do i = 2, size(sorted)
+            value = sorted(i)
+            j = i - 1
+            do while (j >= 1)
+                if (sorted(j) <= value) exit
+                sorted(j + 1) = sorted(j)
+                j = j - 1
+            end do
+            sorted(j + 1) = value
+        end do
+        median = 0.5_wp*(sorted((size(sorted) + 1)/2) + sorted(size(sorted)/2 + 1))
+    end function median
+end module tandem_io_study_measure

@@ -1,0 +1,191 @@
+! SPDX-License-Identifier: MIT
+!> What errors are measured against: a motion at some times, from a file or from `tandem_io_study_measure`.
+module tandem_io_study_reference
+    use tandem, only: error_type, set_error, to_text, wp
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_target, only: is_hdf5
+    use tandem_io_scene_text, only: to_toml
+    use tandem_io_study_files, only: write_whole
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    private
+
+    public :: reference_type, read_reference, write_reference
+
+    !> A motion at some times, in ascending order.
+    type :: reference_type
+        !> Times (k).
+        real(wp), allocatable :: t(:)
+        !> Coordinates and velocities (n, k).
+        real(wp), allocatable :: q(:, :), qd(:, :)
+        !> How far a second, different solution is from it in q and in qd, max-norms over all times; errors below are not known.
+        !> Negative where nobody has said so.
+        real(wp) :: agreement_q = -1.0_wp, agreement_qd = -1.0_wp
+        !> Where it comes from, in words.
+        character(len=:), allocatable :: origin
+    end type reference_type
+
+contains
+
+    !> Read a reference: a result file of tandem with q and qd, or a text table as `write_reference` makes it. Kept are times
+    !> after t_start and up to t_end, of a result file at most `most` of them, evenly spread.
+    subroutine read_reference(path, t_start, t_end, q, qd, most, reference, error)
+        character(len=*), intent(in) :: path
+        !> Start and end of the run, and the state at its start (n), which the reference must share where it has it.
+        real(wp), intent(in) :: t_start, t_end, q(:), qd(:)
+        integer, intent(in) :: most
+        type(reference_type), intent(out) :: reference
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: rounding = 1.0e-12_wp, same_start = 1.0e-8_wp
+        real(wp) :: span
+        integer :: i
+        logical :: from_hdf5
+
+        reference%origin = path
+        from_hdf5 = is_hdf5(path)
+        if (from_hdf5) then
+            call read_result(path, reference, error)
+        else
+            call read_table(path, reference, error)
+        end if
+        if (allocated(error)) return
+        if (size(reference%q, 1) /= size(q)) then
+            call set_error(error, status_invalid_option, 'the reference '//path//' has '//to_text(size(reference%q, 1))// &
+                ' coordinates, the scene has '//to_text(size(q)), 'give a reference of this scene')
+            return
+        end if
+        span = t_end - t_start
+        do i = 1, size(reference%t)
+            if (abs(reference%t(i) - t_start) > rounding*span) cycle
+            if (max(maxval(abs(reference%q(:, i) - q)), maxval(abs(reference%qd(:, i) - qd))) <= same_start) cycle
+            call set_error(error, status_invalid_option, 'the reference '//path//' does not start where the scene does', &
+                'give a reference of this scene')
+            return
+        end do
+        call keep(reference, reference%t > t_start + rounding*span .and. reference%t <= t_end + rounding*span)
+        if (from_hdf5) call keep(reference, spread_evenly(size(reference%t), most))
+        if (size(reference%t) == 0) call set_error(error, status_invalid_option, 'the reference '//path// &
+            ' has no time after the start and up to the end of the scene', 'give a reference of these times')
+    end subroutine read_reference
+
+    !> Keep some of the times.
+    subroutine keep(reference, which)
+        type(reference_type), intent(inout) :: reference
+        !> Whether each time is kept (k).
+        logical, intent(in) :: which(:)
+        integer, allocatable :: kept(:)
+        integer :: i
+
+        allocate (kept, source=pack([(i, i=1, size(which))], which))
+        reference%t = reference%t(kept)
+        reference%q = reference%q(:, kept)
+        reference%qd = reference%qd(:, kept)
+    end subroutine keep
+
+    !> Which of `total` rows stay if at most `most` may, the last one among them.
+    pure function spread_evenly(total, most) result(which)
+        integer, intent(in) :: total, most
+        logical :: which(total)
+        integer :: i
+
+        which = total <= most
+        if (total <= most) return
+        do i = 1, most
+            which(nint(real(i, wp)*total/most)) = .true.
+        end do
+    end function spread_evenly
+
+    !> From a result file of tandem.
+    subroutine read_result(path, reference, error)
+        character(len=*), intent(in) :: path
+        type(reference_type), intent(inout) :: reference
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+        real(wp), allocatable :: t(:, :)
+
+        call file%open_to_read(path)
+        call file%get('/trajectory/time', t)
+        call file%get('/trajectory/q', reference%q)
+        call file%get('/trajectory/qd', reference%qd)
+        call file%close()
+        if (allocated(file%problem)) then
+            call set_error(error, status_invalid_option, 'the reference '//path//': '//file%problem, &
+                'give a result file of tandem with the fields q and qd')
+            return
+        end if
+        reference%t = t(1, :)
+    end subroutine read_result
+
+    !> From a text table: comments, a line with the numbers of rows, coordinates and multipliers, then a row a time: t, q, qd and
+    !> what else follows. A comment `agreement: Q QD` says how far the values can be trusted.
+    subroutine read_table(path, reference, error)
+        character(len=*), intent(in) :: path
+        type(reference_type), intent(inout) :: reference
+        type(error_type), allocatable, intent(out) :: error
+        character(len=256) :: line
+        integer :: unit, stat, rows, n, i
+
+        open (newunit=unit, file=path, status='old', action='read', iostat=stat)
+        if (stat /= 0) then
+            call set_error(error, status_invalid_option, 'the reference '//path//' cannot be read', 'choose another file')
+            return
+        end if
+        rows = 0
+        n = 0
+        do
+            read (unit, '(a)', iostat=stat) line
+            if (stat /= 0) exit
+            if (index(line, '# agreement:') == 1) then
+                read (line(len('# agreement:') + 1:), *, iostat=stat) reference%agreement_q, reference%agreement_qd
+                if (stat /= 0) exit
+            else if (line(1:1) /= '#') then
+                read (line, *, iostat=stat) rows, n
+                exit
+            end if
+        end do
+        if (stat == 0 .and. rows > 0 .and. n > 0 .and. rows < 10000000 .and. n < 100000) then
+            allocate (reference%t(rows), reference%q(n, rows), reference%qd(n, rows))
+            do i = 1, rows
+                read (unit, *, iostat=stat) reference%t(i), reference%q(:, i), reference%qd(:, i)
+                if (stat /= 0) exit
+            end do
+        else
+            stat = 1
+        end if
+        close (unit)
+        if (stat /= 0) call set_error(error, status_invalid_option, 'the reference '//path// &
+            ' is neither a result file nor a table of times, q and qd', 'see doc/precision.md for the format')
+    end subroutine read_table
+
+    !> Write a reference as a text table, with all digits.
+    subroutine write_reference(path, name, reference, error)
+        !> The file, and the name of the scene.
+        character(len=*), intent(in) :: path, name
+        type(reference_type), intent(in) :: reference
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: newline = new_line('a')
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = '# name: '//name//newline//'# how: '//reference%origin//newline
+        text = text//'# agreement: '//to_toml(reference%agreement_q)//' '//to_toml(reference%agreement_qd)//newline
+        text = text//'# first line: number of rows, of coordinates n, of multipliers; then a row a time: t, q (n), qd (n)'//newline
+        text = text//to_text(size(reference%t))//' '//to_text(size(reference%q, 1))//' 0'//newline
+        do i = 1, size(reference%t)
+            text = text//to_toml(reference%t(i))//in_a_row(reference%q(:, i))//in_a_row(reference%qd(:, i))//newline
+        end do
+        call write_whole(path, text, error)
+    end subroutine write_reference
+
+    !> Numbers with a blank before each.
+    pure function in_a_row(values) result(text)
+        real(wp), intent(in) :: values(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        do i = 1, size(values)
+            text = text//' '//to_toml(values(i))
+        end do
+    end function in_a_row
+end module tandem_io_study_reference

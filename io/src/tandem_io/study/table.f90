@@ -1,0 +1,267 @@
+! SPDX-License-Identifier: MIT
+!> A table of results: named columns of texts, counts or numbers, one row a run, and its layout on a terminal.
+!>
+!> Cells are kept as text in full precision, as the CSV file holds them, so that what is read back equals what was written.
+module tandem_io_study_table
+    use tandem, only: long, wp
+    use tandem_io_scene_text, only: to_toml
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: table_type, column_type, cell_length, text_column, count_column, real_column, brief
+
+    !> Longest text of a cell.
+    integer, parameter :: cell_length = 256
+    !> What a column holds.
+    integer, parameter :: text_column = 1, count_column = 2, real_column = 3
+
+    !> Numbers of so many letters are shown as they are.
+    integer, parameter :: short_enough = 6
+
+    !> A column.
+    type :: column_type
+        !> Its name in files, and its heading on the terminal; a column without a heading is not shown there.
+        character(len=24) :: name, heading
+        !> `text_column`, `count_column` or `real_column`.
+        integer :: kind
+        !> Its unit, `1` for pure numbers.
+        character(len=8) :: unit
+        !> What it is.
+        character(len=120) :: meaning
+    end type column_type
+
+    type :: table_type
+        type(column_type), allocatable :: columns(:)
+        !> The cells (columns, rows); an empty one stands for a value that does not exist.
+        character(len=cell_length), allocatable :: cells(:, :)
+    contains
+        procedure :: initialize
+        procedure :: rows
+        procedure :: index_of
+        procedure :: new_row
+        procedure :: add
+        generic :: put => put_text, put_count, put_real
+        procedure, private :: put_text, put_count, put_real
+        procedure :: text_at
+        procedure :: real_at
+        procedure :: count_at
+        procedure :: header
+        procedure :: line
+        procedure, private :: width
+    end type table_type
+
+contains
+
+    !> Start an empty table.
+    subroutine initialize(self, columns)
+        class(table_type), intent(inout) :: self
+        type(column_type), intent(in) :: columns(:)
+
+        self%columns = columns
+        if (allocated(self%cells)) deallocate (self%cells)
+        allocate (self%cells(size(columns), 0))
+    end subroutine initialize
+
+    !> How many rows there are.
+    pure integer function rows(self)
+        class(table_type), intent(in) :: self
+
+        rows = size(self%cells, 2)
+    end function rows
+
+    !> The index of a column, 0 where there is none of this name.
+    pure integer function index_of(self, name)
+        class(table_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+
+        do index_of = size(self%columns), 1, -1
+            if (self%columns(index_of)%name == name) return
+        end do
+    end function index_of
+
+    !> The cells of a row without values.
+    pure function new_row(self) result(cells)
+        class(table_type), intent(in) :: self
+        character(len=cell_length) :: cells(size(self%columns))
+
+        cells = ''
+    end function new_row
+
+    !> Add a row below the others.
+    subroutine add(self, cells)
+        class(table_type), intent(inout) :: self
+        !> A cell a column.
+        character(len=*), intent(in) :: cells(:)
+        character(len=cell_length), allocatable :: more(:, :)
+
+        allocate (more(size(self%columns), self%rows() + 1))
+        more(:, :self%rows()) = self%cells
+        more(:, size(more, 2)) = cells
+        call move_alloc(more, self%cells)
+    end subroutine add
+
+    !> Write a text into the cell of a named column.
+    subroutine put_text(self, cells, name, value)
+        class(table_type), intent(in) :: self
+        character(len=*), intent(inout) :: cells(:)
+        character(len=*), intent(in) :: name, value
+
+        cells(self%index_of(name)) = value
+    end subroutine put_text
+
+    !> Write a count.
+    subroutine put_count(self, cells, name, value)
+        class(table_type), intent(in) :: self
+        character(len=*), intent(inout) :: cells(:)
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: value
+        character(len=24) :: buffer
+
+        write (buffer, '(i0)') value
+        cells(self%index_of(name)) = buffer
+    end subroutine put_count
+
+    !> Write a number, with all its digits; one that is not finite leaves the cell empty.
+    subroutine put_real(self, cells, name, value)
+        class(table_type), intent(in) :: self
+        character(len=*), intent(inout) :: cells(:)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+
+        cells(self%index_of(name)) = ''
+        if (ieee_is_finite(value)) cells(self%index_of(name)) = to_toml(value)
+    end subroutine put_real
+
+    !> The text of a cell.
+    pure function text_at(self, row, name) result(text)
+        class(table_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: text
+
+        text = trim(self%cells(self%index_of(name), row))
+    end function text_at
+
+    !> The number of a cell, NaN where it is empty.
+    pure real(wp) function real_at(self, row, name)
+        class(table_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=*), intent(in) :: name
+
+        real_at = number(self%cells(self%index_of(name), row))
+    end function real_at
+
+    !> The count of a cell, 0 where it is empty.
+    pure integer(long) function count_at(self, row, name)
+        class(table_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=*), intent(in) :: name
+        integer :: stat
+
+        read (self%cells(self%index_of(name), row), *, iostat=stat) count_at
+        if (stat /= 0) count_at = 0
+    end function count_at
+
+    !> The headings on the terminal.
+    pure function header(self) result(text)
+        class(table_type), intent(in) :: self
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        do i = 1, size(self%columns)
+            if (self%columns(i)%heading == '') cycle
+            text = text//aligned(trim(self%columns(i)%heading), self%width(i), self%columns(i)%kind)//'  '
+        end do
+        text = trim(text)
+    end function header
+
+    !> A row on the terminal, under the headings.
+    pure function line(self, row) result(text)
+        class(table_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        do i = 1, size(self%columns)
+            if (self%columns(i)%heading == '') cycle
+            text = text//aligned(shown(self%cells(i, row), self%columns(i)%kind), self%width(i), self%columns(i)%kind)//'  '
+        end do
+        text = trim(text)
+    end function line
+
+    !> How wide a column is on the terminal: as its heading and its widest cell.
+    pure integer function width(self, column)
+        class(table_type), intent(in) :: self
+        integer, intent(in) :: column
+        integer :: row
+
+        width = len_trim(self%columns(column)%heading)
+        do row = 1, self%rows()
+            width = max(width, len(shown(self%cells(column, row), self%columns(column)%kind)))
+        end do
+    end function width
+
+    !> A cell as the terminal shows it: numbers with two digits, a dash where there is nothing.
+    pure function shown(cell, kind) result(text)
+        character(len=*), intent(in) :: cell
+        integer, intent(in) :: kind
+        character(len=:), allocatable :: text
+
+        if (cell == '') then
+            text = '-'
+        else if (kind == real_column .and. len_trim(cell) > short_enough .and. .not. ieee_is_nan(number(cell))) then
+            text = brief(number(cell))
+        else
+            text = trim(cell)
+        end if
+    end function shown
+
+    !> Texts to the left, numbers to the right.
+    pure function aligned(text, width, kind) result(cell)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: width, kind
+        character(len=max(width, len(text))) :: cell
+
+        cell = text
+        if (kind /= text_column) cell = adjustr(cell)
+    end function aligned
+
+    !> A number with two significant digits, without an exponent where that is as short.
+    pure function brief(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=16) :: buffer
+        integer :: point, exponent
+
+        if (abs(value) <= 0.0_wp) then
+            buffer = '0'
+        else if (abs(value) >= 10.0_wp .and. abs(value) < 1.0e4_wp) then
+            write (buffer, '(i0)') nint(value)
+        else if (abs(value) >= 1.0_wp .and. abs(value) < 10.0_wp) then
+            write (buffer, '(f9.1)') value
+        else if (abs(value) >= 0.01_wp .and. abs(value) < 1.0_wp) then
+            write (buffer, '(f9.3)') value
+            if (abs(value) >= 0.1_wp) write (buffer, '(f9.2)') value
+        else
+            write (buffer, '(es10.1e3)') value
+            point = index(buffer, 'E')
+            read (buffer(point + 1:), *) exponent
+            write (buffer(point:), '("e", i0)') exponent
+        end if
+        text = trim(adjustl(buffer))
+    end function brief
+
+    !> The number that a cell holds, NaN where it holds none.
+    pure real(wp) function number(cell)
+        character(len=*), intent(in) :: cell
+        integer :: stat
+
+        number = ieee_value(number, ieee_quiet_nan)
+        if (cell == '') return
+        read (cell, *, iostat=stat) number
+        if (stat /= 0) number = ieee_value(number, ieee_quiet_nan)
+    end function number
+end module tandem_io_study_table

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: MIT
+"""The studies as their users meet them: exit codes, tables, files, and what an interruption leaves.
+
+Runs build/tandem, or what the environment variable TANDEM names.
+"""
+
+import csv
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
+ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "TANDEM_SCENES"} | {"OPENBLAS_NUM_THREADS": "1"}
+FAST = ["--repeats", "1", "--budget", "0.02"]
+
+
+def read(path):
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+class Case(unittest.TestCase):
+    """A test in an empty folder of its own."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def study(self, *arguments, code=0, says=()):
+        done = subprocess.run([TANDEM, "study", *arguments], cwd=self.folder, env=ENVIRONMENT, capture_output=True,
+                              text=True, timeout=120)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        self.assertNotIn("Backtrace", done.stderr)
+        for words in [says] if isinstance(says, str) else says:
+            self.assertIn(words, done.stderr)
+        return done
+
+
+class Precision(Case):
+    def precision(self, *arguments, **kwargs):
+        return self.study("precision", *arguments, **kwargs)
+
+    def test_files_and_table(self):
+        done = self.precision("articulated_vehicle", "--set", "time.end=2", "--steppers", "rk4,sdirk54", *FAST)
+        rows = read(self.folder / "study/precision_articulated_vehicle.csv")
+        self.assertEqual({(row["stepper"], row["control"]) for row in rows},
+                         {("rk4", "step"), ("sdirk54", "step"), ("sdirk54", "rtol")})
+        with h5py.File(self.folder / "study/precision_articulated_vehicle.h5") as file:
+            group = file["precision"]
+            self.assertEqual(file.attrs["study"], "precision")
+            self.assertIn('model = "articulated_vehicle"', file.attrs["settings"])
+            self.assertGreater(group.attrs["floor_q"], 0)
+            self.assertEqual(list(group), sorted(rows[0]))
+            self.assertEqual(group["wall_seconds"].attrs["unit"], "s")
+            for name, column in group.items():
+                self.assertIn("meaning", column.attrs)
+                values = column.asstr()[:] if column.dtype == object else column[:]
+                for row, value in zip(rows, values, strict=True):
+                    if column.dtype == object:
+                        self.assertEqual(row[name], value)
+                    else:
+                        np.testing.assert_equal(float(row[name] or "nan"), value)
+        # Each row is a line of the table, under the headings.
+        lines = done.stdout.splitlines()
+        self.assertEqual(sum(line.startswith(("rk4", "sdirk54")) for line in lines), len(rows))
+        self.assertLess(max(len(line) for line in lines if line.startswith(("rk4", "sdirk54", "stepper"))), 132)
+        self.assertIn("confirmed by dopri5", done.stdout)
+        # A line a row on stderr, nothing with --quiet.
+        self.assertEqual(done.stderr.count("articulated_vehicle, "), len(rows))
+        rk4 = [row for row in rows if row["stepper"] == "rk4"]
+        self.assertEqual([float(row["right_hand_sides"]) for row in rk4],
+                         [1 + 4 * float(row["steps"]) for row in rk4])
+        self.assertEqual({row["newton_corrections"] for row in rk4}, {"0"})
+
+    def test_errors_agree_with_the_reference_files(self):
+        """Wherever a study quotes an error against its own reference, it is right to ten per cent."""
+        for scene, name, arguments in (("rolling_disk", "disk", ["--set", "time.end=10", "--samples", "20"]),
+                                       ("articulated_vehicle", "vehicle", ["--samples", "40"])):
+            common = [scene, *arguments, "--steppers", "dopri5,sdirk54", "--repeats", "1", "--budget", "0.6", "--quiet"]
+            done = self.precision(*common, "--output", "own")
+            self.assertEqual(done.stderr, "")
+            self.precision(*common, "--output", "file", "--reference", str(ROOT / f"test/reference/{name}.txt"))
+            own, file = ({(row["stepper"], row["control"], row["value"]): row
+                          for row in read(self.folder / folder / f"precision_{scene}.csv")} for folder in ("own", "file"))
+            compared = 0
+            for key, row in own.items():
+                if key in file and row["status"] == "complete" and row["at_floor"] == "0":
+                    for error in "error_q", "error_qd":
+                        ratio = float(row[error]) / float(file[key][error])
+                        self.assertAlmostEqual(ratio, 1, delta=0.1, msg=f"{scene} {key} {error}")
+                    compared += 1
+            self.assertGreater(compared, 8, scene)
+
+    def test_resumes_after_an_interruption(self):
+        """An interrupted study is continued: no row twice, none lost, those that were there untouched."""
+        arguments = [TANDEM, "study", "precision", "motorcycle", "--steppers", "rk4,trapezoid", "--repeats", "1",
+                     "--budget", "1"]
+        path = self.folder / "study/precision_motorcycle.csv"
+        process = subprocess.Popen(arguments, cwd=self.folder, env=ENVIRONMENT, stderr=subprocess.PIPE,
+                                   stdout=subprocess.DEVNULL, text=True)
+        for _ in range(3):
+            process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.stderr.close()
+        self.assertNotEqual(process.wait(timeout=30), 0)
+        before = read(path)
+        self.assertGreaterEqual(len(before), 3)
+        done = self.precision(*arguments[3:], says=f"continues with the {len(before)} rows")
+        after = read(path)
+        self.assertGreater(len(after), len(before))
+        self.assertEqual(after[:len(before)], before)
+        keys = [(row["stepper"], row["control"], row["value"]) for row in after]
+        self.assertEqual(len(keys), len(set(keys)))
+        self.assertEqual(done.stdout.count("complete"), len([row for row in after if row["status"] == "complete"]))
+        # Once more: nothing is left to do.
+        start = time.monotonic()
+        self.precision(*arguments[3:])
+        self.assertLess(time.monotonic() - start, 1)
+        self.assertEqual(read(path), after)
+
+    def test_other_settings_start_anew(self):
+        arguments = ["articulated_vehicle", "--steppers", "rk4", *FAST]
+        self.precision(*arguments, "--set", "time.end=1")
+        self.precision(*arguments, "--set", "time.end=2", says="starts anew")
+        self.precision(*arguments, "--set", "time.end=2", says="continues")
+
+    def test_a_failed_run_is_a_row(self):
+        self.precision("rolling_disk", "--set", "time.end=5", "--steppers", "dop853", *FAST)
+        rows = read(self.folder / "study/precision_rolling_disk.csv")
+        self.assertEqual(rows[0]["status"], "position_diverged")
+        self.assertEqual(rows[0]["error_q"], "")
+        self.assertEqual(rows[1]["status"], "complete")
+
+    def test_a_result_file_as_reference(self):
+        subprocess.run([TANDEM, "run", "articulated_vehicle", "--quiet", "--set", "time.end=1", "--set", "solver.stepper=dop853",
+                        "--set", "solver.rtol=1e-12", "--set", "output.interval=0.01", "--output", "true.h5"],
+                       cwd=self.folder, env=ENVIRONMENT, check=True, capture_output=True)
+        self.precision("articulated_vehicle", "--set", "time.end=1", "--reference", "true.h5", "--steppers", "rk4", *FAST)
+        rows = read(self.folder / "study/precision_articulated_vehicle.csv")
+        self.assertGreater(len(rows), 3)
+        self.assertLess(float(rows[-1]["error_q"]), 1e-6)
+
+    def test_usage(self):
+        self.study(code=2, says="study precision")
+        self.study("precison", code=2, says='"study precision"')
+        self.precision(code=2, says="needs a SCENE")
+        self.precision("rolling_dsk", code=2, says="rolling_disk")
+        self.precision("rolling_disk", "--steppers", "rk5", code=2, says='"rk4"')
+        self.precision("rolling_disk", "--samples", "0", code=2, says="at least")
+        self.precision("rolling_disk", "--budget", "soon", code=2, says="number")
+        self.precision("rolling_disk", "--reference", "nowhere", code=2, says="nowhere")
+        self.precision("rolling_disk", "rolling_disk", code=2, says="two scenes")
+        self.precision("rolling_disk", "--reference", str(ROOT / "test/reference/vehicle.txt"), code=2, says="coordinates")
+        self.precision("rolling_disk", "--set", "solver.step=-1", code=2, says="step")
+        self.assertIn("--budget", self.precision("--help").stdout)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+    def test_strange_files_are_spared(self):
+        (self.folder / "study").mkdir()
+        path = self.folder / "study/precision_rolling_disk.csv"
+        path.write_text("mine")
+        self.precision("rolling_disk", code=2, says="--force")
+        self.assertEqual(path.read_text(), "mine")
+
+
+if __name__ == "__main__":
+    unittest.main()
