@@ -10,8 +10,8 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=16), parameter :: commands(6) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
-        'study precision']
+    character(len=16), parameter :: commands(7) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
+        'study precision', 'study tables']
 
     character(len=112), parameter :: text(*) = [character(len=112) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
@@ -22,6 +22,7 @@ module tandem_app_help
         '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
+        '  tandem study tables          the tables and figures of the paper beside ours', &
         '  tandem help, tandem --version  this text, the version', &
         '', &
         'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &
@@ -73,7 +74,8 @@ contains
         character(len=:), allocatable :: guess
 
         if (command == 'study') then
-            call complain('study needs to know which one: study precision SCENE...'//new_line('a')//'See tandem help.')
+            call complain('study needs to know which one: study precision SCENE..., or study tables'//new_line('a')// &
+                'See tandem help.')
             code = input_wrong
             return
         end if

@@ -10,6 +10,7 @@ program tandem_program
     use tandem_app_run, only: run
     use tandem_app_show, only: show
     use tandem_app_study_precision, only: study_precision
+    use tandem_app_study_tables, only: study_tables
     use tandem_io, only: tandem_version
     implicit none (type, external)
     type(arguments_type) :: arguments
@@ -32,6 +33,8 @@ program tandem_program
         call run(arguments, code)
     case ('study precision')
         call study_precision(arguments, code)
+    case ('study tables')
+        call study_tables(arguments, code)
     case default
         call refuse_command(arguments%command, code)
     end select

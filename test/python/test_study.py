@@ -172,5 +172,43 @@ class Precision(Case):
         self.assertEqual(path.read_text(), "mine")
 
 
+class Tables(Case):
+    def test_the_paper_beside_ours(self):
+        """Interrupted and continued: the paper's charts, its orders of magnitude, and a sentence on each difference."""
+        path = self.folder / "study/tables.csv"
+        process = subprocess.Popen([TANDEM, "study", "tables"], cwd=self.folder, env=ENVIRONMENT, stderr=subprocess.PIPE,
+                                   stdout=subprocess.DEVNULL, text=True)
+        for _ in range(2):
+            process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.stderr.close()
+        self.assertNotEqual(process.wait(timeout=30), 0)
+        before = read(path)
+        self.assertGreaterEqual(len(before), 6)
+        done = self.study("tables", says=f"continues with the {len(before)} rows")
+        rows = read(path)
+        self.assertEqual(rows[:len(before)], before)
+        self.assertEqual(len(rows), 9 * 3 + 10 * 2 + 4)
+        self.assertEqual(len({(row["place"], row["scene"], row["stepper"], row["tolerance"], row["quantity"])
+                              for row in rows}), len(rows))
+        charts = {(row["scene"], row["stepper"]): (row["paper"], row["ours"])
+                  for row in rows if row["quantity"] == "charts"}
+        for scene, count in ("articulated_vehicle", "22"), ("rolling_disk", "127"), ("motorcycle", "8"):
+            for stepper in "rk4", "trapezoid", "sdirk54":
+                printed = "" if (scene, stepper) == ("rolling_disk", "trapezoid") else count
+                self.assertEqual(charts[scene, stepper], (printed, count))
+        for row in rows:
+            self.assertTrue(row["difference"], row)
+            if row["quantity"] == "energy change":
+                self.assertLess(float(row["ours"]), 1e-5)
+            if row["place"] == "table 3" and row["tolerance"] == "1e-6" and row["quantity"] != "velocity error":
+                # The orders of magnitude of the first row come out.
+                self.assertLess(abs(np.log10(float(row["ours"])) - float(row["paper"][1:])), 1.5)
+        self.assertIn("E-11", done.stdout)
+        with h5py.File(self.folder / "study/tables.h5") as file:
+            self.assertEqual(list(file["tables/paper"].asstr()[:]), [row["paper"] for row in rows])
+            np.testing.assert_array_equal(file["tables/ours"][:], [float(row["ours"]) for row in rows])
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -1,0 +1,96 @@
+! SPDX-License-Identifier: MIT
+!> tandem study tables: the tables and figures of the paper beside ours.
+module tandem_app_study_tables
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: error_type, is_input_error, to_text, wp
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_study_progress, only: study_progress_type
+    use tandem_io, only: brief, paper_columns, paper_type, tandem_version
+    implicit none (type, external)
+    private
+
+    public :: study_tables
+
+contains
+
+    !> Do the paper's runs, print the table, write its files.
+    subroutine study_tables(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(error_type), allocatable :: error
+
+        call arguments%parse([character(len=8) :: '--output', '--quiet', '--force', '--help'], .false., error)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        code = input_wrong
+        if (.not. allocated(error)) call make_tables(arguments, code, error)
+        if (allocated(error)) then
+            call complain(error%message)
+        else
+            code = done
+        end if
+    end subroutine study_tables
+
+    !> All the runs.
+    subroutine make_tables(arguments, code, error)
+        type(arguments_type), intent(in) :: arguments
+        !> Exit code, where there is an error.
+        integer, intent(out) :: code
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: about = 'the results of E. J. Haug, Mechanics Based Design of Structures and Machines, '// &
+            '2016, sections 7 to 9, beside ours; constraint errors are max-norms over all steps, in the units of their rows'
+        type(paper_type) :: study
+        type(study_progress_type) :: progress
+        character(len=:), allocatable :: what, settings
+        logical :: finished
+
+        code = input_wrong
+        progress%quiet = arguments%quiet
+        settings = '[study]'//new_line('a')//'tandem = "'//tandem_version//'"'//new_line('a')
+        call study%journal%open(arguments%value_of('--output', 'study'), 'tables', paper_columns, settings, arguments%force, error)
+        if (allocated(error)) return
+        if (study%journal%resumed > 0) call progress%remark('continues with the '//to_text(study%journal%resumed)// &
+            ' rows of '//study%journal%path//'.csv')
+        code = run_failed
+        do
+            call study%next_run(finished, what, error)
+            if (allocated(error)) then
+                if (is_input_error(error%stat)) code = input_wrong
+                exit
+            end if
+            if (finished) exit
+            call progress%remark(what)
+        end do
+        call study%journal%close()
+        if (allocated(error)) return
+        call study%journal%write_hdf5('tables', settings, about, [character(len=1) ::], [real(wp) ::], error)
+        if (.not. allocated(error)) call print_tables(study)
+    end subroutine make_tables
+
+    !> The rows of each run under a line that says which.
+    subroutine print_tables(study)
+        type(paper_type), intent(in) :: study
+        character(len=:), allocatable :: heading, last, ours
+        integer :: row
+
+        last = ''
+        associate (table => study%journal%table)
+            do row = 1, table%rows()
+                heading = table%text_at(row, 'place')//', '//table%text_at(row, 'scene')//', '//table%text_at(row, 'stepper')// &
+                    ', h = '//table%text_at(row, 'step')//' s, Tol = '//table%text_at(row, 'tolerance')
+                if (heading /= last) write (output_unit, '(a)') heading
+                last = heading
+                ours = table%text_at(row, 'ours')
+                if (len(ours) > 4) ours = brief(table%real_at(row, 'ours'))
+                write (output_unit, '(2x, a, t22, a, t38, a, t52, a)') table%text_at(row, 'quantity'), &
+                    'paper '//table%text_at(row, 'paper'), 'ours '//ours, table%text_at(row, 'difference')
+            end do
+        end associate
+        write (output_unit, '(a)') 'files: '//study%journal%path//'.csv, .h5'
+    end subroutine print_tables
+end module tandem_app_study_tables
