@@ -42,24 +42,41 @@ contains
         end if
     end subroutine set_error
 
-    !> An integer without blanks.
-    pure function integer_to_text(value) result(text)
+    !> How many characters an integer takes (a deferred length would be static memory, see `tandem_status`).
+    pure integer function integer_length(value)
         integer, intent(in) :: value
-        character(len=:), allocatable :: text
         character(len=20) :: buffer
 
         write (buffer, '(i0)') value
-        text = trim(buffer)
+        integer_length = len_trim(buffer)
+    end function integer_length
+
+    !> An integer without blanks.
+    pure function integer_to_text(value) result(text)
+        integer, intent(in) :: value
+        character(len=integer_length(value)) :: text
+
+        write (text, '(i0)') value
     end function integer_to_text
+
+    !> How many characters a real number takes.
+    pure integer function real_length(value)
+        use tandem_kinds, only: wp
+        real(wp), intent(in) :: value
+        character(len=24) :: buffer
+
+        write (buffer, '(g0.7)') value
+        real_length = len_trim(adjustl(buffer))
+    end function real_length
 
     !> A real number with seven digits and without blanks.
     pure function real_to_text(value) result(text)
         use tandem_kinds, only: wp
         real(wp), intent(in) :: value
-        character(len=:), allocatable :: text
+        character(len=real_length(value)) :: text
         character(len=24) :: buffer
 
         write (buffer, '(g0.7)') value
-        text = trim(adjustl(buffer))
+        text = adjustl(buffer)
     end function real_to_text
 end module tandem_error

@@ -113,11 +113,21 @@ contains
         row = status_type(code, 'unknown', .false., 'a code that this version does not know', 'report it')
     end function status_of
 
+    !> The length of a code's name. Texts that functions give have a known length: gfortran keeps the length of a deferred one in
+    !> static memory, where threads would meet.
+    pure integer function name_length(code)
+        integer, intent(in) :: code
+        type(status_type) :: row
+
+        row = status_of(code)
+        name_length = len_trim(row%name)
+    end function name_length
+
     !> The name of a code.
     pure function status_name(code) result(name)
         !> A status code.
         integer, intent(in) :: code
-        character(len=:), allocatable :: name
+        character(len=name_length(code)) :: name
         type(status_type) :: row
 
         row = status_of(code)

@@ -250,32 +250,46 @@ contains
         n_constraints = self%n_holonomic + self%n_nonholonomic
     end function n_constraints
 
-    !> The name of a row of C.
-    pure function row_name(self, row) result(name)
+    !> The name of a row, with blanks behind.
+    pure function padded_name(self, row) result(name)
         class(model_type), intent(in) :: self
-        !> Row of C, holonomic rows first.
         integer, intent(in) :: row
-        character(len=:), allocatable :: name
-        character(len=12) :: number
+        character(len=label_length) :: name
         integer :: i
 
         i = row
         if (i <= self%n_holonomic) then
             if (allocated(self%holonomic_name)) then
-                name = trim(self%holonomic_name(i))
+                name = self%holonomic_name(i)
                 return
             end if
-            name = 'holonomic '
+            write (name, '(a, i0)') 'holonomic ', i
         else
             i = i - self%n_holonomic
             if (allocated(self%nonholonomic_name)) then
-                name = trim(self%nonholonomic_name(i))
+                name = self%nonholonomic_name(i)
                 return
             end if
-            name = 'nonholonomic '
+            write (name, '(a, i0)') 'nonholonomic ', i
         end if
-        write (number, '(i0)') i
-        name = name//trim(number)
+    end function padded_name
+
+    !> The length of a row's name (a deferred length would be static memory, see `tandem_status`).
+    pure integer function name_length(self, row)
+        class(model_type), intent(in) :: self
+        integer, intent(in) :: row
+
+        name_length = len_trim(padded_name(self, row))
+    end function name_length
+
+    !> The name of a row of C.
+    pure function row_name(self, row) result(name)
+        class(model_type), intent(in) :: self
+        !> Row of C, holonomic rows first.
+        integer, intent(in) :: row
+        character(len=name_length(self, row)) :: name
+
+        name = padded_name(self, row)
     end function row_name
 
     !> The name of a coordinate, q1, q2, ... where the model gives none.

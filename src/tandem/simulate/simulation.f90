@@ -513,7 +513,7 @@ contains
     end subroutine fail
 
     !> Other rows by name, for messages about rows that depend on each other.
-    function with_rows(self, rows, row, before) result(text)
+    recursive function with_rows(self, rows, row, before) result(text)
         class(simulation_type), intent(in) :: self
         !> Rows of C, and the one that is named already (0: none).
         integer, intent(in) :: rows(:), row
@@ -551,26 +551,26 @@ contains
         self%warnings = [self%warnings, warning_type(text)]
     end subroutine warn
 
-    !> The meaning of a status code.
+    !> The meaning of a status code, with blanks behind.
     pure function meaning(stat) result(text)
         use tandem_status, only: status_type
         integer, intent(in) :: stat
-        character(len=:), allocatable :: text
         type(status_type) :: row
+        character(len=len(row%meaning)) :: text
 
         row = status_of(stat)
-        text = trim(row%meaning)
+        text = row%meaning
     end function meaning
 
     !> Names joined by commas.
     pure function names_in_a_row(names) result(text)
         character(len=*), intent(in) :: names(:)
-        character(len=:), allocatable :: text
+        character(len=sum(len_trim(names)) + 2*(size(names) - 1)) :: text
         integer :: i
 
-        text = trim(names(1))
+        text = names(1)
         do i = 2, size(names)
-            text = text//', '//trim(names(i))
+            text = trim(text)//', '//names(i)
         end do
     end function names_in_a_row
 end module tandem_simulation
