@@ -10,6 +10,9 @@ RELEASE = --profile release --flag "$(ARCH)"
 FPM     = .venv/bin/fpm
 # fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
 INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem
+# Where `make install` puts the library; DESTDIR stands before it, for packagers.
+PREFIX  ?= /usr/local
+DESTDIR ?=
 # Parts of the tests, all if empty: tools/verify.py --list
 PARTS ?=
 
@@ -19,7 +22,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test clean
+.PHONY: help setup build run test install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -34,6 +37,12 @@ build: setup ## the release binary, left at build/tandem
 
 setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
 	@tools/setup.sh
+
+install: ## library, header, module files, pkg-config and CMake files, below PREFIX (/usr/local); needs no fpm
+	@python3 tools/library.py install --prefix "$(PREFIX)" --destdir "$(DESTDIR)"
+
+uninstall: ## remove what `make install` put below PREFIX
+	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)"
 
 clean: ## remove all that was built
 	@rm -rf build

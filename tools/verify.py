@@ -197,10 +197,11 @@ def is_ours(path):
 
 def own_sources():
     """Our Fortran sources, less those of the small projects that stand below with a manifest of their own."""
+    manifests = ("fpm.toml", "CMakeLists.txt", "Makefile")
     found = set()
     for folder in SOURCES:
         for directory, below, files in os.walk(ROOT / folder):
-            below[:] = [name for name in below if not Path(directory, name, "fpm.toml").exists()]
+            below[:] = [name for name in below if not any(Path(directory, name, file).exists() for file in manifests)]
             found.update(
                 os.path.relpath(Path(directory, file), ROOT) for file in files if file.endswith((".f90", ".F90"))
             )
@@ -245,6 +246,7 @@ PARTS = [
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES], linter),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
+    Part("install", ["tools/check_install.sh"], ok_lines),
 ]
 
 

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * tandem: dynamics of multibody systems with holonomic and nonholonomic constraints. The C interface, for C++ too.
+ * doc/linking.md explains it; doc/scene.md and doc/theory.md explain the terms of a model.
+ *
+ *     Phi(t, q) = 0                holonomic constraints, n_holonomic
+ *     E(t, q) qd = e(t, q)         nonholonomic constraints, n_nonholonomic
+ *     C qdd = -gamma(t, q, qd)     both, differentiated; C = [Phi_q; E], holonomic rows first
+ *     M(q) qdd + C' lambda = S(q, qd) + Q_A(t, q, qd)
+ *
+ * Functions return a status: 0 or one of the negative TANDEM_ constants; tandem_message() says what is wrong and what to do.
+ * Two problems share nothing: threads may work on different problems at the same time, but not on the same one.
+ */
+#ifndef TANDEM_H
+#define TANDEM_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
+ * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
+#define TANDEM_INTERFACE_VERSION 1000
+
+/* Outcomes. */
+enum {
+    TANDEM_OK = 0,
+    TANDEM_INVALID_OPTION = -1,
+    TANDEM_INVALID_MODEL = -2,
+    TANDEM_INCONSISTENT_START = -3,
+    TANDEM_RANK_DEFICIENT = -4,
+    TANDEM_SINGULAR_MASS = -5,
+    TANDEM_CALLBACK_FAILED = -6,
+    TANDEM_NOT_EVALUABLE = -7,
+    TANDEM_NOT_FINITE = -8,
+    TANDEM_POSITION_DIVERGED = -9,
+    TANDEM_CHART_LEFT = -10,
+    TANDEM_CONSTRAINTS_NOT_HELD = -11,
+    TANDEM_STEP_UNDERFLOW = -12,
+    TANDEM_STEP_LIMIT = -13,
+    TANDEM_OUTPUT_FAILED = -14,
+    TANDEM_NEWTON_FAILED = -15
+};
+
+/* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */
+enum {
+    TANDEM_PHI = 1,
+    TANDEM_JACOBIAN = 2,
+    TANDEM_NU = 4,
+    TANDEM_GAMMA = 8,
+    TANDEM_MASS = 16,
+    TANDEM_FORCE = 32
+};
+
+/* A model, its options, and a run of it. */
+typedef struct tandem_problem tandem_problem;
+
+/* --- the functions of a model ---------------------------------------------------------------------------------------
+ *
+ * Each sets all of `value` and returns 0; > 0 where it cannot be evaluated at this point (a smaller step may help), < 0 to
+ * stop. A matrix of r rows is value[r][n], by rows. q, qd and x must not be changed. No exception may leave a function, and
+ * a function may call nothing of this interface for its own problem but tandem_get_segment. */
+
+/* holonomic (n_holonomic), holonomic_jacobian (n_holonomic x n), holonomic_rate (n_holonomic), nonholonomic_jacobian
+ * (n_nonholonomic x n), nonholonomic_rhs (n_nonholonomic), mass_matrix (n x n; t is NaN), potential_energy (1), nu_derivative
+ * (rows of C x n). */
+typedef int (*tandem_position_function)(double t, const double *q, double *value, void *user_data);
+
+/* constraint_acceleration (gamma, rows of C), inertia_force (S, n; t is NaN), applied_force (Q_A, n), kinetic_energy (1; t is
+ * NaN), gamma_q and gamma_qd (rows of C x n), force_q and force_qd (n x n). */
+typedef int (*tandem_motion_function)(double t, const double *q, const double *qd, double *value, void *user_data);
+
+/* jacobian_derivative ((C x)_q, rows of C x n), reaction_derivative ((C' x)_q, n x n), mass_derivative ((M x)_q, n x n; t is
+ * NaN), each for a constant vector x. */
+typedef int (*tandem_direction_function)(double t, const double *q, const double *x, double *value, void *user_data);
+
+/* Several terms at once: set those in `need`, a sum of TANDEM_PHI ...; the others may be set too. qd has a meaning only where
+ * gamma or force are needed. */
+typedef int (*tandem_evaluate_function)(int need, double t, const double *q, const double *qd, double *phi, double *jacobian,
+                                        double *nu, double *gamma, double *mass, double *force, void *user_data);
+
+/* --- a problem ------------------------------------------------------------------------------------------------------ */
+
+/* The version of the library's interface. */
+int tandem_interface_version(void);
+
+/* A problem with n coordinates. NULL only where there is no memory; sizes that cannot be are refused by tandem_start, and
+ * tandem_message() tells at once. user_data goes to every function of the model. */
+tandem_problem *tandem_new(int n, int n_holonomic, int n_nonholonomic, void *user_data);
+
+/* Give a problem back; NULL is allowed. */
+void tandem_free(tandem_problem *problem);
+
+/* What the last call for this problem had to say, beginning with the name of its status. It belongs to the problem and stays
+ * until the next call. */
+const char *tandem_message(const tandem_problem *problem);
+
+/* --- the model: give functions by name, NULL takes one back. After a change the run must be started anew. -------------- */
+
+int tandem_set_position_function(tandem_problem *problem, const char *name, tandem_position_function function);
+int tandem_set_motion_function(tandem_problem *problem, const char *name, tandem_motion_function function);
+int tandem_set_direction_function(tandem_problem *problem, const char *name, tandem_direction_function function);
+
+/* `provides`: the sum of the constants of the terms that the function gives. They precede the functions by name. */
+int tandem_set_evaluate(tandem_problem *problem, tandem_evaluate_function function, int provides);
+
+/* Name a constraint row (from 0, holonomic rows first) for messages; up to 32 characters. */
+int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
+
+/* --- options: they are checked and count from the next tandem_start on ------------------------------------------------ */
+
+/* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
+ * secant_limit, start_tolerance. rtol = 0 means fixed steps. */
+int tandem_set_real(tandem_problem *problem, const char *name, double value);
+
+/* max_steps, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once). */
+int tandem_set_integer(tandem_problem *problem, const char *name, int value);
+
+/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis. */
+int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
+
+/* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps). */
+int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
+
+/* --- a run --------------------------------------------------------------------------------------------------------- */
+
+/* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
+int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
+
+/* Integrate to t_end. On a failure the state is that of the last accepted step. */
+int tandem_integrate(tandem_problem *problem, double t_end);
+
+/* One accepted step that does not pass t_limit. */
+int tandem_step(tandem_problem *problem, double t_limit);
+
+/* The current state; pointers may be NULL. */
+int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);
+
+/* The state at a time within the last step, on the constraints; pointers may be NULL. The run does not notice. */
+int tandem_get_state_at(tandem_problem *problem, double t, double *q, double *qd, double *qdd);
+
+/* lambda at a time within the last step, one for each row of C. */
+int tandem_get_multipliers(tandem_problem *problem, double t, double *lambda);
+
+/* Energies of the current state; the potential one is 0 where the model has none; pointers may be NULL. */
+int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potential);
+
+/* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, wall_seconds, ...;
+ * the message of an unknown name lists them all. */
+int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
+
+/* Which smooth piece is current: 1 before the first breakpoint. Functions of the model look at this and never compare t with
+ * a breakpoint. */
+int tandem_get_segment(const tandem_problem *problem);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

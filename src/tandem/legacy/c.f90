@@ -1,0 +1,418 @@
+! SPDX-License-Identifier: MIT
+!> The C interface. `include/tandem.h` declares these functions and says what each does; here are their Fortran sides, which
+!> check pointers, convert texts, and leave the rest to the problem. Every function returns the status of the problem.
+module tandem_legacy_c
+    use tandem_kinds, only: wp
+    use tandem_legacy_c_model, only: c_model_type
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_problem, only: message_of_no_problem, problem_type
+    use tandem_legacy_terms, only: of_direction, of_motion, of_position
+    use tandem_legacy_version, only: interface_version
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_loc, c_null_char, &
+        c_null_ptr, c_ptr
+    implicit none (type, external)
+    private
+
+    public :: c_interface_version, c_new, c_free, c_message
+    public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
+    public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
+    public :: c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
+    public :: c_get_segment
+
+    !> No name or value is as long as this; a text without an end is cut here.
+    integer, parameter :: longest_text = 256
+
+    !> What `tandem_message` gives where there is no problem. Never changed.
+    character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
+        transfer(message_of_no_problem//c_null_char, [c_null_char])
+
+contains
+
+    !> The version of the library's interface.
+    integer(c_int) function c_interface_version() bind(C, name='tandem_interface_version')
+        c_interface_version = interface_version
+    end function c_interface_version
+
+    !> A problem; NULL only where there is no memory for it. The message tells whether the sizes can be.
+    type(c_ptr) function c_new(n, n_holonomic, n_nonholonomic, user_data) bind(C, name='tandem_new')
+        !> Numbers of coordinates, holonomic and nonholonomic constraints.
+        integer(c_int), value :: n, n_holonomic, n_nonholonomic
+        !> Handed through to every function of the model.
+        type(c_ptr), value :: user_data
+        type(problem_type), pointer :: problem
+        type(c_model_type), pointer :: model
+        class(callback_model_type), pointer :: callback_model
+        integer :: stat
+
+        c_new = c_null_ptr
+        allocate (model, stat=stat)
+        if (stat /= 0) return
+        allocate (problem, stat=stat)
+        if (stat /= 0) then
+            deallocate (model)
+            return
+        end if
+        model%by_rows = .true.
+        model%user_data = user_data
+        callback_model => model
+        call problem%set_up(callback_model, n, n_holonomic, n_nonholonomic)
+        c_new = c_loc(problem)
+    end function c_new
+
+    !> Give a problem back; NULL is allowed.
+    subroutine c_free(handle) bind(C, name='tandem_free')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        if (.not. associated(problem)) return
+        if (problem%release()) deallocate (problem)
+    end subroutine c_free
+
+    !> The message of the last call; it stays where it is until the next one.
+    type(c_ptr) function c_message(handle) bind(C, name='tandem_message')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_message = c_loc(no_problem)
+        if (associated(problem)) c_message = c_loc(problem%message)
+    end function c_message
+
+    !> Give a function of (t, q).
+    integer(c_int) function c_set_position_function(handle, name, function_) bind(C, name='tandem_set_position_function')
+        type(c_ptr), value :: handle, name
+        type(c_funptr), value :: function_
+        type(problem_type), pointer :: problem
+        integer :: term
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_position_function = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        term = problem%find_callback(text, of_position)
+        select type (model => problem%model)
+        class is (c_model_type)
+            if (term > 0) call model%set_position(term, function_)
+        end select
+        c_set_position_function = problem%stat
+    end function c_set_position_function
+
+    !> Give a function of (t, q, qd).
+    integer(c_int) function c_set_motion_function(handle, name, function_) bind(C, name='tandem_set_motion_function')
+        type(c_ptr), value :: handle, name
+        type(c_funptr), value :: function_
+        type(problem_type), pointer :: problem
+        integer :: term
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_motion_function = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        term = problem%find_callback(text, of_motion)
+        select type (model => problem%model)
+        class is (c_model_type)
+            if (term > 0) call model%set_motion(term, function_)
+        end select
+        c_set_motion_function = problem%stat
+    end function c_set_motion_function
+
+    !> Give a function of (t, q, x).
+    integer(c_int) function c_set_direction_function(handle, name, function_) bind(C, name='tandem_set_direction_function')
+        type(c_ptr), value :: handle, name
+        type(c_funptr), value :: function_
+        type(problem_type), pointer :: problem
+        integer :: term
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_direction_function = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        term = problem%find_callback(text, of_direction)
+        select type (model => problem%model)
+        class is (c_model_type)
+            if (term > 0) call model%set_direction(term, function_)
+        end select
+        c_set_direction_function = problem%stat
+    end function c_set_direction_function
+
+    !> Give a function of several terms.
+    integer(c_int) function c_set_evaluate(handle, function_, provides) bind(C, name='tandem_set_evaluate')
+        type(c_ptr), value :: handle
+        type(c_funptr), value :: function_
+        !> Sum of the constants of the terms that it gives.
+        integer(c_int), value :: provides
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_set_evaluate = status_invalid_option
+        if (.not. associated(problem)) return
+        if (problem%check_provides(provides)) then
+            select type (model => problem%model)
+            class is (c_model_type)
+                call model%set_evaluate(function_, provides)
+            end select
+        end if
+        c_set_evaluate = problem%stat
+    end function c_set_evaluate
+
+    !> Set a real option.
+    integer(c_int) function c_set_real(handle, name, value) bind(C, name='tandem_set_real')
+        type(c_ptr), value :: handle, name
+        real(c_double), value :: value
+        type(problem_type), pointer :: problem
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_real = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        call problem%set_real(text, value)
+        c_set_real = problem%stat
+    end function c_set_real
+
+    !> Set an integer option.
+    integer(c_int) function c_set_integer(handle, name, value) bind(C, name='tandem_set_integer')
+        type(c_ptr), value :: handle, name
+        integer(c_int), value :: value
+        type(problem_type), pointer :: problem
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_integer = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        call problem%set_integer(text, value)
+        c_set_integer = problem%stat
+    end function c_set_integer
+
+    !> Set an option that is a word.
+    integer(c_int) function c_set_text(handle, name, value) bind(C, name='tandem_set_text')
+        type(c_ptr), value :: handle, name, value
+        type(problem_type), pointer :: problem
+        character(len=:), allocatable :: text, word
+
+        call find(handle, problem)
+        c_set_text = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        call get_text(value, word)
+        call problem%set_text(text, word)
+        c_set_text = problem%stat
+    end function c_set_text
+
+    !> Set a list of numbers.
+    integer(c_int) function c_set_vector(handle, name, count, values) bind(C, name='tandem_set_vector')
+        type(c_ptr), value :: handle, name
+        !> How many numbers.
+        integer(c_int), value :: count
+        type(c_ptr), value :: values
+        type(problem_type), pointer :: problem
+        real(wp), pointer :: list(:)
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_vector = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        if (count < 0 .or. (count > 0 .and. .not. c_associated(values))) then
+            call problem%refuse('the list "'//text//'" is NULL or has a negative number of entries', &
+                'give the numbers and how many they are')
+        else
+            allocate (list(0))
+            if (count > 0) then
+                deallocate (list)
+                call c_f_pointer(values, list, [count])
+                call problem%set_vector(text, list)
+            else
+                call problem%set_vector(text, list)
+                deallocate (list)
+            end if
+        end if
+        c_set_vector = problem%stat
+    end function c_set_vector
+
+    !> Name a constraint row.
+    integer(c_int) function c_set_row_name(handle, row, name) bind(C, name='tandem_set_row_name')
+        type(c_ptr), value :: handle
+        !> From 0 on, holonomic rows first.
+        integer(c_int), value :: row
+        type(c_ptr), value :: name
+        type(problem_type), pointer :: problem
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_set_row_name = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        call problem%set_row_name(row + 1, text)
+        c_set_row_name = problem%stat
+    end function c_set_row_name
+
+    !> Start a run.
+    integer(c_int) function c_start(handle, t, q, qd) bind(C, name='tandem_start')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(in), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_start = status_invalid_option
+        if (.not. associated(problem)) return
+        if (present(q) .and. present(qd)) then
+            call problem%start(t, q, qd)
+        else
+            call problem%refuse('q or qd is NULL', 'give the start')
+        end if
+        c_start = problem%stat
+    end function c_start
+
+    !> Integrate to t_end.
+    integer(c_int) function c_integrate(handle, t_end) bind(C, name='tandem_integrate')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t_end
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_integrate = status_invalid_option
+        if (.not. associated(problem)) return
+        call problem%integrate(t_end)
+        c_integrate = problem%stat
+    end function c_integrate
+
+    !> One accepted step that does not pass t_limit.
+    integer(c_int) function c_step(handle, t_limit) bind(C, name='tandem_step')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t_limit
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_step = status_invalid_option
+        if (.not. associated(problem)) return
+        call problem%step(t_limit)
+        c_step = problem%stat
+    end function c_step
+
+    !> The current state.
+    integer(c_int) function c_get_state(handle, t, q, qd, qdd) bind(C, name='tandem_get_state')
+        type(c_ptr), value :: handle
+        real(c_double), intent(out), optional :: t
+        real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_get_state = status_invalid_option
+        if (.not. associated(problem)) return
+        call problem%get_state(t, q, qd, qdd)
+        c_get_state = problem%stat
+    end function c_get_state
+
+    !> The state at a time within the last step.
+    integer(c_int) function c_get_state_at(handle, t, q, qd, qdd) bind(C, name='tandem_get_state_at')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_get_state_at = status_invalid_option
+        if (.not. associated(problem)) return
+        call problem%get_state_at(t, q, qd, qdd)
+        c_get_state_at = problem%stat
+    end function c_get_state_at
+
+    !> The multipliers at a time within the last step.
+    integer(c_int) function c_get_multipliers(handle, t, lambda) bind(C, name='tandem_get_multipliers')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> (nh + nd).
+        real(c_double), intent(inout), optional :: lambda(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_get_multipliers = status_invalid_option
+        if (.not. associated(problem)) return
+        if (present(lambda)) then
+            call problem%get_multipliers(t, lambda)
+        else
+            call problem%refuse('lambda is NULL', 'give an array')
+        end if
+        c_get_multipliers = problem%stat
+    end function c_get_multipliers
+
+    !> Kinetic and potential energy.
+    integer(c_int) function c_get_energies(handle, kinetic, potential) bind(C, name='tandem_get_energies')
+        type(c_ptr), value :: handle
+        real(c_double), intent(out), optional :: kinetic, potential
+        type(problem_type), pointer :: problem
+        real(wp) :: energies(2)
+
+        call find(handle, problem)
+        c_get_energies = status_invalid_option
+        if (.not. associated(problem)) return
+        call problem%get_energies(energies(1), energies(2))
+        if (present(kinetic)) kinetic = energies(1)
+        if (present(potential)) potential = energies(2)
+        c_get_energies = problem%stat
+    end function c_get_energies
+
+    !> One figure of the run.
+    integer(c_int) function c_get_statistic(handle, name, value) bind(C, name='tandem_get_statistic')
+        type(c_ptr), value :: handle, name
+        real(c_double), intent(out), optional :: value
+        type(problem_type), pointer :: problem
+        real(wp) :: figure
+        character(len=:), allocatable :: text
+
+        call find(handle, problem)
+        c_get_statistic = status_invalid_option
+        if (.not. associated(problem)) return
+        call get_text(name, text)
+        call problem%get_statistic(text, figure)
+        if (present(value)) value = figure
+        c_get_statistic = problem%stat
+    end function c_get_statistic
+
+    !> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint. May be called from the
+    !> functions of the model.
+    integer(c_int) function c_get_segment(handle) bind(C, name='tandem_get_segment')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_get_segment = 0
+        if (associated(problem)) c_get_segment = problem%model%segment
+    end function c_get_segment
+
+    !> The problem of a handle; none for NULL.
+    subroutine find(handle, problem)
+        type(c_ptr), intent(in) :: handle
+        type(problem_type), pointer, intent(out) :: problem
+
+        problem => null()
+        if (c_associated(handle)) call c_f_pointer(handle, problem)
+    end subroutine find
+
+    !> A text of C; empty for NULL.
+    subroutine get_text(chars, text)
+        type(c_ptr), intent(in) :: chars
+        character(len=:), allocatable, intent(out) :: text
+        character(kind=c_char), pointer :: list(:)
+        character(len=longest_text) :: buffer
+        integer :: n
+
+        text = ''
+        if (.not. c_associated(chars)) return
+        call c_f_pointer(chars, list, [longest_text])
+        do n = 1, longest_text
+            if (list(n) == c_null_char) exit
+            buffer(n:n) = list(n)
+        end do
+        text = buffer(:n - 1)
+    end subroutine get_text
+end module tandem_legacy_c

@@ -1,0 +1,496 @@
+! SPDX-License-Identifier: MIT
+!> A model whose procedures belong to a caller from another language. What is common to those languages is here: the model's
+!> procedure pointers lead to the procedures of this module, which turn the arguments into contiguous arrays and call one of
+!> three deferred procedures. An extension for each language calls the user's procedure from there.
+!>
+!> No pointer to an internal procedure is ever made, so that no code is built on the stack.
+module tandem_legacy_callback_model
+    use tandem_kinds, only: wp
+    use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
+        a_holonomic_jacobian, a_holonomic_rate, a_jacobian_derivative, a_kinetic_energy, a_mass_derivative, a_mass_matrix, &
+        a_nonholonomic_jacobian, a_nonholonomic_rhs, a_nu_derivative, a_potential_energy, a_reaction_derivative, &
+        an_applied_force, an_inertia_force
+    use tandem_model, only: model_type
+    use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    use, intrinsic :: iso_c_binding, only: c_loc, c_null_ptr, c_ptr
+    implicit none (type, external)
+    private
+
+    public :: callback_model_type
+
+    type, abstract, extends(model_type) :: callback_model_type
+        !> True where the language stores matrices by rows, as C does.
+        logical :: by_rows = .false.
+        !> Where the fused procedure may write terms that nobody wants now, so that it can compute them all each time; and the
+        !> addresses.
+        type(terms_type), pointer, private :: unwanted => null()
+        type(c_ptr), private :: elsewhere(n_terms) = c_null_ptr
+        !> A matrix on its way (n*n).
+        real(wp), allocatable, private :: work(:)
+    contains
+        procedure :: prepare
+        procedure :: release
+        procedure :: attach
+        procedure, non_overridable :: find_places
+        procedure, non_overridable :: take_jacobian
+        procedure(position_interface), deferred :: call_position
+        procedure(motion_interface), deferred :: call_motion
+        procedure(direction_interface), deferred :: call_direction
+    end type callback_model_type
+
+    abstract interface
+        !> Call the user's procedure number `term` of (t, q).
+        subroutine position_interface(self, term, rows, t, q, value, stat)
+            import :: callback_model_type, wp
+            implicit none (type, external)
+            class(callback_model_type), intent(inout) :: self
+            !> Number of the procedure in `tandem_legacy_terms`; rows of its value.
+            integer, intent(in) :: term, rows
+            !> Time; NaN where the term must not depend on it.
+            real(wp), intent(in) :: t
+            !> Coordinates (n).
+            real(wp), intent(in) :: q(*)
+            !> A scalar, a vector (rows), or a matrix of that many rows and n columns.
+            real(wp), intent(inout) :: value(*)
+            !> The user's status.
+            integer, intent(out) :: stat
+        end subroutine position_interface
+
+        !> Call the user's procedure number `term` of (t, q, qd).
+        subroutine motion_interface(self, term, rows, t, q, qd, value, stat)
+            import :: callback_model_type, wp
+            implicit none (type, external)
+            class(callback_model_type), intent(inout) :: self
+            integer, intent(in) :: term, rows
+            !> Time or NaN; coordinates and velocities (n).
+            real(wp), intent(in) :: t, q(*), qd(*)
+            real(wp), intent(inout) :: value(*)
+            integer, intent(out) :: stat
+        end subroutine motion_interface
+
+        !> Call the user's procedure number `term` of (t, q) and a constant vector x.
+        subroutine direction_interface(self, term, rows, t, q, x, value, stat)
+            import :: callback_model_type, wp
+            implicit none (type, external)
+            class(callback_model_type), intent(inout) :: self
+            integer, intent(in) :: term, rows
+            !> Time or NaN; coordinates (n); x, (n) or (nh + nd).
+            real(wp), intent(in) :: t, q(*), x(*)
+            real(wp), intent(inout) :: value(*)
+            integer, intent(out) :: stat
+        end subroutine direction_interface
+    end interface
+
+contains
+
+    !> Work space for the sizes of the model; they must be possible.
+    subroutine prepare(self)
+        class(callback_model_type), intent(inout) :: self
+
+        call self%release()
+        allocate (self%unwanted)
+        associate (terms => self%unwanted)
+            call terms%allocate(self%n, self%n_holonomic, self%n_nonholonomic)
+            self%elsewhere = [c_loc(terms%phi), c_loc(terms%jacobian), c_loc(terms%nu), c_loc(terms%gamma), c_loc(terms%mass), &
+                c_loc(terms%force)]
+        end associate
+        self%work = spread(0.0_wp, 1, self%n*self%n)
+    end subroutine prepare
+
+    !> Give the work space back.
+    subroutine release(self)
+        class(callback_model_type), intent(inout) :: self
+
+        if (associated(self%unwanted)) deallocate (self%unwanted)
+        self%unwanted => null()
+    end subroutine release
+
+    !> Let the model have a procedure, or no longer have it.
+    subroutine attach(self, term, has)
+        class(callback_model_type), intent(inout) :: self
+        !> Number of the procedure in `tandem_legacy_terms`.
+        integer, intent(in) :: term
+        !> Whether the user gives it.
+        logical, intent(in) :: has
+
+        select case (term)
+        case (a_holonomic)
+            self%holonomic => null()
+            if (has) self%holonomic => holonomic
+        case (a_holonomic_jacobian)
+            self%holonomic_jacobian => null()
+            if (has) self%holonomic_jacobian => holonomic_jacobian
+        case (a_holonomic_rate)
+            self%holonomic_rate => null()
+            if (has) self%holonomic_rate => holonomic_rate
+        case (a_nonholonomic_jacobian)
+            self%nonholonomic_jacobian => null()
+            if (has) self%nonholonomic_jacobian => nonholonomic_jacobian
+        case (a_nonholonomic_rhs)
+            self%nonholonomic_rhs => null()
+            if (has) self%nonholonomic_rhs => nonholonomic_rhs
+        case (a_mass_matrix)
+            self%mass_matrix => null()
+            if (has) self%mass_matrix => mass_matrix
+        case (a_potential_energy)
+            self%potential_energy => null()
+            if (has) self%potential_energy => potential_energy
+        case (a_nu_derivative)
+            self%nu_derivative => null()
+            if (has) self%nu_derivative => nu_derivative
+        case (a_constraint_acceleration)
+            self%constraint_acceleration => null()
+            if (has) self%constraint_acceleration => constraint_acceleration
+        case (an_inertia_force)
+            self%inertia_force => null()
+            if (has) self%inertia_force => inertia_force
+        case (an_applied_force)
+            self%applied_force => null()
+            if (has) self%applied_force => applied_force
+        case (a_kinetic_energy)
+            self%kinetic_energy => null()
+            if (has) self%kinetic_energy => kinetic_energy
+        case (a_gamma_q)
+            self%gamma_q => null()
+            if (has) self%gamma_q => gamma_q
+        case (a_gamma_qd)
+            self%gamma_qd => null()
+            if (has) self%gamma_qd => gamma_qd
+        case (a_force_q)
+            self%force_q => null()
+            if (has) self%force_q => force_q
+        case (a_force_qd)
+            self%force_qd => null()
+            if (has) self%force_qd => force_qd
+        case (a_jacobian_derivative)
+            self%jacobian_derivative => null()
+            if (has) self%jacobian_derivative => jacobian_derivative
+        case (a_reaction_derivative)
+            self%reaction_derivative => null()
+            if (has) self%reaction_derivative => reaction_derivative
+        case (a_mass_derivative)
+            self%mass_derivative => null()
+            if (has) self%mass_derivative => mass_derivative
+        case default ! the table has no other rows
+        end select
+    end subroutine attach
+
+    !> Where a fused procedure is to write: those terms that are wanted to their place, the others to where nobody looks, and the
+    !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more.
+    subroutine find_places(self, need, terms, place)
+        class(callback_model_type), intent(in) :: self
+        !> The terms wanted, a sum of need bits.
+        integer, intent(in) :: need
+        type(terms_type), intent(in), target :: terms
+        !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
+        type(c_ptr), intent(out) :: place(n_terms)
+
+        place = self%elsewhere
+        if (iand(need, need_phi) /= 0) place(1) = c_loc(terms%phi)
+        if (iand(need, need_jacobian) /= 0 .and. .not. self%by_rows) place(2) = c_loc(terms%jacobian)
+        if (iand(need, need_nu) /= 0) place(3) = c_loc(terms%nu)
+        if (iand(need, need_gamma) /= 0) place(4) = c_loc(terms%gamma)
+        if (iand(need, need_mass) /= 0) place(5) = c_loc(terms%mass)
+        if (iand(need, need_force) /= 0) place(6) = c_loc(terms%force)
+    end subroutine find_places
+
+    !> The Jacobian that a fused procedure wrote by rows.
+    subroutine take_jacobian(self, jacobian)
+        class(callback_model_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: jacobian(:, :)
+
+        call from_rows(size(jacobian, 1), self%n, self%unwanted%jacobian, jacobian)
+    end subroutine take_jacobian
+
+    !> What was stored by rows, by columns.
+    pure subroutine from_rows(m, n, rows, value)
+        integer, intent(in) :: m, n
+        real(wp), intent(in) :: rows(n, m)
+        real(wp), intent(inout) :: value(m, n)
+        integer :: i, j
+
+        do i = 1, m
+            ! Unrolled or in vectors, these short loops take twice the time.
+            !GCC$ novector
+            !GCC$ unroll 1
+            do j = 1, n
+                value(i, j) = rows(j, i)
+            end do
+        end do
+    end subroutine from_rows
+
+    !> The matrix in the work space, into its place, which may be a part of a larger matrix.
+    pure subroutine take_matrix(self, value)
+        class(callback_model_type), intent(in) :: self
+        real(wp), intent(out) :: value(:, :)
+        integer :: i, j, rows, n
+
+        rows = size(value, 1)
+        n = size(value, 2)
+        do j = 1, n
+            do i = 1, rows
+                if (self%by_rows) then
+                    value(i, j) = self%work((i - 1)*n + j)
+                else
+                    value(i, j) = self%work((j - 1)*rows + i)
+                end if
+            end do
+        end do
+    end subroutine take_matrix
+
+    ! --- the procedures that the model's pointers lead to -----------------------------------------------------------------
+
+    subroutine position_vector(self, term, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(inout) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call self%call_position(term, size(value), t, q, value, stat)
+        end select
+    end subroutine position_vector
+
+    subroutine position_matrix(self, term, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(inout) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call self%call_position(term, size(value, 1), t, q, self%work, stat)
+            call take_matrix(self, value)
+        end select
+    end subroutine position_matrix
+
+    subroutine motion_vector(self, term, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(inout) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call self%call_motion(term, size(value), t, q, qd, value, stat)
+        end select
+    end subroutine motion_vector
+
+    subroutine motion_matrix(self, term, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(inout) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call self%call_motion(term, size(value, 1), t, q, qd, self%work, stat)
+            call take_matrix(self, value)
+        end select
+    end subroutine motion_matrix
+
+    subroutine direction_matrix(self, term, t, q, x, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: term
+        real(wp), intent(in) :: t, q(:), x(:)
+        real(wp), intent(inout) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call self%call_direction(term, size(value, 1), t, q, x, self%work, stat)
+            call take_matrix(self, value)
+        end select
+    end subroutine direction_matrix
+
+    !> The time for terms that must not depend on it: a term that does so all the same gives NaN, which is noticed.
+    pure real(wp) function no_time()
+        no_time = ieee_value(no_time, ieee_quiet_nan)
+    end function no_time
+
+    subroutine holonomic(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call position_vector(self, a_holonomic, t, q, value, stat)
+    end subroutine holonomic
+
+    subroutine holonomic_jacobian(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call position_matrix(self, a_holonomic_jacobian, t, q, value, stat)
+    end subroutine holonomic_jacobian
+
+    subroutine holonomic_rate(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call position_vector(self, a_holonomic_rate, t, q, value, stat)
+    end subroutine holonomic_rate
+
+    subroutine nonholonomic_jacobian(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call position_matrix(self, a_nonholonomic_jacobian, t, q, value, stat)
+    end subroutine nonholonomic_jacobian
+
+    subroutine nonholonomic_rhs(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call position_vector(self, a_nonholonomic_rhs, t, q, value, stat)
+    end subroutine nonholonomic_rhs
+
+    subroutine nu_derivative(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call position_matrix(self, a_nu_derivative, t, q, value, stat)
+    end subroutine nu_derivative
+
+    subroutine constraint_acceleration(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call motion_vector(self, a_constraint_acceleration, t, q, qd, value, stat)
+    end subroutine constraint_acceleration
+
+    subroutine applied_force(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call motion_vector(self, an_applied_force, t, q, qd, value, stat)
+    end subroutine applied_force
+
+    subroutine gamma_q(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call motion_matrix(self, a_gamma_q, t, q, qd, value, stat)
+    end subroutine gamma_q
+
+    subroutine gamma_qd(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call motion_matrix(self, a_gamma_qd, t, q, qd, value, stat)
+    end subroutine gamma_qd
+
+    subroutine force_q(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call motion_matrix(self, a_force_q, t, q, qd, value, stat)
+    end subroutine force_q
+
+    subroutine force_qd(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call motion_matrix(self, a_force_qd, t, q, qd, value, stat)
+    end subroutine force_qd
+
+    subroutine jacobian_derivative(self, t, q, x, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), x(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call direction_matrix(self, a_jacobian_derivative, t, q, x, value, stat)
+    end subroutine jacobian_derivative
+
+    subroutine reaction_derivative(self, t, q, x, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), x(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call direction_matrix(self, a_reaction_derivative, t, q, x, value, stat)
+    end subroutine reaction_derivative
+
+    subroutine mass_matrix(self, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call position_matrix(self, a_mass_matrix, no_time(), q, value, stat)
+    end subroutine mass_matrix
+
+    subroutine mass_derivative(self, q, x, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), x(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call direction_matrix(self, a_mass_derivative, no_time(), q, x, value, stat)
+    end subroutine mass_derivative
+
+    subroutine inertia_force(self, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        call motion_vector(self, an_inertia_force, no_time(), q, qd, value, stat)
+    end subroutine inertia_force
+
+    subroutine potential_energy(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+        real(wp) :: energy(1)
+
+        call position_vector(self, a_potential_energy, t, q, energy, stat)
+        value = energy(1)
+    end subroutine potential_energy
+
+    subroutine kinetic_energy(self, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+        real(wp) :: energy(1)
+
+        call motion_vector(self, a_kinetic_energy, no_time(), q, qd, energy, stat)
+        value = energy(1)
+    end subroutine kinetic_energy
+end module tandem_legacy_callback_model

@@ -1,0 +1,472 @@
+! SPDX-License-Identifier: MIT
+! The Fortran 77 interface: external subroutines, so that callers need no module. doc/linking.md describes them;
+! include/tandem.inc holds the named constants. Names have six characters at most, as the language has it.
+!
+! H(4) is a handle, IERR the status. RPAR and IPAR are handed through to the procedures of the model in each call that may
+! call them. What callers see of this file is kept in include/interface.txt.
+
+!> The version of the interface, to be compared with TDIVER of the include file.
+subroutine tdvers(iver)
+    use tandem_legacy_version, only: interface_version
+    implicit none (type, external)
+    integer, intent(out) :: iver
+
+    iver = interface_version
+end subroutine tdvers
+
+!> A new problem with N coordinates, NH holonomic and ND nonholonomic constraints.
+subroutine tdnew(h, n, nh, nd, ierr)
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_f77_model, only: f77_model_type
+    use tandem_legacy_handle, only: to_handle
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_model
+    implicit none (type, external)
+    integer, intent(out) :: h(4)
+    integer, intent(in) :: n, nh, nd
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    type(f77_model_type), pointer :: model
+    class(callback_model_type), pointer :: callback_model
+    integer :: stat
+
+    h = 0
+    ierr = status_invalid_model
+    allocate (model, stat=stat)
+    if (stat /= 0) return
+    allocate (problem, stat=stat)
+    if (stat /= 0) then
+        deallocate (model)
+        return
+    end if
+    callback_model => model
+    call problem%set_up(callback_model, n, nh, nd)
+    ierr = problem%stat
+    call to_handle(problem, h)
+end subroutine tdnew
+
+!> Give a problem back. The handle is then zero.
+subroutine tdfree(h, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option, status_ok
+    implicit none (type, external)
+    integer, intent(inout) :: h(4)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    ierr = problem%stat
+    if (.not. problem%release()) return
+    deallocate (problem)
+    h = 0
+    ierr = status_ok
+end subroutine tdfree
+
+!> The text of the last IERR.
+subroutine tdtext(h, text)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: message_of_no_problem, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(out) :: text
+    type(problem_type), pointer :: problem
+    integer :: i
+
+    call to_problem(h, problem)
+    text = message_of_no_problem
+    if (.not. associated(problem)) return
+    text = ' '
+    do i = 1, min(len(text), size(problem%message) - 1)
+        text(i:i) = problem%message(i)
+    end do
+end subroutine tdtext
+
+!> Give a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+subroutine tdpos(h, name, sub, ierr)
+    use tandem_legacy_f77_model, only: f77_model_type, f77_position
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_terms, only: of_position
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    procedure(f77_position) :: sub
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    integer :: term
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    term = problem%find_callback(name, of_position)
+    select type (model => problem%model)
+    class is (f77_model_type)
+        if (term > 0) call model%set_position(term, sub)
+    end select
+    ierr = problem%stat
+end subroutine tdpos
+
+!> Give a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+subroutine tdmot(h, name, sub, ierr)
+    use tandem_legacy_f77_model, only: f77_model_type, f77_motion
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_terms, only: of_motion
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    procedure(f77_motion) :: sub
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    integer :: term
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    term = problem%find_callback(name, of_motion)
+    select type (model => problem%model)
+    class is (f77_model_type)
+        if (term > 0) call model%set_motion(term, sub)
+    end select
+    ierr = problem%stat
+end subroutine tdmot
+
+!> Give a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+subroutine tddir(h, name, sub, ierr)
+    use tandem_legacy_f77_model, only: f77_direction, f77_model_type
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_terms, only: of_direction
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    procedure(f77_direction) :: sub
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    integer :: term
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    term = problem%find_callback(name, of_direction)
+    select type (model => problem%model)
+    class is (f77_model_type)
+        if (term > 0) call model%set_direction(term, sub)
+    end select
+    ierr = problem%stat
+end subroutine tddir
+
+!> Give a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE;
+!> IPROV is the sum of the constants of those that it gives.
+subroutine tdeval(h, sub, iprov, ierr)
+    use tandem_legacy_f77_model, only: f77_evaluate, f77_model_type
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    procedure(f77_evaluate) :: sub
+    integer, intent(in) :: iprov
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    if (problem%check_provides(iprov)) then
+        select type (model => problem%model)
+        class is (f77_model_type)
+            call model%set_evaluate(sub, iprov)
+        end select
+    end if
+    ierr = problem%stat
+end subroutine tdeval
+
+!> Set a real option.
+subroutine tdsetr(h, name, value, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: value
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%set_real(name, value)
+    ierr = problem%stat
+end subroutine tdsetr
+
+!> Set an integer option.
+subroutine tdseti(h, name, ivalue, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    integer, intent(in) :: ivalue
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%set_integer(name, ivalue)
+    ierr = problem%stat
+end subroutine tdseti
+
+!> Set an option that is a word.
+subroutine tdsets(h, name, word, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name, word
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%set_text(name, word)
+    ierr = problem%stat
+end subroutine tdsets
+
+!> Set a list of K numbers.
+subroutine tdsetv(h, name, k, values, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    integer, intent(in) :: k
+    real(wp), intent(in) :: values(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    if (k < 0) then
+        call problem%refuse('the list "'//trim(name)//'" has a negative number of entries', 'give how many they are')
+    else
+        call problem%set_vector(name, values(:k))
+    end if
+    ierr = problem%stat
+end subroutine tdsetv
+
+!> Name the constraint row I, from 1 on, holonomic rows first.
+subroutine tdrow(h, i, name, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(in) :: i
+    character(len=*), intent(in) :: name
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%set_row_name(i, name)
+    ierr = problem%stat
+end subroutine tdrow
+
+!> Start a run at T, Q(N), QD(N).
+subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t, q(*), qd(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%start(t, q, qd)
+    ierr = problem%stat
+end subroutine tdstrt
+
+!> Integrate to TEND. T, Q(N), QD(N) are then the state reached, also after a failure on the way.
+subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(inout) :: t, q(*), qd(*)
+    real(wp), intent(in) :: tend
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%integrate(tend)
+    call problem%show_state(t, q, qd)
+    ierr = problem%stat
+end subroutine tdintg
+
+!> One accepted step that does not pass TLIM. T, Q(N), QD(N) are then the state reached.
+subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(inout) :: t, q(*), qd(*)
+    real(wp), intent(in) :: tlim
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%step(tlim)
+    call problem%show_state(t, q, qd)
+    ierr = problem%stat
+end subroutine tdstep
+
+!> The state Q(N), QD(N), QDD(N) at a time T within the last step.
+subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: q(*), qd(*), qdd(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%get_state_at(t, q, qd, qdd)
+    ierr = problem%stat
+end subroutine tddens
+
+!> The multipliers ALAM(NH + ND) at a time T within the last step.
+subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: alam(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%get_multipliers(t, alam)
+    ierr = problem%stat
+end subroutine tdlamb
+
+!> Kinetic and potential energy of the current state.
+subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(out) :: ekin, epot
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ekin = 0.0_wp
+    epot = 0.0_wp
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%get_energies(ekin, epot)
+    ierr = problem%stat
+end subroutine tdener
+
+!> One figure of the run.
+subroutine tdstat(h, name, value, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    character(len=*), intent(in) :: name
+    real(wp), intent(out) :: value
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    value = 0.0_wp
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%get_statistic(name, value)
+    ierr = problem%stat
+end subroutine tdstat
+
+!> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint; 0 where H is no handle.
+!> May be called from the procedures of the model.
+subroutine tdsegm(h, iseg)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: iseg
+    type(problem_type), pointer :: problem
+
+    iseg = 0
+    call to_problem(h, problem)
+    if (associated(problem)) iseg = problem%model%segment
+end subroutine tdsegm

@@ -1,0 +1,489 @@
+! SPDX-License-Identifier: MIT
+!> A problem: all that a handle of the C or the Fortran 77 interface stands for, and what can be done with it. Every operation
+!> leaves a status and a message in the problem; two problems share nothing.
+module tandem_legacy_problem
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_figures, only: get_figure
+    use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
+    use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
+    use tandem_model, only: label_length
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_options, only: options_type
+    use tandem_simulation, only: simulation_type
+    use tandem_status, only: status_callback_failed, status_invalid_model, status_invalid_option, status_not_evaluable, &
+        status_not_finite, status_ok
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use, intrinsic :: iso_c_binding, only: c_char, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: problem_type, message_of_no_problem
+
+    !> The message where there is no problem to keep one.
+    character(len=*), parameter :: message_of_no_problem = &
+        'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
+    character(len=*), parameter :: message_of_success = 'ok: all went well'
+    !> Matrices of more rows than this cannot be counted by default integers.
+    integer, parameter :: largest_n = 32767
+    !> A run keeps about so many matrices of n rows and columns.
+    integer, parameter :: n_matrices = 20
+
+    type :: problem_type
+        !> The user's model.
+        class(callback_model_type), pointer :: model => null()
+        !> What was chosen; counts from the next start on.
+        type(options_type) :: options
+        type(simulation_type) :: simulation
+        !> Status of the last operation.
+        integer :: stat = status_ok
+        !> Message of the last operation, ended by a NUL.
+        character(kind=c_char), allocatable :: message(:)
+        logical, private :: started = .false.
+        !> True while the user's procedures may be called.
+        logical, private :: busy = .false.
+    contains
+        procedure :: set_up
+        procedure :: release
+        procedure :: refuse
+        procedure :: find_callback
+        procedure :: check_provides
+        procedure :: set_real
+        procedure :: set_integer
+        procedure :: set_text
+        procedure :: set_vector
+        procedure :: set_row_name
+        procedure :: start
+        procedure :: integrate
+        procedure :: step
+        procedure :: get_state
+        procedure :: show_state
+        procedure :: get_state_at
+        procedure :: get_multipliers
+        procedure :: get_energies
+        procedure :: get_statistic
+        procedure, private :: conclude
+        procedure, private :: changes_model
+        procedure, private :: is_free
+        procedure, private :: is_running
+    end type problem_type
+
+contains
+
+    !> Make a problem of a model without procedures. The status tells whether the sizes can be.
+    subroutine set_up(self, model, n, n_holonomic, n_nonholonomic)
+        class(problem_type), intent(inout) :: self
+        !> Now the problem's.
+        class(callback_model_type), pointer, intent(in) :: model
+        !> Numbers of coordinates, holonomic and nonholonomic constraints.
+        integer, intent(in) :: n, n_holonomic, n_nonholonomic
+        type(error_type), allocatable :: error
+
+        self%model => model
+        model%n = n
+        model%n_holonomic = n_holonomic
+        model%n_nonholonomic = n_nonholonomic
+        self%message = to_c(message_of_success)
+        call check_sizes(model, error)
+        call self%conclude(error)
+    end subroutine set_up
+
+    !> Give everything back; false where a procedure of the user asks for it while it is called.
+    logical function release(self)
+        class(problem_type), intent(inout) :: self
+
+        release = self%is_free()
+        if (.not. release .or. .not. associated(self%model)) return
+        call self%model%release()
+        deallocate (self%model)
+    end function release
+
+    !> Refuse sizes for which not even the work space can be allocated.
+    subroutine check_sizes(model, error)
+        class(callback_model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: trial(:, :)
+        integer :: stat
+
+        if (model%n < 1) then
+            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', 'a model has at least one')
+        else if (model%n > largest_n) then
+            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', &
+                'there can be '//to_text(largest_n)//' at most')
+        else if (min(model%n_holonomic, model%n_nonholonomic) < 0) then
+            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
+                to_text(model%n_nonholonomic)//' nonholonomic constraints', 'numbers of constraints are not negative')
+        else if (model%n_holonomic > model%n - model%n_nonholonomic) then
+            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
+                to_text(model%n_nonholonomic)//' nonholonomic constraints on '//to_text(model%n)//' coordinates', &
+                'there are at most as many constraints as coordinates')
+        else
+            allocate (trial(n_matrices*model%n, model%n), stat=stat)
+            if (stat /= 0) call set_error(error, status_invalid_model, 'there is no memory for matrices with n = '// &
+                to_text(model%n), 'make the model smaller, or use a larger machine')
+        end if
+    end subroutine check_sizes
+
+    !> End an operation with a status and a message.
+    subroutine conclude(self, error)
+        class(problem_type), intent(inout) :: self
+        type(error_type), allocatable, intent(in) :: error
+
+        if (allocated(error)) then
+            self%stat = error%stat
+            self%message = to_c(error%message)
+        else if (self%stat /= status_ok) then
+            self%stat = status_ok
+            self%message = to_c(message_of_success)
+        end if
+    end subroutine conclude
+
+    !> End an operation that was asked for in a way that cannot be.
+    subroutine refuse(self, message, advice)
+        class(problem_type), intent(inout) :: self
+        !> What is wrong, and what to do.
+        character(len=*), intent(in) :: message, advice
+        type(error_type), allocatable :: error
+
+        call set_error(error, status_invalid_option, message, advice)
+        call self%conclude(error)
+    end subroutine refuse
+
+    !> False, with a status, while one of the user's procedures is being called.
+    logical function is_free(self)
+        class(problem_type), intent(inout) :: self
+
+        is_free = .not. self%busy
+        if (self%busy) call self%refuse('a procedure of the model uses the problem that calls it', &
+            'call the interface from outside of the model''s procedures')
+    end function is_free
+
+    !> False, with a status, where no run was started.
+    logical function is_running(self)
+        class(problem_type), intent(inout) :: self
+
+        is_running = self%is_free()
+        if (.not. is_running) return
+        is_running = self%started
+        if (.not. self%started) call self%refuse('no run was started since the model was made or changed', &
+            'call tandem_start or TDSTRT first')
+    end function is_running
+
+    !> Whether the model may be changed now; it must then be started anew.
+    logical function changes_model(self)
+        class(problem_type), intent(inout) :: self
+
+        changes_model = self%is_free()
+        if (changes_model) self%started = .false.
+    end function changes_model
+
+    !> The number of a procedure that the user is about to give; 0, with a status, where that cannot be.
+    integer function find_callback(self, name, kind) result(term)
+        class(problem_type), intent(inout) :: self
+        !> Its name, in either case.
+        character(len=*), intent(in) :: name
+        !> Its argument list, see `tandem_legacy_terms`.
+        integer, intent(in) :: kind
+        character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
+
+        term = 0
+        if (.not. self%changes_model()) return
+        term = find_term(lower_case(name))
+        if (term > 0) then
+            if (terms(term)%kind /= kind) term = 0
+        end if
+        if (term == 0) then
+            call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
+                'there are '//trim(names_of_kind(kind)))
+        else
+            call succeed(self)
+        end if
+    end function find_callback
+
+    !> Whether `provides` can be that of a fused procedure.
+    logical function check_provides(self, provides)
+        class(problem_type), intent(inout) :: self
+        !> A sum of need bits.
+        integer, intent(in) :: provides
+        integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
+
+        check_provides = self%changes_model()
+        if (.not. check_provides) return
+        check_provides = provides > 0 .and. iand(provides, not(all_terms)) == 0
+        if (check_provides) then
+            call succeed(self)
+        else
+            call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
+                'add the constants of the terms that it gives')
+        end if
+    end function check_provides
+
+    subroutine succeed(self)
+        class(problem_type), intent(inout) :: self
+        type(error_type), allocatable :: no_error
+
+        call self%conclude(no_error)
+    end subroutine succeed
+
+    !> Set a real option.
+    subroutine set_real(self, name, value)
+        class(problem_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call set_real_option(self%options, name, value, error)
+        call self%conclude(error)
+    end subroutine set_real
+
+    !> Set an integer option, or whether the mass is constant (not 0).
+    subroutine set_integer(self, name, value)
+        class(problem_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: value
+        type(error_type), allocatable :: error
+
+        if (lower_case(name) == 'constant_mass') then
+            if (.not. self%changes_model()) return
+            self%model%constant_mass = value /= 0
+        else
+            if (.not. self%is_free()) return
+            call set_integer_option(self%options, name, value, error)
+        end if
+        call self%conclude(error)
+    end subroutine set_integer
+
+    !> Set an option that is a word.
+    subroutine set_text(self, name, value)
+        class(problem_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, value
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call set_text_option(self%options, name, value, error)
+        call self%conclude(error)
+    end subroutine set_text
+
+    !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps).
+    subroutine set_vector(self, name, values)
+        class(problem_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        !> Checked when a run starts.
+        real(wp), intent(in) :: values(:)
+
+        if (.not. self%changes_model()) return
+        select case (lower_case(name))
+        case ('coordinate_scale')
+            self%model%coordinate_scale = values
+        case ('breakpoints')
+            self%model%breakpoints = values
+        case ('nu_jumps')
+            self%model%nu_jumps = abs(values) > 0.0_wp
+        case default
+            call self%refuse('"'//trim(name)//'" is not a list of numbers', &
+                'there are coordinate_scale, breakpoints, nu_jumps')
+            return
+        end select
+        call succeed(self)
+    end subroutine set_vector
+
+    !> Name a constraint row, for messages.
+    subroutine set_row_name(self, row, name)
+        class(problem_type), intent(inout) :: self
+        !> Row of C from 1 on, holonomic rows first.
+        integer, intent(in) :: row
+        character(len=*), intent(in) :: name
+        character(len=label_length), allocatable :: names(:)
+        integer :: i
+
+        if (.not. self%is_free()) return
+        associate (model => self%model)
+            if (row < 1 .or. row > model%n_constraints()) then
+                call self%refuse('there is no constraint row '//to_text(row), 'rows go from 1 to '// &
+                    to_text(model%n_constraints()))
+                return
+            end if
+            allocate (names(model%n_constraints()))
+            do i = 1, size(names)
+                names(i) = model%row_name(i)
+            end do
+            names(row) = name
+            model%holonomic_name = names(:model%n_holonomic)
+            model%nonholonomic_name = names(model%n_holonomic + 1:)
+        end associate
+        call succeed(self)
+    end subroutine set_row_name
+
+    !> Start a run at (t, q, qd) with the options of now.
+    subroutine start(self, t, q, qd)
+        class(problem_type), intent(inout) :: self
+        !> Start time, coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(*), qd(*)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        self%started = .false.
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            self%busy = .true.
+            call self%simulation%initialize(self%model, self%options, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+            self%started = .not. allocated(error)
+        end if
+        call self%conclude(error)
+    end subroutine start
+
+    !> Integrate to t_end.
+    subroutine integrate(self, t_end)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t_end
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        self%busy = .true.
+        call self%simulation%look_back()
+        call self%simulation%integrate(t_end, error)
+        self%busy = .false.
+        call self%conclude(error)
+    end subroutine integrate
+
+    !> One accepted step that does not pass t_limit.
+    subroutine step(self, t_limit)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        if (.not. (t_limit > self%simulation%state%t .and. ieee_is_finite(t_limit))) then
+            call self%refuse('the limit '//to_text(t_limit)//' of a step must be finite and after the current time '// &
+                to_text(self%simulation%state%t), 'choose a later one')
+            return
+        end if
+        self%busy = .true.
+        call self%simulation%step(t_limit, error)
+        self%busy = .false.
+        call self%conclude(error)
+    end subroutine step
+
+    !> The state at the end of the last accepted step, or the start. What is not present is not given.
+    subroutine get_state(self, t, q, qd, qdd)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(out), optional :: t
+        !> Coordinates, velocities, accelerations (n).
+        real(wp), intent(inout), optional :: q(*), qd(*), qdd(*)
+
+        if (.not. self%is_running()) return
+        if (present(t)) t = self%simulation%state%t
+        call copy_state(self, q, qd, qdd)
+        call succeed(self)
+    end subroutine get_state
+
+    !> The current state without a change of status, where there is one: what was reached before a failure.
+    subroutine show_state(self, t, q, qd)
+        class(problem_type), intent(in) :: self
+        real(wp), intent(inout) :: t, q(*), qd(*)
+
+        if (self%busy .or. .not. self%started) return
+        t = self%simulation%state%t
+        call copy_state(self, q, qd)
+    end subroutine show_state
+
+    subroutine copy_state(self, q, qd, qdd)
+        class(problem_type), intent(in) :: self
+        real(wp), intent(inout), optional :: q(*), qd(*), qdd(*)
+
+        associate (n => self%model%n, state => self%simulation%state)
+            if (present(q)) q(:n) = state%q
+            if (present(qd)) qd(:n) = state%qd
+            if (present(qdd)) qdd(:n) = state%qdd
+        end associate
+    end subroutine copy_state
+
+    !> The state at a time within the last step.
+    subroutine get_state_at(self, t, q, qd, qdd)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout), optional :: q(*), qd(*), qdd(*)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        self%busy = .true.
+        call self%simulation%look_at(t, error)
+        if (.not. allocated(error)) call copy_state(self, q, qd, qdd)
+        call self%simulation%look_back()
+        self%busy = .false.
+        call self%conclude(error)
+    end subroutine get_state_at
+
+    !> The multipliers at a time within the last step, holonomic rows first.
+    subroutine get_multipliers(self, t, lambda)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> (nh + nd).
+        real(wp), intent(inout) :: lambda(*)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        self%busy = .true.
+        call self%simulation%look_at(t, error)
+        if (.not. allocated(error)) call self%simulation%multipliers(lambda(:self%model%n_constraints()))
+        call self%simulation%look_back()
+        self%busy = .false.
+        call self%conclude(error)
+    end subroutine get_multipliers
+
+    !> Kinetic and potential energy at the current state; the latter is 0 where the model gives none.
+    subroutine get_energies(self, kinetic, potential)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(out) :: kinetic, potential
+        type(error_type), allocatable :: error
+        integer :: stat
+
+        kinetic = 0.0_wp
+        potential = 0.0_wp
+        if (.not. self%is_running()) return
+        self%busy = .true.
+        call self%simulation%look_back()
+        call self%simulation%kinetic_energy(kinetic, stat)
+        if (stat == 0 .and. associated(self%model%potential_energy)) then
+            call self%simulation%potential_energy(potential, stat)
+        end if
+        self%busy = .false.
+        if (stat /= 0) then
+            call set_error(error, merge(status_not_evaluable, status_callback_failed, stat > 0), &
+                'an energy at t = '//to_text(self%simulation%state%t))
+        else if (.not. (ieee_is_finite(kinetic) .and. ieee_is_finite(potential))) then
+            call set_error(error, status_not_finite, 'an energy at t = '//to_text(self%simulation%state%t))
+        end if
+        call self%conclude(error)
+    end subroutine get_energies
+
+    !> One figure of the run.
+    subroutine get_statistic(self, name, value)
+        class(problem_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(out) :: value
+        type(error_type), allocatable :: error
+
+        value = 0.0_wp
+        if (.not. self%is_running()) return
+        call get_figure(self%simulation%statistics(), name, value, error)
+        call self%conclude(error)
+    end subroutine get_statistic
+
+    !> A text as C keeps it.
+    pure function to_c(text) result(chars)
+        character(len=*), intent(in) :: text
+        character(kind=c_char), allocatable :: chars(:)
+        integer :: i
+
+        allocate (chars(len(text) + 1))
+        do i = 1, len(text)
+            chars(i) = text(i:i)
+        end do
+        chars(len(text) + 1) = c_null_char
+    end function to_c
+end module tandem_legacy_problem

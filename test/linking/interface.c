@@ -1,0 +1,353 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Tests of the C interface on the skate in a bowl: "ok NAME" or "not ok NAME" for each. It compiles as C and as C++ callers
+ * see it, and everything wrong that a caller can do must end in a status and a text.
+ */
+#include "bowl.h"
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static int failures;
+
+static void check(const char *name, int passed, const char *told)
+{
+    printf("%s %s\n", passed ? "ok" : "not ok", name);
+    if (!passed) printf("    %s\n", told);
+    failures += !passed;
+}
+
+/* The status, and a text that holds a word. */
+static void expect(const char *name, tandem_problem *p, int status, int wanted, const char *word)
+{
+    check(name, status == wanted && strstr(tandem_message(p), word) != NULL, tandem_message(p));
+}
+
+static double energy(tandem_problem *p)
+{
+    double kinetic, potential;
+    tandem_get_energies(p, &kinetic, &potential);
+    return kinetic + potential;
+}
+
+static void run_to(tandem_problem *p, double t, double *state)
+{
+    if (tandem_start(p, 0, bowl_q, bowl_qd) || tandem_integrate(p, t) || tandem_get_state(p, NULL, state, state + N, NULL)) {
+        printf("    %s\n", tandem_message(p));
+        memset(state, 0, 2 * N * sizeof *state);
+    }
+}
+
+static void test_run(void)
+{
+    struct bowl b = new_bowl(), all = new_bowl(), eager = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *one = bowl_problem_at_once(&all), *lazy = bowl_problem_at_once(&eager);
+    double x[2 * N], y[2 * N], before, after, value, lambda[NC];
+    eager.eager = 1;
+
+    check("versions-agree", tandem_interface_version() == TANDEM_INTERFACE_VERSION, "header and library differ");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    before = energy(p);
+    run_to(p, 2, x);
+    after = energy(p);
+    /* RK4 with 200 steps of 0.01 leaves about 1e-8 of the energy. */
+    check("energy-is-constant", fabs(after - before) < 1e-6 * before && before > 1, tandem_message(p));
+    check("position-constraint-holds", fabs(x[3] - b.k * (x[0] * x[0] + x[1] * x[1]) / 2) < 1e-12, "off the bowl");
+    check("velocity-constraint-holds", fabs(sin(x[2]) * x[N] - cos(x[2]) * x[N + 1]) < 1e-12, "slips");
+    run_to(one, 2, y);
+    check("several-terms-at-once-are-bitwise-the-same", memcmp(x, y, sizeof x) == 0, tandem_message(one));
+    run_to(lazy, 2, y);
+    check("unwanted-terms-change-nothing", memcmp(x, y, sizeof x) == 0, tandem_message(lazy));
+    tandem_set_integer(lazy, "constant_mass", 1);
+    run_to(lazy, 2, y);
+    check("unwanted-terms-change-no-constant-mass", memcmp(x, y, sizeof x) == 0, tandem_message(lazy));
+    tandem_get_statistic(p, "steps", &value);
+    check("steps-are-counted", value == 200, "not 200");
+    tandem_get_multipliers(p, 2, lambda);
+    check("multipliers-carry-the-weight", lambda[0] < 0 && fabs(lambda[0] + b.m * b.g) < b.m * b.g, "lambda is odd");
+    tandem_free(p);
+    tandem_free(one);
+    tandem_free(lazy);
+}
+
+static void test_steps(void)
+{
+    struct bowl b = new_bowl(), whole = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&whole);
+    double x[2 * N], y[2 * N], t = 0, last = 0, z[N], zd[N], zdd[N], end[N], slope;
+
+    run_to(q, 1, y);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    while (t < 1) {
+        if (tandem_step(p, 1)) break;
+        tandem_get_state_at(p, t + 0.3 * (1 - t > 0.01 ? 0.01 : 1 - t), z, zd, NULL);
+        last = t;
+        tandem_get_state(p, &t, x, x + N, NULL);
+    }
+    check("steps-and-dense-output-are-bitwise-the-run", memcmp(x, y, sizeof x) == 0, tandem_message(p));
+    tandem_get_state_at(p, t, z, zd, zdd);
+    check("dense-output-at-the-end-is-the-state", memcmp(z, x, sizeof z) == 0, "another state");
+    tandem_get_state_at(p, (last + t) / 2, z, zd, zdd);
+    check("dense-output-is-on-the-bowl", fabs(z[3] - b.k * (z[0] * z[0] + z[1] * z[1]) / 2) < 1e-12, "off the bowl");
+    tandem_get_state_at(p, (last + t) / 2 + 1e-4, end, NULL, NULL);
+    tandem_get_state_at(p, (last + t) / 2 - 1e-4, x, NULL, NULL);
+    slope = (end[0] - x[0]) / 2e-4;
+    /* The difference quotient leaves h^2/6 of the third derivative, 1e-8. */
+    check("dense-velocity-is-the-slope", fabs(slope - zd[0]) < 1e-6, "another slope");
+    expect("dense-output-before-the-step-is-refused", p, tandem_get_state_at(p, last - 0.1, z, zd, zdd),
+           TANDEM_INVALID_OPTION, "not within the last step");
+    tandem_free(p);
+    tandem_free(q);
+}
+
+static void test_derivatives(void)
+{
+    struct bowl b = new_bowl(), plain = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&plain);
+    double x[2 * N], y[2 * N], value, with, without, largest = 0;
+
+    tandem_set_text(p, "stepper", "SDIRK54"); /* in either case */
+    tandem_set_text(q, "stepper", "sdirk54");
+    bowl_derivatives(p);
+    run_to(p, 1, x);
+    run_to(q, 1, y);
+    for (int i = 0; i < 2 * N; i++) largest = fmax(largest, fabs(x[i] - y[i]));
+    check("differences-stand-in-for-derivatives", largest < 1e-10 && x[0] != 0, tandem_message(q));
+    tandem_get_statistic(p, "difference_evaluations", &value);
+    check("given-derivatives-are-used", value == 0, "differences were taken all the same");
+    tandem_get_statistic(p, "newton_corrections", &with);
+    tandem_get_statistic(q, "newton_corrections", &without);
+    /* A wrong entry, or a transposed matrix, would cost corrections. */
+    check("given-derivatives-are-right", with <= 1.02 * without, "more corrections than with differences");
+    tandem_set_motion_function(p, "gamma_q", NULL);
+    run_to(p, 1, x);
+    tandem_get_statistic(p, "difference_evaluations", &value);
+    check("null-takes-a-function-back", value > 0, "no differences");
+    tandem_free(p);
+    tandem_free(q);
+}
+
+/* A force that is switched on at t = 0.5: one whole step of 0.3 would pass it. */
+static int switched(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    tandem_problem *p = *(tandem_problem **)user_data;
+    (void)t, (void)q, (void)qd;
+    value[0] = tandem_get_segment(p) == 1 ? 0 : 2;
+    return 0;
+}
+
+static int unit_mass(double t, const double *q, double *value, void *user_data)
+{
+    (void)t, (void)q, (void)user_data;
+    value[0] = 1;
+    return 0;
+}
+
+static void test_breakpoints(void)
+{
+    tandem_problem *p;
+    double q = 0, qd = 0, at = 0.5, twice[2] = {0.5, 0.5};
+    p = tandem_new(1, 0, 0, &p);
+    tandem_set_position_function(p, "mass_matrix", unit_mass);
+    tandem_set_motion_function(p, "applied_force", switched);
+    tandem_set_real(p, "step", 0.3);
+    expect("breakpoints-are-taken", p, tandem_set_vector(p, "breakpoints", 1, &at), TANDEM_OK, "ok");
+    tandem_start(p, 0, &q, &qd);
+    tandem_integrate(p, 1);
+    tandem_get_state(p, NULL, &q, &qd, NULL);
+    check("segments-switch-at-the-breakpoint", fabs(q - 0.25) < 1e-14 && fabs(qd - 1) < 1e-14, tandem_message(p));
+    tandem_set_vector(p, "breakpoints", 2, twice);
+    expect("breakpoints-that-do-not-ascend-are-refused", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_MODEL, "ascend");
+    tandem_set_vector(p, "breakpoints", 0, NULL);
+    expect("an-empty-list-is-taken", p, tandem_start(p, 0, &q, &qd), TANDEM_OK, "ok");
+    tandem_free(p);
+}
+
+static void test_missing(void)
+{
+    static const char *const position[] = {"holonomic", "holonomic_jacobian", "nonholonomic_jacobian", "mass_matrix"};
+    char name[80];
+    for (int i = 0; i < 4; i++) {
+        struct bowl b = new_bowl();
+        tandem_problem *p = bowl_problem(&b);
+        tandem_set_position_function(p, position[i], NULL);
+        sprintf(name, "missing-%s-is-named", position[i]);
+        expect(name, p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, position[i]);
+        tandem_free(p);
+    }
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double x[2 * N];
+    tandem_set_motion_function(p, "constraint_acceleration", NULL);
+    run_to(p, 1, x);
+    expect("a-missing-gamma-is-no-failure", p, x[0] == 0, 0, "ok");
+    tandem_free(p);
+    p = tandem_new(N, NH, ND, NULL);
+    expect("a-missing-evaluate-is-named", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "missing");
+    tandem_free(p);
+}
+
+static void test_sizes(void)
+{
+    static const int sizes[][3] = {{0, 0, 0},       {-1, 0, 0},           {4, -1, 0},           {4, 0, -1},
+                                   {4, 3, 2},       {INT_MAX, 1, 1},      {INT_MIN, 1, 1},      {4, INT_MAX, INT_MAX},
+                                   {4, INT_MIN, 1}, {4, INT_MIN, INT_MIN}, {4, INT_MAX, INT_MIN}};
+    char name[80];
+    for (unsigned i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        struct bowl b = new_bowl();
+        tandem_problem *p = tandem_new(sizes[i][0], sizes[i][1], sizes[i][2], &b);
+        sprintf(name, "impossible-sizes-%u-are-told", i + 1);
+        check(name, strstr(tandem_message(p), "invalid_model") != NULL, tandem_message(p));
+        tandem_set_evaluate(p, bowl_evaluate, TANDEM_PHI | TANDEM_JACOBIAN | TANDEM_GAMMA | TANDEM_MASS | TANDEM_FORCE);
+        sprintf(name, "impossible-sizes-%u-are-refused", i + 1);
+        expect(name, p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "invalid_model");
+        tandem_set_row_name(p, 0, "row");
+        tandem_free(p);
+    }
+}
+
+static void test_faults(void)
+{
+    static const char *const functions[] = {"holonomic",   "holonomic_jacobian", "nonholonomic_jacobian",
+                                            "mass_matrix", "applied_force",      "constraint_acceleration",
+                                            "evaluate"};
+    static const struct {
+        enum fault fault;
+        const char *name;
+        int status;
+    } faults[] = {{RETRY, "that-cannot-be-evaluated", TANDEM_NOT_EVALUABLE},
+                  {STOP, "that-stops", TANDEM_CALLBACK_FAILED},
+                  {GIVE_NAN, "that-gives-nan", TANDEM_NOT_FINITE},
+                  {GIVE_INFINITY, "that-gives-infinity", TANDEM_NOT_FINITE}};
+    char name[160];
+    for (int i = 0; i < 7; i++) {
+        for (int j = 0; j < 4; j++) {
+            struct bowl b = new_bowl();
+            tandem_problem *p = i < 6 ? bowl_problem(&b) : bowl_problem_at_once(&b);
+            double t;
+            int status;
+            b.faulty = functions[i];
+            b.fault = faults[j].fault;
+            sprintf(name, "%s-%s-at-the-start", functions[i], faults[j].name);
+            expect(name, p, tandem_start(p, 0, bowl_q, bowl_qd), faults[j].status, "at the start");
+            b.fault_at = 0.5;
+            b.last_t = 0;
+            sprintf(name, "%s-%s-in-a-step", functions[i], faults[j].name);
+            status = tandem_start(p, 0, bowl_q, bowl_qd);
+            if (status == TANDEM_OK) status = tandem_integrate(p, 1);
+            expect(name, p, status, faults[j].status, " t = ");
+            tandem_get_state(p, &t, NULL, NULL, NULL);
+            check("the-state-before-the-failure-is-kept", t > 0.48 && t <= 0.5, tandem_message(p));
+            tandem_free(p);
+        }
+    }
+    /* Error control takes smaller steps up to where a point cannot be evaluated, and ends there. */
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double t;
+    tandem_set_text(p, "stepper", "dopri5");
+    tandem_set_real(p, "rtol", 1e-6);
+    b.faulty = "applied_force";
+    b.fault = RETRY;
+    b.fault_at = 0.5;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("error-control-ends-at-a-wall", p, tandem_integrate(p, 1), TANDEM_NOT_EVALUABLE, "smallest step");
+    tandem_get_state(p, &t, NULL, NULL, NULL);
+    check("error-control-comes-near-the-wall", t > 0.4999 && t < 0.5, "far from it");
+    tandem_free(p);
+
+    b = new_bowl();
+    p = bowl_problem(&b);
+    b.faulty = "applied_force";
+    b.fault = CALL_BACK;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    check("a-function-may-not-use-its-problem", b.status_of_call_back == TANDEM_INVALID_OPTION, tandem_message(p));
+    b.fault = FREE;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-function-cannot-free-its-problem", p, tandem_integrate(p, 0.1), TANDEM_OK, "ok");
+    tandem_free(p);
+}
+
+static void test_misuse(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double x[N], wrong[N] = {1, 0, 0.5, 0.3}, value = 1;
+    char longest[1000];
+
+    check("null-has-a-message", strstr(tandem_message(NULL), "handle") != NULL, tandem_message(NULL));
+    tandem_free(NULL);
+    int status = tandem_set_position_function(NULL, "holonomic", bowl_phi) + tandem_set_motion_function(NULL, "gamma_q", NULL) +
+                 tandem_set_direction_function(NULL, "mass_derivative", NULL) + tandem_set_evaluate(NULL, NULL, 1) +
+                 tandem_set_row_name(NULL, 0, "row") + tandem_set_real(NULL, "step", 1) + tandem_set_integer(NULL, "max_steps", 1) +
+                 tandem_set_text(NULL, "stepper", "rk4") + tandem_set_vector(NULL, "breakpoints", 0, NULL) +
+                 tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
+                 tandem_get_state(NULL, x, x, x, x) + tandem_get_state_at(NULL, 0, x, x, x) + tandem_get_multipliers(NULL, 0, x) +
+                 tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x);
+    check("null-is-refused-everywhere", status == 17 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+
+    expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
+    expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
+    expect("no-state-before-the-start", p, tandem_get_state(p, NULL, x, x, x), TANDEM_INVALID_OPTION, "tandem_start");
+    expect("no-statistic-before-the-start", p, tandem_get_statistic(p, "steps", &value), TANDEM_INVALID_OPTION, "tandem_start");
+    check("and-its-value-is-zero", value == 0, "not zero");
+    expect("null-start", p, tandem_start(p, 0, NULL, bowl_qd), TANDEM_INVALID_OPTION, "NULL");
+    expect("nan-start", p, tandem_start(p, NAN, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "not finite");
+    expect("unknown-real-option", p, tandem_set_real(p, "stepp", 1), TANDEM_INVALID_OPTION, "rtol");
+    expect("unknown-integer-option", p, tandem_set_integer(p, "steps", 1), TANDEM_INVALID_OPTION, "max_steps");
+    expect("unknown-text-option", p, tandem_set_text(p, "method", "rk4"), TANDEM_INVALID_OPTION, "stepper");
+    expect("unknown-list", p, tandem_set_vector(p, "scale", 1, &value), TANDEM_INVALID_OPTION, "coordinate_scale");
+    expect("null-list", p, tandem_set_vector(p, "breakpoints", 3, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("negative-list", p, tandem_set_vector(p, "breakpoints", -3, x), TANDEM_INVALID_OPTION, "negative");
+    expect("null-name", p, tandem_set_real(p, NULL, 1), TANDEM_INVALID_OPTION, "not a real option");
+    memset(longest, 'x', sizeof longest);
+    longest[sizeof longest - 1] = 0;
+    expect("endless-name", p, tandem_set_real(p, longest, 1), TANDEM_INVALID_OPTION, "not a real option");
+    expect("endless-value", p, tandem_set_text(p, "stepper", longest), TANDEM_INVALID_OPTION, "unknown");
+    expect("unknown-function", p, tandem_set_position_function(p, "phi", bowl_phi), TANDEM_INVALID_OPTION, "holonomic");
+    expect("function-of-another-kind", p, tandem_set_position_function(p, "applied_force", bowl_phi), TANDEM_INVALID_OPTION,
+           "(t, q)");
+    expect("impossible-provides", p, tandem_set_evaluate(p, bowl_evaluate, 64), TANDEM_INVALID_OPTION, "64");
+    expect("no-such-row", p, tandem_set_row_name(p, 2, "row"), TANDEM_INVALID_OPTION, "row");
+
+    tandem_set_row_name(p, 0, "bowl");
+    expect("a-wrong-start-names-the-row", p, tandem_start(p, 0, wrong, bowl_qd), TANDEM_INCONSISTENT_START, "\"bowl\"");
+    tandem_set_text(p, "stepper", "euler");
+    expect("unknown-stepper", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "dop853");
+    tandem_set_text(p, "stepper", "rk4");
+    tandem_set_real(p, "step", -1);
+    expect("negative-step", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "step");
+    tandem_set_real(p, "step", 1e-2);
+    tandem_set_vector(p, "coordinate_scale", 2, x);
+    expect("scale-of-a-wrong-length", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "coordinate_scale");
+    for (int i = 0; i < N; i++) x[i] = 1;
+    tandem_set_vector(p, "coordinate_scale", N, x);
+    expect("a-start-can-be-made-good", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    expect("an-end-in-the-past", p, tandem_integrate(p, -1), TANDEM_INVALID_OPTION, "after the current time");
+    expect("an-end-that-is-nan", p, tandem_integrate(p, NAN), TANDEM_INVALID_OPTION, "finite");
+    expect("a-limit-in-the-past", p, tandem_step(p, 0), TANDEM_INVALID_OPTION, "after the current time");
+    expect("a-limit-that-is-infinite", p, tandem_step(p, INFINITY), TANDEM_INVALID_OPTION, "finite");
+    expect("unknown-statistic", p, tandem_get_statistic(p, "step", &value), TANDEM_INVALID_OPTION, "right_hand_sides");
+    expect("null-multipliers", p, tandem_get_multipliers(p, 0, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("everything-may-be-null", p, tandem_get_state(p, NULL, NULL, NULL, NULL), TANDEM_OK, "ok");
+    check("a-good-call-clears-the-message", strncmp(tandem_message(p), "ok", 2) == 0, tandem_message(p));
+    tandem_set_integer(p, "max_steps", 3);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("the-limit-of-steps", p, tandem_integrate(p, 1), TANDEM_STEP_LIMIT, "3 steps");
+    tandem_set_motion_function(p, "applied_force", NULL);
+    expect("a-changed-model-must-be-started", p, tandem_step(p, 2), TANDEM_INVALID_OPTION, "tandem_start");
+    tandem_free(p);
+}
+
+int main(void)
+{
+    test_run();
+    test_steps();
+    test_derivatives();
+    test_breakpoints();
+    test_missing();
+    test_sizes();
+    test_faults();
+    test_misuse();
+    return failures > 0;
+}

@@ -1,0 +1,284 @@
+C     SPDX-License-Identifier: MIT
+C
+C     Tests of the Fortran 77 interface on a knife edge: "ok NAME" or
+C     "not ok NAME" for each. The procedures of the model are given at
+C     once (EVAL) or by name, and everything wrong that a caller can do
+C     must end in a status and a text.
+C
+      PROGRAM TESTS
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      INCLUDE 'tandem.inc'
+      DIMENSION Q(3), QD(3), QDD(3), Q2(3), QD2(3), RPAR(3), IPAR(2)
+      DIMENSION IH(TDHLEN), JH(TDHLEN), KH(TDHLEN), ALAM(1)
+      EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
+      COMMON /COUNT/ NFAIL
+      NFAIL = 0
+C     Mass, moment of inertia, downhill gravity; IPAR: calls, fault.
+      RPAR(1) = 2.0D0
+      RPAR(2) = 0.2D0
+      RPAR(3) = 9.81D0*SIN(0.3D0)
+      IPAR(1) = 0
+      IPAR(2) = 0
+C
+      CALL TDVERS (IVER)
+      CALL TOLD ('versions-agree', IVER .EQ. TDIVER)
+C
+C     One problem by a single procedure, one by several.
+      CALL TDNEW (IH, 3, 0, 1, IERR)
+      CALL OK ('a-problem-is-made', IH, IERR)
+      CALL TDEVAL (IH, EVAL, TDJAC+TDGAM+TDMASS+TDFORC, IERR)
+      CALL OK ('one-procedure-gives-all-terms', IH, IERR)
+      CALL TDNEW (JH, 3, 0, 1, IERR)
+      CALL TDPOS (JH, 'Nonholonomic_Jacobian', EDGE, IERR)
+      CALL OK ('names-come-in-either-case', JH, IERR)
+      CALL TDMOT (JH, 'constraint_acceleration', GAMMA, IERR)
+      CALL TDPOS (JH, 'mass_matrix    ', AMASS, IERR)
+      CALL OK ('names-may-have-blanks-behind', JH, IERR)
+      CALL TDMOT (JH, 'applied_force', FORCE, IERR)
+      CALL TDPOS (JH, 'potential_energy', POTEN, IERR)
+      CALL TDSETR (IH, 'step', 2.0D-3, IERR)
+      CALL TDSETR (JH, 'step', 2.0D-3, IERR)
+C
+      T = 0.0D0
+      CALL START (Q, QD)
+      CALL TDSTRT (IH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL OK ('a-run-starts', IH, IERR)
+      CALL TDINTG (IH, T, Q, QD, 2.0D0, RPAR, IPAR, IERR)
+      CALL OK ('one-call-integrates', IH, IERR)
+      CALL TOLD ('to-the-end', ABS(T - 2.0D0) .LE. 0.0D0)
+      W = 1.5D0
+      A = RPAR(3)/(4.0D0*W**2)
+      B = 2.0D0*W*T
+      ERR = ABS(Q(1) - A*(1.0D0 - COS(B)))
+      ERR = MAX(ERR, ABS(Q(2) - A*(B - SIN(B))), ABS(Q(3) - W*T))
+C     RK4 with h = 2 ms leaves about 1e-12.
+      CALL TOLD ('as-in-closed-form', ERR .LT. 1.0D-10)
+      CALL TOLD ('ipar-goes-through', IPAR(1) .GT. 4000)
+      CALL TDSTAT (IH, 'steps', STEPS, IERR)
+      CALL TOLD ('steps-are-counted', NINT(STEPS) .EQ. 1000)
+C     The side force: m (g sin(phi) + u w), u = g sin(phi)/w.
+      CALL TDLAMB (IH, T, ALAM, RPAR, IPAR, IERR)
+      EXACT = 2.0D0*RPAR(1)*RPAR(3)*SIN(W*T)
+      CALL TOLD ('multiplier-as-in-closed-form',
+     &           ABS(ALAM(1) - EXACT) .LT. 1.0D-9)
+C
+      T2 = 0.0D0
+      CALL START (Q2, QD2)
+      CALL TDSTRT (JH, T2, Q2, QD2, RPAR, IPAR, IERR)
+      CALL OK ('several-procedures-start', JH, IERR)
+      CALL TDENER (JH, EKIN, EPOT, RPAR, IPAR, IERR)
+      E0 = EKIN + EPOT
+      IPAR(1) = 0
+   10 IF (T2 .LT. 2.0D0) THEN
+        CALL TDSTEP (JH, T2, Q2, QD2, 2.0D0, RPAR, IPAR, IERR)
+        IF (IERR .EQ. 0) GO TO 10
+      END IF
+      CALL OK ('the-caller-keeps-its-loop', JH, IERR)
+      CALL TOLD ('bitwise-as-in-one-call', ABS(Q(1) - Q2(1)) .LE. 0.0D0
+     &           .AND. ABS(QD(2) - QD2(2)) .LE. 0.0D0)
+      CALL TDENER (JH, EKIN, EPOT, RPAR, IPAR, IERR)
+      CALL TOLD ('energy-is-constant', ABS(EKIN + EPOT - E0) .LT.
+     &           1.0D-10 .AND. EKIN .GT. 0.25D0)
+      CALL TDDENS (JH, T2 - 1.0D-3, Q, QD, QDD, RPAR, IPAR, IERR)
+      CALL OK ('dense-output', JH, IERR)
+      CALL TOLD ('dense-output-does-not-slip', ABS(SIN(Q(3))*QD(1) -
+     &           COS(Q(3))*QD(2)) .LT. 1.0D-12)
+      CALL BAD ('but-not-before-the-step', JH, TDEOPT, 'last step')
+      CALL TDDENS (JH, 1.0D0, Q, QD, QDD, RPAR, IPAR, IERR)
+      CALL WAS (JH, IERR)
+C
+C     What stands for none.
+      CALL TDPOS (JH, 'mass_matrix', TDNONE, IERR)
+      CALL START (Q2, QD2)
+      CALL BAD ('tdnone-takes-a-procedure-back', JH, TDEMOD, 'mass')
+      CALL TDSTRT (JH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (JH, IERR)
+      CALL TDPOS (JH, 'mass_matrix', AMASS, IERR)
+      CALL TDMOT (JH, 'constraint_acceleration', TDNONE, IERR)
+      CALL TDSTRT (JH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL OK ('differences-stand-in-for-gamma', JH, IERR)
+      CALL TDEVAL (IH, TDNONE, TDMASS, IERR)
+      CALL BAD ('tdnone-for-all-at-once', IH, TDEMOD, 'missing')
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+C
+C     Procedures that fail.
+      CALL TDEVAL (IH, EVAL, TDJAC+TDGAM+TDMASS+TDFORC, IERR)
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      IPAR(2) = 1
+      CALL BAD ('cannot-be-evaluated', IH, TDEEVL, 'evaluate')
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      CALL TOLD ('and-the-start-is-given-back', ABS(T) .LE.
+     &           0.0D0)
+      IPAR(2) = -1
+      CALL BAD ('asks-to-stop', IH, TDECBK, 'evaluate')
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      IPAR(2) = 2
+      CALL BAD ('gives-nan', IH, TDENAN, 'NaN')
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      IPAR(2) = 0
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL OK ('and-can-be-made-good', IH, IERR)
+C
+C     What cannot be.
+      CALL BAD ('unknown-option', IH, TDEOPT, 'rtol')
+      CALL TDSETR (IH, 'tolerance', 1.0D-6, IERR)
+      CALL WAS (IH, IERR)
+      CALL BAD ('unknown-word', IH, TDEOPT, 'dopri5')
+      CALL TDSETS (IH, 'STEPPER', 'RKF45', IERR)
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      CALL TDSETS (IH, 'STEPPER', 'RK4', IERR)
+      CALL BAD ('negative-list', IH, TDEOPT, 'negative')
+      CALL TDSETV (IH, 'breakpoints', -1, Q, IERR)
+      CALL WAS (IH, IERR)
+      CALL TDROW (IH, 1, 'blade', IERR)
+      CALL BAD ('wrong-start-names-the-row', IH, TDESTA, 'blade')
+      QD2(2) = 1.0D0
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      CALL BAD ('no-run-without-a-start', IH, TDEOPT, 'TDSTRT')
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      CALL TDNEW (KH, 3, 4, 0, IERR)
+      CALL BAD ('impossible-sizes', KH, TDEMOD, 'at most')
+      CALL WAS (KH, IERR)
+      CALL TDSEGM (KH, ISEG)
+      CALL TOLD ('the-segment-is-the-first', ISEG .EQ. 1)
+C
+C     Handles.
+      CALL TDFREE (IH, IERR)
+      CALL TOLD ('a-problem-is-given-back', IERR .EQ. 0)
+      CALL BAD ('a-handle-given-back', IH, TDEOPT, 'TDNEW')
+      CALL TDFREE (IH, IERR)
+      CALL WAS (IH, IERR)
+      CALL BAD ('and-used', IH, TDEOPT, 'TDNEW')
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
+      DO 20 I = 1, TDHLEN
+        IH(I) = 12345
+   20 CONTINUE
+      CALL BAD ('garbage-is-no-handle', IH, TDEOPT, 'TDNEW')
+      CALL TDSETI (IH, 'max_steps', 10, IERR)
+      CALL WAS (IH, IERR)
+      CALL TDFREE (JH, IERR)
+      CALL TDFREE (KH, IERR)
+      IF (NFAIL .GT. 0) STOP 1
+      END
+C
+      SUBROUTINE START (Q, QD)
+      DOUBLE PRECISION Q(3), QD(3)
+      INTEGER I
+      DO 10 I = 1, 3
+        Q(I) = 0.0D0
+        QD(I) = 0.0D0
+   10 CONTINUE
+      QD(3) = 1.5D0
+      END
+C
+      SUBROUTINE TOLD (NAME, PASSED)
+      CHARACTER*(*) NAME
+      LOGICAL PASSED
+      INTEGER NFAIL
+      COMMON /COUNT/ NFAIL
+      IF (PASSED) THEN
+        WRITE (*, '(2A)') 'ok ', NAME
+      ELSE
+        WRITE (*, '(2A)') 'not ok ', NAME
+        NFAIL = NFAIL + 1
+      END IF
+      END
+C
+C     A call that must go well.
+      SUBROUTINE OK (NAME, IH, IERR)
+      CHARACTER*(*) NAME
+      CHARACTER*200 TEXT
+      INTEGER IH(4), IERR
+      CALL TOLD (NAME, IERR .EQ. 0)
+      CALL TDTEXT (IH, TEXT)
+      IF (IERR .NE. 0) WRITE (*, '(4X, A)') TEXT
+      END
+C
+C     BAD says what the next call must end with, WAS checks it.
+      SUBROUTINE BAD (NAME, IH, IWANT, WORD)
+      CHARACTER*(*) NAME, WORD
+      CHARACTER*40 KNAME, KWORD
+      CHARACTER*400 TEXT
+      INTEGER IH(4), JH(4), IWANT, KWANT, IERR
+      SAVE KNAME, KWORD, KWANT
+      KNAME = NAME
+      KWORD = WORD
+      KWANT = IWANT
+      RETURN
+      ENTRY WAS (JH, IERR)
+      CALL TDTEXT (JH, TEXT)
+      CALL TOLD (KNAME, IERR .EQ. KWANT .AND.
+     &           INDEX(TEXT, KWORD(1:INDEX(KWORD//'  ', '  ')-1))
+     &           .GT. 0)
+      IF (IERR .NE. KWANT) WRITE (*, '(4X, I4, 1X, A)') IERR, TEXT
+      END
+C
+C     All terms of the model: those in NEED are set.
+      SUBROUTINE EVAL (NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM,
+     &                 F, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      INCLUDE 'tandem.inc'
+      DIMENSION Q(N), QD(N), PHI(*), C(NH+ND,N), ANU(*), GAM(NH+ND)
+      DIMENSION AM(N,N), F(N), RPAR(*), IPAR(*)
+      IF (IAND(NEED, TDJAC) .NE. 0)
+     &  CALL EDGE (N, ND, T, Q, C, RPAR, IPAR, ISTAT)
+      IF (IAND(NEED, TDGAM) .NE. 0)
+     &  CALL GAMMA (N, ND, T, Q, QD, GAM, RPAR, IPAR, ISTAT)
+      IF (IAND(NEED, TDMASS) .NE. 0)
+     &  CALL AMASS (N, N, T, Q, AM, RPAR, IPAR, ISTAT)
+      IF (IAND(NEED, TDFORC) .NE. 0) THEN
+        CALL FORCE (N, N, T, Q, QD, F, RPAR, IPAR, ISTAT)
+        IF (IPAR(2) .EQ. 2) F(1) = SQRT(-ABS(Q(3)) - 1.0D0)
+      END IF
+      IF (ABS(IPAR(2)) .EQ. 1) ISTAT = IPAR(2)
+      END
+C
+      SUBROUTINE EDGE (N, M, T, Q, E, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), E(M,N), RPAR(*), IPAR(*)
+      E(1,1) = SIN(Q(3))
+      E(1,2) = -COS(Q(3))
+      E(1,3) = 0.0D0
+      END
+C
+      SUBROUTINE GAMMA (N, M, T, Q, QD, G, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), QD(N), G(M), RPAR(*), IPAR(*)
+      G(1) = QD(3)*(COS(Q(3))*QD(1) + SIN(Q(3))*QD(2))
+      END
+C
+      SUBROUTINE AMASS (N, M, T, Q, A, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), A(M,N), RPAR(*), IPAR(*)
+      DO 20 J = 1, N
+        DO 10 I = 1, N
+          A(I,J) = 0.0D0
+   10   CONTINUE
+   20 CONTINUE
+      A(1,1) = RPAR(1)
+      A(2,2) = RPAR(1)
+      A(3,3) = RPAR(2)
+      END
+C
+      SUBROUTINE FORCE (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), QD(N), F(M), RPAR(*), IPAR(*)
+      IPAR(1) = IPAR(1) + 1
+      F(1) = RPAR(1)*RPAR(3)
+      F(2) = 0.0D0
+      F(3) = 0.0D0
+      END
+C
+      SUBROUTINE POTEN (N, M, T, Q, V, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), V(1), RPAR(*), IPAR(*)
+      V(1) = -RPAR(1)*RPAR(3)*Q(1)
+      END

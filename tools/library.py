@@ -1,0 +1,251 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Builds the solver as a static and a shared library and installs it: for programs that are not built with fpm.
+
+Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
+       tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR]
+       tools/library.py uninstall [--prefix DIR] [--destdir DIR]
+
+Needs gfortran, LAPACK and BLAS, and nothing else. `build` compiles the sources of src/ in the order of their modules, what
+has changed since the last time. FC names another gfortran. The libraries need LAPACK, BLAS and gfortran's run-time library.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FC = os.environ.get("FC", "gfortran")
+# Local arrays stay off static memory, so that threads never meet; no pointer to an internal procedure may be made.
+ALWAYS = ["-std=f2018", "-fPIC", "-frecursive", "-Wtrampolines", "-Werror=trampolines", "-Werror=implicit-interface"]
+MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\s*$", re.M | re.I)
+SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)(?:\s*:\s*(\w+))?\s*\)\s*(\w+)", re.M | re.I)
+USE = re.compile(r"^\s*use\s*(?:,\s*non_intrinsic\s*)?(?:::)?\s*(\w+)", re.M | re.I)
+
+
+def versions():
+    """The version of tandem, and the major number of the interface, which is that of the shared library."""
+    tandem = re.search(r'^version = "([^"]+)"', (ROOT / "fpm.toml").read_text(), re.M)[1]
+    interface = re.search(r"interface_version = (\d+)", (ROOT / "src/tandem/legacy/version.f90").read_text())[1]
+    return tandem, int(interface) // 1000, int(interface) % 1000
+
+
+def dependencies(sources):
+    """For each source those that must be compiled before it."""
+    texts = {source: source.read_text() for source in sources}
+    provider = {}
+    for source, text in texts.items():
+        for name in MODULE.findall(text):
+            provider[name.lower()] = source
+        for ancestor, parent, name in SUBMODULE.findall(text):
+            provider[f"{ancestor}:{name}".lower()] = source
+    needs = {}
+    for source, text in texts.items():
+        names = [name.lower() for name in USE.findall(text)]
+        for ancestor, parent, _ in SUBMODULE.findall(text):
+            names.append((f"{ancestor}:{parent}" if parent else ancestor).lower())
+        needs[source] = {provider[name] for name in names if name in provider} - {source}
+    return needs
+
+
+def compile_all(build, flags):
+    """Objects and module files of all sources, each after those that it needs; returns the objects."""
+    sources = sorted((ROOT / "src").rglob("*.f90"))
+    needs = dependencies(sources)
+    modules = build / "modules"
+    modules.mkdir(parents=True, exist_ok=True)
+    stamp = build / "flags"
+    command = [FC, *ALWAYS, *flags, "-J", str(modules), "-c"]
+    if not stamp.exists() or stamp.read_text() != " ".join(command):
+        for file in [*build.glob("*.o"), *modules.glob("*")]:
+            file.unlink()
+        stamp.write_text(" ".join(command))
+    objects = {source: build / (str(source.relative_to(ROOT / "src")).replace("/", "_")[:-4] + ".o") for source in sources}
+    for stale in set(build.glob("*.o")) - set(objects.values()):
+        stale.unlink()
+    fresh = {}
+
+    def compile_one(source):
+        """True if it was compiled; also if one that it needs was."""
+        target = objects[source]
+        newer = target.exists() and target.stat().st_mtime > source.stat().st_mtime
+        if newer and not any(fresh[other] for other in needs[source]):
+            return False
+        target.unlink(missing_ok=True)
+        run = subprocess.run(
+            [*command, str(source.relative_to(ROOT)), "-o", str(target)], cwd=ROOT, capture_output=True, text=True
+        )
+        if run.stderr:
+            print(run.stderr, file=sys.stderr)
+        if run.returncode:
+            raise SystemExit(f"library: {source.relative_to(ROOT)} does not compile")
+        return True
+
+    waiting, running = set(sources), {}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        while waiting or running:
+            for source in [source for source in waiting if needs[source] <= fresh.keys()]:
+                waiting.discard(source)
+                running[pool.submit(compile_one, source)] = source
+            if not running:
+                raise SystemExit("library: modules use each other in a circle")
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                fresh[running.pop(future)] = future.result()
+    return [objects[source] for source in sources]
+
+
+def build_libraries(build, flags):
+    """libtandem.a and libtandem.so in the build folder."""
+    build = Path(build).resolve()
+    build.mkdir(parents=True, exist_ok=True)
+    objects = [str(file) for file in compile_all(build, flags)]
+    _, major, _ = versions()
+    static, shared = build / "libtandem.a", build / "libtandem.so"
+    static.unlink(missing_ok=True)
+    subprocess.run(["ar", "rcs", str(static), *objects], check=True)
+    # Symbols that nobody defines are an error here, not in the user's program; a sanitizer's come with the program.
+    strict = [] if any("-fsanitize" in flag for flag in flags) else ["-Wl,-z,defs"]
+    subprocess.run(
+        [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{major}"]
+        + ["-o", str(shared), *objects, "-llapack", "-lblas"],
+        check=True,
+    )
+    return build
+
+
+def contents(prefix):
+    """The generated files: path below the prefix, text."""
+    tandem, major, minor = versions()
+    pkgconfig = f"""\
+prefix={prefix}
+libdir=${{prefix}}/lib
+includedir=${{prefix}}/include
+# Module files for `use tandem`; they serve the compiler that made them.
+moduledir=${{includedir}}/tandem
+
+Name: tandem
+Description: Dynamics of multibody systems with holonomic and nonholonomic constraints
+Version: {tandem}
+Libs: -L${{libdir}} -ltandem
+Libs.private: -llapack -lblas -lgfortran -lm
+Cflags: -I${{includedir}} -I${{moduledir}}
+"""
+    config = """\
+# tandem::tandem is the shared library, tandem::tandem_static the static one. Fortran sources find the module files, C and
+# C++ sources the header. The package may be moved as a whole.
+get_filename_component(_tandem_prefix "${CMAKE_CURRENT_LIST_DIR}/../../.." ABSOLUTE)
+if(NOT TARGET tandem::tandem)
+  add_library(tandem::tandem SHARED IMPORTED)
+  set_target_properties(tandem::tandem PROPERTIES
+    IMPORTED_LOCATION "${_tandem_prefix}/lib/libtandem.so.@MAJOR@"
+    IMPORTED_SONAME "libtandem.so.@MAJOR@"
+    INTERFACE_INCLUDE_DIRECTORIES "${_tandem_prefix}/include;${_tandem_prefix}/include/tandem")
+  add_library(tandem::tandem_static STATIC IMPORTED)
+  set_target_properties(tandem::tandem_static PROPERTIES
+    IMPORTED_LOCATION "${_tandem_prefix}/lib/libtandem.a"
+    IMPORTED_LINK_INTERFACE_LANGUAGES "Fortran"
+    INTERFACE_LINK_LIBRARIES "lapack;blas;gfortran;m"
+    INTERFACE_INCLUDE_DIRECTORIES "${_tandem_prefix}/include;${_tandem_prefix}/include/tandem")
+endif()
+unset(_tandem_prefix)
+""".replace("@MAJOR@", str(major))
+    version = f"""\
+set(PACKAGE_VERSION "{tandem}")
+# Before 1.0, the minor number of the version may break what was.
+if("${{PACKAGE_FIND_VERSION}}" VERSION_GREATER PACKAGE_VERSION)
+  set(PACKAGE_VERSION_COMPATIBLE FALSE)
+elseif(NOT "${{PACKAGE_FIND_VERSION_MAJOR}}.${{PACKAGE_FIND_VERSION_MINOR}}" VERSION_EQUAL
+       "{".".join(tandem.split(".")[:2])}" AND PACKAGE_FIND_VERSION_COUNT GREATER 1)
+  set(PACKAGE_VERSION_COMPATIBLE FALSE)
+else()
+  set(PACKAGE_VERSION_COMPATIBLE TRUE)
+  if(PACKAGE_FIND_VERSION VERSION_EQUAL PACKAGE_VERSION)
+    set(PACKAGE_VERSION_EXACT TRUE)
+  endif()
+endif()
+"""
+    return {
+        "lib/pkgconfig/tandem.pc": pkgconfig,
+        "lib/cmake/tandem/tandem-config.cmake": config,
+        "lib/cmake/tandem/tandem-config-version.cmake": version,
+    }
+
+
+def install(build, flags, prefix, destdir):
+    """Put everything below the prefix, and a list of it, for `uninstall`."""
+    build = build_libraries(build, flags)
+    _, major, minor = versions()
+    real = f"libtandem.so.{major}.{minor}"
+    target = below(prefix, destdir)
+    remove(prefix, destdir)
+    files = {"include/tandem.h": ROOT / "include/tandem.h", "include/tandem.inc": ROOT / "include/tandem.inc"}
+    files["lib/libtandem.a"] = build / "libtandem.a"
+    files[f"lib/{real}"] = build / "libtandem.so"
+    for module in sorted((build / "modules").glob("*.mod")):
+        files[f"include/tandem/{module.name}"] = module
+    texts = contents(prefix)
+    links = {f"lib/libtandem.so.{major}": real, "lib/libtandem.so": f"libtandem.so.{major}"}
+    manifest = "share/tandem/installed.txt"
+    try:
+        for name, source in files.items():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target / name)
+            (target / name).chmod(0o755 if ".so" in name else 0o644)
+        for name, text in texts.items():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            (target / name).write_text(text)
+        for name, to in links.items():
+            (target / name).unlink(missing_ok=True)
+            (target / name).symlink_to(to)
+        (target / manifest).parent.mkdir(parents=True, exist_ok=True)
+        (target / manifest).write_text("\n".join([*files, *texts, *links, manifest]) + "\n")
+    except PermissionError as error:
+        raise SystemExit(f"library: {error}\nlibrary: install below another PREFIX, or as root") from error
+    print(f"installed below {target}")
+
+
+def below(prefix, destdir):
+    return Path(destdir + prefix) if destdir else Path(prefix)
+
+
+def remove(prefix, destdir):
+    """Remove what the list of the installation names, and folders that are empty then; returns how many files."""
+    target = below(prefix, destdir)
+    manifest = target / "share/tandem/installed.txt"
+    if not manifest.exists():
+        return 0
+    names = manifest.read_text().split("\n")[:-1]
+    folders = set()
+    for name in names:
+        (target / name).unlink(missing_ok=True)
+        folders.update(folder for folder in Path(name).parents if folder != Path("."))
+    for folder in sorted(folders, key=lambda folder: -len(folder.parts)):
+        if (target / folder).is_dir() and not any((target / folder).iterdir()):
+            (target / folder).rmdir()
+    return len(names)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("action", choices=["build", "install", "uninstall"])
+    parser.add_argument("--build", default=str(ROOT / "build" / "library"))
+    parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
+    parser.add_argument("--prefix", default="/usr/local")
+    parser.add_argument("--destdir", default="")
+    given = parser.parse_args()
+    prefix = os.path.abspath(given.prefix)
+    if given.action == "build":
+        build_libraries(given.build, given.flags.split())
+    elif given.action == "install":
+        install(given.build, given.flags.split(), prefix, given.destdir)
+    elif not remove(prefix, given.destdir):
+        raise SystemExit(f"library: no installation below {below(prefix, given.destdir)}")
+
+
+if __name__ == "__main__":
+    main()
