@@ -82,4 +82,149 @@ cp -R test/linking "$tmp/linking" && cp -R example "$tmp/example"
 check tests-compile-without-warning warns_not make -s -C "$tmp/linking" PREFIX="$prefix"
 for program in interface_c interface_f77 threads overhead; do tests_of "$tmp/linking/$program"; done
 
+# --- 3. the version of the interfaces ------------------------------------------------------------------------------
+
+check interfaces-are-those-of-their-version tools/interface.py check \
+    --library "$prefix/lib/libtandem.so.1" --modules "$prefix/include/tandem"
+
+notices() { # FILE SED_COMMAND WORD: would the change be noticed, and how?
+    rm -rf "$tmp/changed" && mkdir -p "$tmp/changed/src/tandem" && cp -R include "$tmp/changed" &&
+        cp -R src/tandem/legacy src/tandem/status.f90 src/tandem/model "$tmp/changed/src/tandem" || return 1
+    sed -i "$2" "$tmp/changed/$1"
+    ! cmp -s "$1" "$tmp/changed/$1" || { echo "nothing to change in $1"; return 1; }
+    ! tools/interface.py check --root "$tmp/changed" "${@:4}" 2>"$tmp/noticed" && grep -q -- "$3" "$tmp/noticed" ||
+        { cat "$tmp/noticed"; echo "(not noticed: $2)"; return 1; }
+}
+check a-changed-argument-is-noticed notices include/tandem.h 's/double t_limit/float t_limit/' 'its version has not'
+check a-lost-function-is-noticed notices include/tandem.h '/^int tandem_step(/d' 'no longer there: c int tandem_step'
+check a-function-without-source-is-noticed notices include/tandem.h 's/double t_limit/float t_limit/' 'only c.f90 has' \
+    --modules "$prefix/include/tandem"
+check a-symbol-that-is-not-there-is-noticed notices include/tandem.h 's/tandem_step(/tandem_steps(/' 'lacks tandem_steps' \
+    --library "$prefix/lib/libtandem.so.1"
+check a-changed-subroutine-is-noticed notices src/tandem/legacy/f77.f90 's/real(wp), intent(in) :: tlim/real, intent(in) :: tlim/' \
+    'no longer there: f77 tdstep'
+check a-lost-option-is-noticed notices src/tandem/legacy/settings.f90 's/, secant_limit//' 'real option secant_limit'
+check a-changed-constant-is-noticed notices include/tandem.h 's/TANDEM_MASS = 16/TANDEM_MASS = 17/' 'TANDEM_MASS'
+check a-status-that-c-does-not-know-is-noticed notices src/tandem/status.f90 's/status_newton_failed = -15/status_newton_failed = -99/' 'NEWTON_FAILED'
+check a-version-that-is-not-recorded-is-noticed notices src/tandem/legacy/version.f90 's/= 1000/= 1001/' 'not recorded'
+
+# --- 4. the examples, from installed files alone -------------------------------------------------------------------
+
+export PKG_CONFIG_PATH=$prefix/lib/pkgconfig CMAKE_PREFIX_PATH=$prefix
+mkdir "$tmp/empty" # nothing of the checkout is at hand
+build_example() ( cd "$tmp/example/$1" && shift && "$@" )
+run_example() ( cd "$tmp/empty" && "${@:2}" >"$tmp/$1.log" 2>&1 || { cat "$tmp/$1.log"; exit 1; } )
+
+check f77-example-compiles-without-warning build_example f77 warns_not make -s PREFIX="$prefix"
+check f77-example-runs run_example f77 "$tmp/example/f77/knife"
+check f77-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/f77.log" # rtol = 1e-10
+check f77-example-links-neither-hdf5-nor-toml nothing_else_linked "$tmp/example/f77/knife"
+links_by_three_names() { grep -q -- ' -ltandem -llapack -lblas$' "$tmp/example/f77/Makefile"; }
+check f77-example-names-three-libraries links_by_three_names
+check c-example-compiles-without-warning build_example c warns_not make -s
+check c-example-runs run_example c "$tmp/example/c/pendulum"
+check c-example-agrees-with-its-closed-form error_below 1e-9 "$tmp/c.log" # sdirk54, h = 1 ms
+check cpp-example-compiles-without-warning build_example cpp warns_not make -s
+check cpp-example-runs run_example cpp "$tmp/example/cpp/skate"
+check cpp-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/cpp.log" # rtol = 1e-10
+check python-example-runs run_example python python3 "$tmp/example/python/skate.py" "$prefix/lib/libtandem.so.1"
+check python-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/python.log" # rtol = 1e-10
+by_cmake() { cmake -S . -B build "$@" && cmake --build build; }
+check cmake-example-builds build_example cmake by_cmake
+check cmake-example-runs run_example cmake "$tmp/example/cmake/build/skate"
+check cmake-example-agrees-with-its-closed-form error_below 1e-9 "$tmp/cmake.log" # rk4, h = 1 ms
+by_cmake_static() { sed -i 's/PRIVATE tandem::tandem\b[^)]*/PRIVATE tandem::tandem_static/' CMakeLists.txt && rm -rf build && by_cmake; }
+check cmake-example-links-statically build_example cmake by_cmake_static
+check cmake-example-needs-no-shared-library bash -c '! ldd "$1" | grep tandem' - "$tmp/example/cmake/build/skate"
+check static-example-runs run_example static "$tmp/example/cmake/build/skate"
+statically() { # shellcheck disable=SC2046  # words
+    cc $(pkg-config --cflags tandem) pendulum.c -o static "$prefix/lib/libtandem.a" $(pkg-config --static --libs-only-l tandem |
+        sed 's/-ltandem//') -lm
+}
+check c-example-links-statically build_example c statically
+
+# --- 5. no code on the stack ---------------------------------------------------------------------------------------
+
+stack_is_data() { # no segment of a program, no section of an object asks for an executable stack
+    local file bad=0 seen=0
+    while read -r file; do
+        seen=$((seen + 1))
+        if readelf -hW "$file" | grep -q 'REL (Relocatable'; then
+            # Nothing between the size of an entry and the link: no flag, X above all.
+            readelf -SW "$file" | grep -q '\.note\.GNU-stack *PROGBITS *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *0 *0 *[0-9]*$' ||
+                { echo "$file: an executable stack"; bad=1; }
+        else
+            readelf -lW "$file" | grep -q 'GNU_STACK.* RW  *0x' || { echo "$file: an executable stack"; bad=1; }
+        fi
+    done
+    echo "$seen files"
+    [ "$seen" -gt 0 ] && [ "$bad" = 0 ]
+}
+objects() { find build/library build/gfortran_* -name '*.o' 2>/dev/null; }
+programs() {
+    echo "$prefix/lib/libtandem.so.1"
+    find "$tmp/linking" "$tmp/example" -type f -perm -u+x ! -name '*.py' ! -path '*CMakeFiles*' -exec sh -c 'readelf -h "$1" >/dev/null 2>&1' - {} \; -print
+    find build/gfortran_* \( -path '*/app/*' -o -path '*/test/*' -o -path '*/example/*' \) -type f -perm -u+x 2>/dev/null
+}
+check objects-ask-for-no-executable-stack stack_is_data < <(objects)
+check programs-have-no-executable-stack stack_is_data < <(programs)
+
+internal_callback() { # a caller who passes an internal procedure is told by his compiler, with -Wtrampolines
+    cat >"$tmp/trampoline.f90" <<'END'
+subroutine caller(h, x)
+    implicit none
+    integer :: h(4), ierr
+    double precision :: x
+    external :: tdpos
+    call tdpos(h, 'mass_matrix', mass, ierr)
+contains
+    subroutine mass(n, m, t, q, val, rpar, ipar, istat)
+        integer :: n, m, ipar(*), istat
+        double precision :: t, q(n), val(m, n), rpar(*)
+        val = x
+    end subroutine mass
+end subroutine caller
+END
+    ! gfortran -Werror=trampolines -c "$tmp/trampoline.f90" -o "$tmp/trampoline.o"
+}
+check an-internal-procedure-as-callback-is-refused-by-the-flag internal_callback
+executable_stack() {
+    gfortran -w -c "$tmp/trampoline.f90" -o "$tmp/trampoline.o" && ! stack_is_data <<<"$tmp/trampoline.o"
+}
+check an-executable-stack-is-noticed executable_stack
+
+# --- 6. sanitizers: addresses, undefined behaviour, leaks ----------------------------------------------------------
+
+sanitize="-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g"
+checked=$tmp/checked
+check sanitized-library-installs tools/library.py install --prefix "$checked" --build build/library-checked --flags "-O1 $sanitize"
+sanitized() { # FOLDER PROGRAM: compile anew with the sanitizers, run, and let nothing be reported
+    make -s -B -C "$tmp/$1" PREFIX="$checked" CC="cc $sanitize" FC="gfortran $sanitize" CXX="c++ $sanitize" "$2" || return 1
+    (cd "$tmp/empty" && "$tmp/$1/$2") >"$tmp/sanitized" 2>&1 || { grep -v '^ok' "$tmp/sanitized"; return 1; }
+    ! grep -E 'AddressSanitizer|LeakSanitizer|runtime error' "$tmp/sanitized"
+}
+export PKG_CONFIG_PATH=$checked/lib/pkgconfig
+for program in linking/interface_c linking/interface_f77 linking/threads example/f77/knife example/c/pendulum example/cpp/skate; do
+    check "sanitizers-find-nothing-in-${program##*/}" sanitized "${program%/*}" "${program##*/}"
+done
+sanitized_cmake() (
+    cp example/cmake/* "$tmp/example/cmake" && cd "$tmp/example/cmake" && rm -rf build &&
+        by_cmake -DCMAKE_PREFIX_PATH="$checked" -DCMAKE_Fortran_FLAGS="$sanitize" && ./build/skate
+)
+check sanitizers-find-nothing-in-the-cmake-example sanitized_cmake
+sanitized_python() { # Python itself leaks what it keeps to its end
+    ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$(cc -print-file-name=libasan.so) $(cc -print-file-name=libubsan.so)" \
+        python3 example/python/skate.py "$checked/lib/libtandem.so.1"
+}
+check sanitizers-find-nothing-in-the-python-example sanitized_python
+
+# --- 7. and away ---------------------------------------------------------------------------------------------------
+
+: >"$prefix/lib/a-file-of-somebody-else"
+check library-uninstalls tools/library.py uninstall --prefix "$prefix"
+only_theirs() { find "$prefix" -type f -o -type l | tee "$tmp/left"; [ "$(wc -l <"$tmp/left")" = 1 ]; }
+check uninstall-leaves-what-is-not-its-own only_theirs
+check library-installs-below-destdir tools/library.py install --prefix /opt/tandem --destdir "$tmp/stage"
+check destdir-is-not-in-the-files bash -c 'grep -qx "prefix=/opt/tandem" "$1/opt/tandem/lib/pkgconfig/tandem.pc"' - "$tmp/stage"
+
 [ "$failures" = 0 ]

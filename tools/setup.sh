@@ -5,8 +5,10 @@
 #
 # Usage: tools/setup.sh         what `fpm build` needs
 #        tools/setup.sh test    and what tools/verify.py needs
+#        tools/setup.sh docs    and what `make docs` needs
 #
-# 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv: through apt-get
+# 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
+#                            pkg-config): through apt-get
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
@@ -58,6 +60,11 @@ missing_packages() { # prints the Debian packages that bring what is not there
     linker_finds libhdf5_serial_fortran.so && linker_finds libhdf5_serial.so &&
         { [ -f io/include/hdf5/hdf5.mod ] || hdf5_modules >/dev/null; } || echo libhdf5-dev
     venv_holds build || python3 -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
+    [ "$purpose" = test ] || return 0
+    # The examples are built as users of C, C++ and CMake would.
+    command -v c++ >/dev/null || echo g++
+    command -v pkg-config >/dev/null || echo pkg-config
+    command -v cmake >/dev/null || echo cmake
 }
 
 install_packages() { # PACKAGE...

@@ -30,7 +30,7 @@ PYTHON = str(ROOT / ".venv" / "bin" / "python")
 FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
 
 SOURCES = ["src", "io/src", "app", "test", "example"]
-STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument"
+STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
 RELEASE = ["--profile", "release", "--flag", os.environ.get("ARCH", "-march=native")]
 
 

@@ -127,6 +127,36 @@ static void test_derivatives(void)
     tandem_free(q);
 }
 
+/* The message of an unknown name lists the known ones: each must be taken. What is taken is the default of most. */
+static int takes_all(tandem_problem *p, int kind)
+{
+    char list[1000], *name;
+    double value;
+    int taken = 0;
+    if (kind == 0) tandem_set_real(p, "?", 0);
+    if (kind == 1) tandem_set_integer(p, "?", 0);
+    if (kind == 2) tandem_get_statistic(p, "?", &value);
+    snprintf(list, sizeof list, "%s", strstr(tandem_message(p), "there are ") + 10);
+    for (name = strtok(list, ", "); name != NULL; name = strtok(NULL, ", ")) {
+        int status = kind == 0 ? tandem_set_real(p, name, 0)
+                   : kind == 1 ? tandem_set_integer(p, name, 1) : tandem_get_statistic(p, name, &value);
+        if (status != TANDEM_OK) return 0;
+        taken++;
+    }
+    return taken;
+}
+
+static void test_names(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    check("every-statistic-is-known", takes_all(p, 2) == 29, tandem_message(p));
+    check("every-real-option-is-known", takes_all(p, 0) == 15, tandem_message(p));
+    check("every-integer-option-is-known", takes_all(p, 1) == 3, tandem_message(p));
+    tandem_free(p);
+}
+
 /* A force that is switched on at t = 0.5: one whole step of 0.3 would pass it. */
 static int switched(double t, const double *q, const double *qd, double *value, void *user_data)
 {
@@ -345,6 +375,7 @@ int main(void)
     test_steps();
     test_derivatives();
     test_breakpoints();
+    test_names();
     test_missing();
     test_sizes();
     test_faults();

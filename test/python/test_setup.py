@@ -32,6 +32,9 @@ STAND_INS = {
         [ ! -e "$FAKE/apt-fails" ] || { echo "E: Unable to locate package" >&2; exit 100; }
         [ "$1" = install ] || exit 0
         [ -e "$FAKE/apt-helps-not" ] || : >"$FAKE/absent" """,
+    "c++": "",
+    "cmake": "",
+    "pkg-config": "",
     "python3": """
         case $2 in
         import*) ! grep -qx venv "$FAKE/absent" ;;
@@ -181,6 +184,21 @@ class SetUp(unittest.TestCase):
         self.assertFalse(any("requirements-test" in call for call in self.calls()))
         self.run_setup("test")
         self.assertTrue(any("requirements-test" in call for call in self.calls()))
+
+    def test_tools_of_the_examples_come_only_for_the_tests(self):
+        for name in ("c++", "cmake", "pkg-config"):
+            (self.bin / name).unlink()
+        self.run_setup()
+        self.assertFalse(any(call.startswith("apt-get") for call in self.calls()))
+        self.run_setup("test", expect=2)  # the stand-in for apt-get brings none of them
+        install = next(call for call in self.calls() if call.startswith("apt-get install -y"))
+        self.assertEqual(install.split()[-3:], ["g++", "pkg-config", "cmake"])
+
+    def test_packages_of_the_reference_come_only_for_it(self):
+        self.run_setup("test")
+        self.assertFalse(any("requirements-docs" in call for call in self.calls()))
+        self.run_setup("docs")
+        self.assertTrue(any("requirements-docs" in call for call in self.calls()))
 
     def test_sudo_without_a_password_installs(self):
         self.state(uid="1000\n", absent="liblapack.so\n")

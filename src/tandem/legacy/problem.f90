@@ -40,6 +40,7 @@ module tandem_legacy_problem
         integer :: stat = status_ok
         !> Message of the last operation, ended by a NUL.
         character(kind=c_char), allocatable :: message(:)
+        logical, private :: sizes_can_be = .false.
         logical, private :: started = .false.
         !> True while the user's procedures may be called.
         logical, private :: busy = .false.
@@ -86,6 +87,7 @@ contains
         model%n_nonholonomic = n_nonholonomic
         self%message = to_c(message_of_success)
         call check_sizes(model, error)
+        self%sizes_can_be = .not. allocated(error)
         call self%conclude(error)
     end subroutine set_up
 
@@ -296,17 +298,18 @@ contains
         integer, intent(in) :: row
         character(len=*), intent(in) :: name
         character(len=label_length), allocatable :: names(:)
-        integer :: i
+        integer :: i, rows
 
         if (.not. self%is_free()) return
         associate (model => self%model)
-            if (row < 1 .or. row > model%n_constraints()) then
-                call self%refuse('there is no constraint row '//to_text(row), 'rows go from 1 to '// &
-                    to_text(model%n_constraints()))
+            rows = 0
+            if (self%sizes_can_be) rows = model%n_constraints()
+            if (row < 1 .or. row > rows) then
+                call self%refuse('there is no such constraint row', 'the model has '//to_text(rows))
                 return
             end if
-            allocate (names(model%n_constraints()))
-            do i = 1, size(names)
+            allocate (names(rows))
+            do i = 1, rows
                 names(i) = model%row_name(i)
             end do
             names(row) = name
