@@ -15,13 +15,23 @@ contains
         real(wp), intent(in), contiguous :: a(:, :), x(:)
         real(wp), intent(in) :: factor
         real(wp), intent(inout), contiguous :: y(:)
-        real(wp) :: xj
-        integer :: i, j
+        real(wp) :: x1, x2, x3
+        integer :: i, j, m, n
 
-        do j = 1, size(a, 2)
-            xj = factor*x(j)
-            do i = 1, size(a, 1)
-                y(i) = y(i) + a(i, j)*xj
+        m = size(a, 1)
+        n = size(a, 2)
+        do j = 1, n - 2, 3
+            x1 = factor*x(j)
+            x2 = factor*x(j + 1)
+            x3 = factor*x(j + 2)
+            do i = 1, m
+                y(i) = y(i) + (a(i, j)*x1 + a(i, j + 1)*x2 + a(i, j + 2)*x3)
+            end do
+        end do
+        do j = n - modulo(n, 3) + 1, n
+            x1 = factor*x(j)
+            do i = 1, m
+                y(i) = y(i) + a(i, j)*x1
             end do
         end do
     end subroutine add_product
@@ -31,15 +41,30 @@ contains
         real(wp), intent(in), contiguous :: a(:, :), x(:)
         real(wp), intent(in) :: factor
         real(wp), intent(inout), contiguous :: y(:)
-        real(wp) :: total
-        integer :: i, j
+        real(wp) :: t1, t2, t3
+        integer :: i, j, m, n
 
-        do j = 1, size(a, 2)
-            total = 0.0_wp
-            do i = 1, size(a, 1)
-                total = total + a(i, j)*x(i)
+        m = size(a, 1)
+        n = size(a, 2)
+        do j = 1, n - 2, 3
+            t1 = 0.0_wp
+            t2 = 0.0_wp
+            t3 = 0.0_wp
+            do i = 1, m
+                t1 = t1 + a(i, j)*x(i)
+                t2 = t2 + a(i, j + 1)*x(i)
+                t3 = t3 + a(i, j + 2)*x(i)
             end do
-            y(j) = y(j) + factor*total
+            y(j) = y(j) + factor*t1
+            y(j + 1) = y(j + 1) + factor*t2
+            y(j + 2) = y(j + 2) + factor*t3
+        end do
+        do j = n - modulo(n, 3) + 1, n
+            t1 = 0.0_wp
+            do i = 1, m
+                t1 = t1 + a(i, j)*x(i)
+            end do
+            y(j) = y(j) + factor*t1
         end do
     end subroutine add_transposed_product
 
@@ -47,17 +72,27 @@ contains
     pure subroutine set_product(a, b, c)
         real(wp), intent(in), contiguous :: a(:, :), b(:, :)
         real(wp), intent(out), contiguous :: c(:, :)
-        real(wp) :: bkj
-        integer :: i, j, k
+        real(wp) :: b1, b2, b3
+        integer :: i, j, k, l, m
 
+        l = size(a, 1)
+        m = size(a, 2)
         do j = 1, size(b, 2)
-            do i = 1, size(a, 1)
+            do i = 1, l
                 c(i, j) = 0.0_wp
             end do
-            do k = 1, size(a, 2)
-                bkj = b(k, j)
-                do i = 1, size(a, 1)
-                    c(i, j) = c(i, j) + a(i, k)*bkj
+            do k = 1, m - 2, 3
+                b1 = b(k, j)
+                b2 = b(k + 1, j)
+                b3 = b(k + 2, j)
+                do i = 1, l
+                    c(i, j) = c(i, j) + (a(i, k)*b1 + a(i, k + 1)*b2 + a(i, k + 2)*b3)
+                end do
+            end do
+            do k = m - modulo(m, 3) + 1, m
+                b1 = b(k, j)
+                do i = 1, l
+                    c(i, j) = c(i, j) + a(i, k)*b1
                 end do
             end do
         end do
