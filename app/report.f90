@@ -230,6 +230,7 @@ contains
         call add_count(phrase, 'implicit stages', s%implicit_stages)
         call add_count(phrase, 'Newton corrections', s%newton_corrections)
         call add_count(phrase, 'Newton matrices', s%newton_matrices)
+        call add_count(phrase, 'factorizations of Newton matrices', s%newton_factorizations)
         do i = 1, n_derivatives
             call add_count(phrase, trim(derivative_name(i)), s%derivatives(i))
         end do

@@ -63,7 +63,7 @@ contains
             new_unittest('factor-does-not-refine-and-refine-does-not-eliminate', test_modes), &
             new_unittest('counters-start-anew-with-initialize', test_anew), &
             new_unittest('rk4-calls-no-derivative', test_rk4_derivatives), &
-            new_unittest('implicit-steps-form-one-newton-matrix-a-step', test_one_matrix), &
+            new_unittest('implicit-steps-keep-their-newton-matrix', test_kept_matrix), &
             new_unittest('sdirk54-solves-five-stages-a-step-and-the-trapezoid-one', test_stages), &
             new_unittest('differences-stand-in-for-absent-derivatives-only', test_stand_ins), &
             new_unittest('implicit-steps-evaluate-nothing-that-the-model-lacks', test_implicit_lacks), &
@@ -465,22 +465,28 @@ contains
         call check_count(error, statistics%implicit_stages, 0, 'implicit stages')
     end subroutine test_rk4_derivatives
 
-    !> One matrix, and with it one call for all derivatives.
-    subroutine test_one_matrix(error)
+    !> Less than one matrix in five steps, on a new chart each, and with each matrix one call for all derivatives; fixed steps
+    !> factor nothing else.
+    subroutine test_kept_matrix(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
         integer :: calls, i, k
 
         do i = 1, size(implicit_steppers)
             call roll_disk(trim(implicit_steppers(i)), .true., calls, statistics, error)
-            call check_count(error, statistics%newton_matrices, n_steps, trim(implicit_steppers(i))//': Newton matrices')
-            call check_count(error, calls, n_steps, trim(implicit_steppers(i))//': calls of evaluate_derivatives')
+            call check_true(error, statistics%newton_matrices >= 1 .and. 5*statistics%newton_matrices < n_steps, &
+                trim(implicit_steppers(i))//': Newton matrices')
+            call check_count(error, statistics%newton_factorizations, int(statistics%newton_matrices), &
+                trim(implicit_steppers(i))//': factorizations')
+            call check_count(error, calls, int(statistics%newton_matrices), &
+                trim(implicit_steppers(i))//': calls of evaluate_derivatives')
             do k = 1, n_derivatives
-                call check_count(error, statistics%derivatives(k), n_steps, trim(implicit_steppers(i))//': a derivative')
+                call check_count(error, statistics%derivatives(k), int(statistics%newton_matrices), &
+                    trim(implicit_steppers(i))//': a derivative')
             end do
             call check_count(error, statistics%difference_evaluations, 0, 'evaluations for differences')
         end do
-    end subroutine test_one_matrix
+    end subroutine test_kept_matrix
 
     subroutine test_stages(error)
         type(error_type), allocatable, intent(out) :: error

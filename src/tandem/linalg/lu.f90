@@ -31,6 +31,7 @@ module tandem_linalg_lu
         procedure :: smallest_pivot
         procedure, private :: factor_small
         procedure, private :: solve_small
+        procedure, private :: solve_small_transposed
     end type lu_type
 
 contains
@@ -83,7 +84,11 @@ contains
         real(wp), intent(inout), contiguous :: b(:)
         integer :: info
 
-        if (self%n > 0) call dgetrs('T', self%n, 1, self%factors, self%n, self%pivots, b, self%n, info)
+        if (self%n <= largest_small) then
+            call self%solve_small_transposed(b)
+        else
+            call dgetrs('T', self%n, 1, self%factors, self%n, self%pivots, b, self%n, info)
+        end if
     end subroutine solve_transposed
 
     !> The inverse (n, n).
@@ -175,6 +180,35 @@ contains
             end do
         end do
     end subroutine solve_small
+
+    !> Forward and back substitution with the transposed factors.
+    pure subroutine solve_small_transposed(self, b)
+        class(lu_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: b(:)
+        real(wp) :: f
+        integer :: i, k, p
+
+        do k = 1, self%n
+            f = b(k)
+            do i = 1, k - 1
+                f = f - self%factors(i, k)*b(i)
+            end do
+            b(k) = f/self%factors(k, k)
+        end do
+        do k = self%n - 1, 1, -1
+            f = b(k)
+            do i = k + 1, self%n
+                f = f - self%factors(i, k)*b(i)
+            end do
+            b(k) = f
+        end do
+        do k = self%n, 1, -1
+            p = self%pivots(k)
+            f = b(p)
+            b(p) = b(k)
+            b(k) = f
+        end do
+    end subroutine solve_small_transposed
 
     !> The sign of the determinant, +1 for n = 0.
     pure integer function determinant_sign(self)

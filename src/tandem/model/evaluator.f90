@@ -28,6 +28,7 @@ module tandem_model_evaluator
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
     contains
+        procedure :: segment
         procedure :: initialize
         procedure :: evaluate
         procedure, private :: take_kept
@@ -65,6 +66,13 @@ contains
         self%has = ior(self%has, need_mass)
         if (associated(model%inertia_force) .or. associated(model%applied_force)) self%has = ior(self%has, need_force)
     end subroutine initialize
+
+    !> The segment that the model is in.
+    pure integer function segment(self)
+        class(evaluator_type), intent(in) :: self
+
+        segment = self%model%segment
+    end function segment
 
     !> Evaluate the terms of a need mask that the model has.
     subroutine evaluate(self, need, t, q, qd, counts, stat)

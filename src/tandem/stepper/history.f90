@@ -47,16 +47,20 @@ contains
     end subroutine clear
 
     !> Begin a step at a state: where it is not the one pushed last (a start, a breakpoint), the past says nothing about it.
-    subroutine continue_from(self, state)
+    subroutine continue_from(self, state, continues)
         class(history_type), intent(inout) :: self
         type(state_type), intent(in) :: state
+        !> False where the past was forgotten.
+        logical, intent(out) :: continues
 
+        continues = .true.
         call self%drop(state%t)
         if (self%n_kept > 0) then
             if (abs(self%t(self%last) - state%t) <= 0.0_wp .and. &
                 all(abs(self%qd(:, self%last) - state%qd) <= 0.0_wp) .and. &
                 all(abs(self%qdd(:, self%last) - state%qdd) <= 0.0_wp)) return
         end if
+        continues = .false.
         self%n_kept = 0
         call self%push(state%t, state%qd, state%qdd)
     end subroutine continue_from

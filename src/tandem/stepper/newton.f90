@@ -1,12 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> Newton's iteration for the rates of an implicit stage: its position and velocity increments are base + ha rate.
 !>
-!> The matrix is that of the step; the iteration watches its own contraction theta and stops when what is left,
-!> theta / (1 - theta) times the last correction, is below the tolerance. Source: Hairer and Wanner, Solving Ordinary
-!> Differential Equations II, section IV.8.
+!> The iteration watches its own contraction theta and stops when what is left, theta / (1 - theta) times the last correction, is
+!> below the tolerance. Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
+!>
+!> A matrix is kept from step to step as long as it pays: a new one is made when a step takes more corrections than the steps with
+!> this matrix do on average, the cost of the matrix included. That is the cheapest time to replace what wears out.
 module tandem_stepper_newton
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_stepper_history, only: history_type
+    use tandem_stepper_prediction, only: prediction_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_newton_failed, status_ok
     use tandem_tangent_chart, only: chart_type
@@ -26,11 +29,20 @@ module tandem_stepper_newton
         real(wp), private :: standstill = 0.0_wp
         !> Contraction of each stage when it was last seen, and the first correction then; age of that in steps.
         real(wp), allocatable, private :: theta(:), seen_change(:)
-        integer, allocatable, private :: age(:)
+        integer, allocatable, private :: age(:), seen_steps(:)
+        !> Steps that the matrix has served, what it and its corrections have cost, in corrections, and how many were counted before
+        !> this step; whether it was made in this step, and whether the next one should have another.
+        integer, private :: n_served = 0
+        integer(long), private :: counted = 0
+        real(wp), private :: spent = 0.0_wp
+        logical, private :: is_fresh = .false., is_worn = .true.
+        type(prediction_type), private :: prediction
         real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
     contains
         procedure :: allocate => allocate_newton
+        procedure :: prepare
         procedure :: solve
+        procedure, private :: renew
         procedure, private :: iterate
         procedure, private :: restore
         procedure :: finish
@@ -53,6 +65,9 @@ contains
         self%theta = spread(1.0_wp, 1, size(amplification))
         self%seen_change = spread(0.0_wp, 1, size(amplification))
         self%age = spread(0, 1, size(amplification))
+        self%seen_steps = self%age
+        self%is_worn = .true.
+        call self%prediction%allocate(n, size(amplification))
         self%rate_q = spread(0.0_wp, 1, n)
         self%rate_qd = self%rate_q
         self%base_dq = self%rate_q
@@ -63,8 +78,48 @@ contains
         self%qd = self%rate_q
     end subroutine allocate_newton
 
-    !> Solve the stage at time t: from the extrapolated history; if that fails, from the state at the start of the step with
-    !> the step's matrix; if that fails too, with matrices made where the iteration stood.
+    !> Begin a step: keep the matrix of the steps before, or make one at the state at the start.
+    subroutine prepare(self, chart, state, ha, continues, stat)
+        class(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The state at the start of the step.
+        type(state_type), intent(in) :: state
+        !> h a_ii.
+        real(wp), intent(in) :: ha
+        !> False where the past says nothing about this step.
+        logical, intent(in) :: continues
+        !> A status code.
+        integer, intent(out) :: stat
+        logical :: keeps
+
+        stat = status_ok
+        self%counted = chart%counts%newton_corrections
+        self%is_fresh = .false.
+        if (.not. continues) call self%prediction%forget()
+        keeps = continues .and. .not. self%is_worn
+        if (keeps) call chart%reuse_stage(ha, keeps)
+        if (.not. keeps) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+    end subroutine prepare
+
+    !> Make a matrix at a point.
+    subroutine renew(self, chart, t, q, qd, qdd, ha, stat)
+        class(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: t, ha
+        !> Coordinates, velocities, accelerations (n).
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        integer, intent(out) :: stat
+
+        call chart%factor_stage(t, q, qd, qdd, ha, stat)
+        self%is_fresh = .true.
+        self%is_worn = stat /= status_ok
+        self%n_served = 0
+        self%spent = chart%matrix_cost()
+        self%seen_steps = 0
+    end subroutine renew
+
+    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made at the start of
+    !> the step; if that fails, from the state there; if that fails too, with matrices made where the iteration stood.
     subroutine solve(self, chart, history, state, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -80,9 +135,20 @@ contains
         integer, parameter :: most_matrices = 2
         integer :: k
 
-        call history%extrapolate(t, self%rate_q, self%rate_qd)
+        call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
         call self%iterate(chart, stage, t, ha, stat)
-        if (stat == status_ok) return
+        if (stat /= status_ok .and. .not. self%is_fresh) then
+            call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+            if (stat == status_ok) then
+                call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
+                call self%iterate(chart, stage, t, ha, stat)
+            end if
+        end if
+        if (stat == status_ok) then
+            call self%prediction%learn(stage, state%t, ha, self%rate_q, self%rate_qd)
+            return
+        end if
+        call self%prediction%forget()
         self%theta(stage) = 1.0_wp
         self%rate_q = state%qd
         self%rate_qd = state%qdd
@@ -90,7 +156,7 @@ contains
         do k = 1, most_matrices
             if (stat /= status_newton_failed) return
             call self%restore(chart, t, ha, stat)
-            if (stat == status_ok) call chart%factor_stage(t, self%q, self%qd, self%rate_qd, ha, stat)
+            if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
             if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
         end do
     end subroutine solve
@@ -108,8 +174,14 @@ contains
         !> Steps after which a contraction is old, growth of the first correction that makes it worthless, and how much worse
         !> than known it may have become.
         integer, parameter :: oldest = 20
-        real(wp), parameter :: largest_growth = 2.0_wp, safety = 4.0_wp
+        real(wp), parameter :: largest_growth = 2.0_wp, safety = 20.0_wp
+        !> Corrections that are no more than rounding.
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
+        !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
+        real(wp), parameter :: slowest = 0.2_wp
+        integer, parameter :: most_more = 4
         real(wp) :: change, first_change, last_change, theta
+        logical :: suffices
         integer :: k
 
         chart%counts%implicit_stages = chart%counts%implicit_stages + 1
@@ -123,13 +195,21 @@ contains
             if (stat /= status_ok) return
             if (k == 1) then
                 first_change = change
-                if (self%age(stage) < oldest .and. change <= largest_growth*self%seen_change(stage) .and. &
-                    safety*self%theta(stage)*change <= self%tolerance(stage)) return
+                ! The contraction of a matrix grows with the time since it was made.
+                theta = safety*maxval(self%theta*real(1 + self%n_served, wp)/real(1 + self%seen_steps, wp))
+                suffices = change <= largest_growth*self%seen_change(stage) .and. theta*change <= self%tolerance(stage)
+                if (suffices .and. self%age(stage) < oldest) return
+                ! The second correction is for knowledge, not because the matrix were worse.
+                if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    self%theta(stage) = theta
-                    self%seen_change(stage) = first_change
+                    ! The ratio of two corrections that are rounding says nothing.
+                    if (first_change > rounding .or. theta < self%theta(stage)) then
+                        self%theta(stage) = theta
+                        self%seen_steps(stage) = self%n_served
+                    end if
+                    self%seen_change(stage) = max(first_change, rounding)
                     self%age(stage) = 0
                 end if
                 if (change <= 0.01_wp*self%tolerance(stage)) return
@@ -137,6 +217,8 @@ contains
                     if (change <= self%standstill) return
                     exit
                 end if
+                ! An old matrix that would need many more is given up at once.
+                if (.not. self%is_fresh .and. theta > slowest .and. theta**most_more*change > self%tolerance(stage)) exit
                 if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return
             end if
             last_change = max(change, tiny(1.0_wp))
@@ -166,6 +248,7 @@ contains
         !> The state at next%t.
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
+        real(wp) :: taken
 
         call self%restore(chart, next%t, ha, stat)
         if (stat /= status_ok) return
@@ -174,5 +257,9 @@ contains
         next%q = self%q
         next%qd = self%qd
         call chart%solve_dynamics(next%t, next%q, next%qd, next%qdd, stat)
+        taken = real(chart%counts%newton_corrections - self%counted, wp)
+        self%n_served = self%n_served + 1
+        self%spent = self%spent + taken
+        self%is_worn = self%is_worn .or. taken*self%n_served > self%spent
     end subroutine finish
 end module tandem_stepper_newton

@@ -73,10 +73,11 @@ contains
         integer, intent(out) :: stat
         real(wp) :: ha, t
         integer :: i, j
+        logical :: continues
 
         ha = diagonal*h
-        call self%history%continue_from(state)
-        call chart%factor_stage(state%t, state%q, state%qd, state%qdd, ha, stat)
+        call self%history%continue_from(state, continues)
+        call self%newton%prepare(chart, state, ha, continues, stat)
         if (stat /= status_ok) return
         associate (newton => self%newton)
             do i = 1, 5

@@ -58,10 +58,11 @@ contains
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
         real(wp) :: ha
+        logical :: continues
 
         ha = 0.5_wp*h
-        call self%history%continue_from(state)
-        call chart%factor_stage(state%t, state%q, state%qd, state%qdd, ha, stat)
+        call self%history%continue_from(state, continues)
+        call self%newton%prepare(chart, state, ha, continues, stat)
         if (stat /= status_ok) return
         self%newton%base_dq = state%dq + ha*state%qd
         self%newton%base_dqd = state%dqd + ha*state%qdd

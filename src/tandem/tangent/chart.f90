@@ -54,6 +54,8 @@ module tandem_tangent_chart
         procedure(restore_velocity_interface), deferred :: restore_velocity
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
         procedure(factor_stage_interface), deferred :: factor_stage
+        procedure(reuse_stage_interface), deferred :: reuse_stage
+        procedure(matrix_cost_interface), deferred :: matrix_cost
         procedure(correct_stage_interface), deferred :: correct_stage
         procedure(filter_error_interface), deferred :: filter_error
         procedure(multipliers_interface), deferred :: multipliers
@@ -164,6 +166,25 @@ module tandem_tangent_chart
             real(wp), intent(in) :: ha
             integer, intent(out) :: stat
         end subroutine factor_stage_interface
+
+        !> Make the matrix of the last `factor_stage` serve stages with another ha, on another chart too: no derivatives, at most a
+        !> factorisation.
+        subroutine reuse_stage_interface(self, ha, can)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> h a_ii.
+            real(wp), intent(in) :: ha
+            !> False where there is no such matrix, or where the model has entered another segment since.
+            logical, intent(out) :: can
+        end subroutine reuse_stage_interface
+
+        !> What `factor_stage` costs, in units of a stage's correction: by this the steppers decide how long a matrix is kept.
+        pure real(wp) function matrix_cost_interface(self)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+        end function matrix_cost_interface
 
         !> One Newton correction of the ambient rates of a stage whose position and velocity were restored from them.
         subroutine correct_stage_interface(self, t, q, qd, ha, rate_q, rate_qd, change, stat)

@@ -21,8 +21,9 @@ module tandem_tangent_counts
         integer(long) :: terms(n_terms) = 0, fused_calls = 0
         !> Evaluations of C among them that served the search for integrable rows, once at the start.
         integer(long) :: start_evaluations = 0
-        !> Newton matrices of implicit stages formed and factored, corrections of stages, and stages.
-        integer(long) :: newton_matrices = 0, newton_corrections = 0, implicit_stages = 0
+        !> Newton matrices of implicit stages formed (their derivatives evaluated), factorisations of them (a changed step takes one
+        !> without derivatives), corrections of stages, and stages.
+        integer(long) :: newton_matrices = 0, newton_factorizations = 0, newton_corrections = 0, implicit_stages = 0
         !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms that
         !> differences spent in their place, for derivatives and for gamma.
         integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0

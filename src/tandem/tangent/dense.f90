@@ -13,10 +13,10 @@ module tandem_tangent_dense
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
-    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram
+    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
-    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
@@ -68,11 +68,17 @@ module tandem_tangent_dense
         real(wp) :: last_weakness = 1.0_wp
         !> C where the current step starts (m, n).
         real(wp), allocatable :: step_jacobian(:, :)
+        !> Where bases are kept: C X there (m, m), and its factors.
+        real(wp), allocatable :: origin_c_x(:, :)
+        type(lu_type) :: origin_lu
         !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
         !> `qd_point`) are those of it.
         logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
+        !> The segment of the model where the last Newton matrix was formed, and what a new one costs in corrections.
+        integer :: stage_segment = 0
+        real(wp) :: cost = 0.0_wp
         !> Work space for stages.
         real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
@@ -86,6 +92,8 @@ module tandem_tangent_dense
         procedure :: restore_velocity
         procedure :: solve_dynamics
         procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: matrix_cost
         procedure :: correct_stage
         procedure :: filter_error
         procedure :: multipliers
@@ -97,6 +105,8 @@ module tandem_tangent_dense
         procedure :: kinetic_energy
         procedure, private :: move_to
         procedure, private :: split_here
+        procedure, private :: split_fully
+        procedure, private :: measure_origin
         procedure, private :: move_with
         procedure, private :: load_bases
         procedure, private :: evaluate_gamma
@@ -156,6 +166,8 @@ contains
             self%x = spread(0.0_wp, 1, m)
             self%z = spread(0.0_wp, 1, n - m)
             if (self%has_bases) then
+                allocate (self%origin_c_x(m, m), source=0.0_wp)
+                call self%origin_lu%allocate(m)
                 allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
                 allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
             else
@@ -166,6 +178,10 @@ contains
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
                 call self%derivatives%allocate(n, m)
+                self%stage_segment = 0
+                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations more.
+                self%cost = 2.5_wp
+                if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
             end if
         end associate
@@ -190,6 +206,7 @@ contains
         if (stat /= status_ok) return
         call self%load_bases(stat)
         if (stat /= status_ok) return
+        if (self%is_implicit) call self%stage%enter_chart()
         call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
         if (stat /= status_ok) return
         if (self%has_bases) then
@@ -197,11 +214,13 @@ contains
             call self%split%start(self%model%terms%jacobian, self%x_basis, stat)
             if (stat /= status_ok) return
         end if
+        self%step_jacobian = self%model%terms%jacobian
+        ! Implicit steps split where they need it.
+        if (self%has_bases) return
         call self%split_here(stat)
+        if (stat /= status_ok) return
         self%origin_orientation = self%split%orientation
         self%last_weakness = self%split%weakness
-        self%step_jacobian = self%model%terms%jacobian
-        if (stat /= status_ok .or. self%has_bases) return
         do j = 1, self%n - self%m
             self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
         end do
@@ -332,7 +351,7 @@ contains
         self%q_point = q
     end subroutine move_to
 
-    !> R and D at the current point, and with `refine` B too.
+    !> What R and D at the current point follow from, and with `refine` B too.
     subroutine split_here(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -347,6 +366,15 @@ contains
         call self%blame(self%split%failed_row, 0.0_wp)
         self%is_split = stat == status_ok
     end subroutine split_here
+
+    !> R and D at the current point as matrices.
+    subroutine split_fully(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        call self%split_here(stat)
+        if (stat == status_ok) call self%split%complete(self%model%terms%jacobian, self%x_basis, self%w_basis)
+    end subroutine split_fully
 
     !> qd = qd0 + eta - X x with C qd = nu.
     subroutine restore_velocity(self, t, q, increment, qd, stat)
@@ -385,12 +413,12 @@ contains
             do pass = 1, merge(2, 1, self%has_bases .and. .not. self%refines)
                 self%x = -terms%nu
                 call add_product(terms%jacobian, qd, 1.0_wp, self%x)
-                call add_product(r, self%x, -1.0_wp, qd)
+                call self%split%subtract_right_inverse(self%x_basis, self%x, qd)
             end do
         end associate
     end subroutine restore_velocity
 
-    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last; R and D are those of the point.
+    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
     subroutine move_with(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -398,7 +426,6 @@ contains
         integer, intent(out) :: stat
 
         call self%move_to(t, q, stat)
-        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
         if (self%has_motion) then
             if (all(abs(qd - self%qd_point) <= 0.0_wp)) return
@@ -427,6 +454,7 @@ contains
 
         self%failed_row = 0
         call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%split_fully(stat)
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%factor(terms%mass, d, stat)
@@ -475,6 +503,7 @@ contains
 
         self%failed_row = 0
         call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%split_fully(stat)
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
@@ -485,11 +514,31 @@ contains
             end if
             call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
             if (stat /= status_ok) return
-            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%position%u_basis, self%b_phi, d, r)
-            call self%stage%factor(d, ha, stat)
+            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, self%position%u_basis, &
+                self%b_phi, d, r)
+            call self%stage%factor(ha, stat)
         end associate
+        self%stage_segment = self%model%segment()
         self%counts%newton_matrices = self%counts%newton_matrices + 1
+        self%counts%newton_factorizations = self%counts%newton_factorizations + 1
     end subroutine factor_stage
+
+    !> Make the last Newton matrix serve ha.
+    subroutine reuse_stage(self, ha, can)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+
+        can = self%stage_segment == self%model%segment()
+        if (can) call self%stage%adapt(ha, self%counts%newton_factorizations, can)
+    end subroutine reuse_stage
+
+    !> What a new Newton matrix costs, in corrections.
+    pure real(wp) function matrix_cost(self)
+        class(dense_chart_type), intent(in) :: self
+
+        matrix_cost = self%cost
+    end function matrix_cost
 
     !> One Newton correction of a stage's rates at the restored point.
     subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
@@ -505,9 +554,10 @@ contains
         self%failed_row = 0
         change = 0.0_wp
         call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        call self%stage%correct(self%model%terms, self%v_basis, self%v_dual, self%w_dual, self%split%null_space, &
-            self%split%right_inverse, qd, rate_q, rate_qd, self%change_q, self%change_qd)
+        call self%stage%correct(self%model%terms, self%split, self%v_basis, self%v_dual, self%x_basis, self%w_basis, self%w_dual, &
+            qd, rate_q, rate_qd, self%change_q, self%change_qd)
         do j = 1, self%n
             change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
                 abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
@@ -524,7 +574,7 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
-        call self%stage%filter(self%v_basis, self%v_dual, self%w_dual, error_q, error_qd)
+        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%split%null_space, error_q, error_qd)
     end subroutine filter_error
 
     !> lambda at (t, q, qd, qdd).
@@ -537,6 +587,7 @@ contains
 
         lambda = 0.0_wp
         call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%split_fully(stat)
         if (stat /= status_ok) return
         self%counts%multipliers = self%counts%multipliers + 1
         if (allocated(self%dropped)) then
@@ -558,7 +609,7 @@ contains
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
-        if (stat == status_ok) call self%split_here(stat)
+        if (stat == status_ok) call self%split_fully(stat)
         if (stat /= status_ok) return
         associate (r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%factor(self%model%terms%mass, d, stat)
@@ -634,8 +685,11 @@ contains
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        if (self%refines) call self%split%measure_orientation()
+        if (self%has_bases) call self%measure_origin()
+        call self%split%measure_orientation()
         if (allocated(self%dropped)) then
+            call self%split_fully(stat)
+            if (stat /= status_ok) return
             do i = 1, size(self%dropped)
                 associate (row => self%model%all_rows%jacobian(self%dropped(i), :), d => self%split%null_space)
                     do j = 1, size(d, 2)
@@ -662,6 +716,18 @@ contains
         end if
         if (room <= horizon) call self%blame_dependent(0)
     end subroutine measure_rank
+
+    !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
+    subroutine measure_origin(self)
+        class(dense_chart_type), intent(inout) :: self
+        integer :: stat
+
+        call set_product(self%step_jacobian, self%x_basis, self%origin_c_x)
+        call self%origin_lu%factor(self%origin_c_x, stat)
+        if (stat /= 0) return
+        self%origin_orientation = self%origin_lu%determinant_sign()
+        self%last_weakness = self%origin_lu%smallest_pivot()
+    end subroutine measure_origin
 
     !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
     logical function loses_rank_ahead(self, t, q, qd, h)
@@ -730,7 +796,7 @@ contains
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
-        if (stat == status_ok .and. self%watch%condition) call self%split_here(stat)
+        if (stat == status_ok .and. self%watch%condition) call self%split_fully(stat)
         if (stat /= status_ok) return
         health%corrections = max(self%position%most_corrections, self%split%most_corrections)
         self%position%most_corrections = 0

@@ -3,11 +3,13 @@
 !>
 !> Three ways to them. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps. With the
 !> chart's bases X and W, R = X H and D = (I - X H C) W (31), where H = (C X)^-1 comes from a factorisation or from the
-!> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates.
+!> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates. With a
+!> factorisation, R and D are formed only where somebody wants them as matrices (`complete`): a correction of a stage needs no more
+!> than their products with a vector, two or three solutions with C X.
 module tandem_tangent_split
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: elimination_type
-    use tandem_linalg_kernels, only: set_product
+    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_status, only: status_chart_left, status_ok, status_rank_deficient
     use tandem_tangent_counts, only: counts_type
@@ -31,6 +33,8 @@ module tandem_tangent_split
         integer :: failed_row = 0
         !> Most corrections that a refinement of H has taken since the caller set this to zero.
         integer :: most_corrections = 0
+        !> Whether R and D are those of the last `update`.
+        logical :: is_complete = .false.
         integer, private :: way = by_elimination
         integer, private :: m = 0
         real(wp), private :: htol = 0.0_wp
@@ -38,12 +42,15 @@ module tandem_tangent_split
         type(refinement_type), private :: h
         type(lu_type), private :: c_x_lu
         !> C X (m, m), C W (m, k).
-        real(wp), allocatable, private :: c_x(:, :), c_w(:, :), held_h(:, :)
+        real(wp), allocatable, private :: c_x(:, :), c_w(:, :), held_h(:, :), y(:)
     contains
         procedure :: allocate => allocate_split
         procedure :: start
         procedure :: update
         procedure :: measure_orientation
+        procedure :: complete
+        procedure :: subtract_right_inverse
+        procedure :: subtract_reaction
         procedure :: hold
         procedure :: release
         procedure, private :: invert
@@ -62,8 +69,9 @@ contains
         self%m = m
         self%way = way
         self%htol = htol
-        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h)
-        allocate (self%held_h(m, m), self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
+        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h, &
+            self%y)
+        allocate (self%y(m), self%held_h(m, m), self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
         if (way == by_elimination) then
             allocate (self%c_x(0, 0), self%c_w(0, 0))
             call self%elimination%allocate(m, n)
@@ -86,7 +94,7 @@ contains
         if (self%way == by_refinement) call self%invert(jacobian, x_basis, stat)
     end subroutine start
 
-    !> R and D for C at a point.
+    !> Bring R and D to C at a point; `by_factor` up to the factorisation.
     subroutine update(self, jacobian, scale, x_basis, w_basis, counts, stat)
         class(split_type), intent(inout) :: self
         !> C (m, n), coordinate scales (n), X (n, m) and W (n, k); the bases are not looked at `by_elimination`.
@@ -109,29 +117,81 @@ contains
             call self%elimination%get_right_inverse(self%right_inverse)
             call self%elimination%get_null_space(self%null_space)
             self%orientation = self%elimination%orientation
-            return
+            self%is_complete = .true.
         case (by_factor)
-            call self%invert(jacobian, x_basis, stat)
+            self%is_complete = .false.
+            call set_product(jacobian, x_basis, self%c_x)
+            call self%c_x_lu%factor(self%c_x, stat)
+            stat = merge(status_ok, status_chart_left, stat == 0)
         case default ! by_refinement
             call set_product(jacobian, x_basis, self%c_x)
             call self%h%refine(self%c_x, self%htol, counts%h_corrections, stat)
             self%most_corrections = max(self%most_corrections, self%h%last_corrections)
+            self%is_complete = .false.
+            if (stat == status_ok) call self%complete(jacobian, x_basis, w_basis)
         end select
-        if (stat /= status_ok) return
+    end subroutine update
+
+    !> Form R and D for the C of the last update, unless that is done.
+    subroutine complete(self, jacobian, x_basis, w_basis)
+        class(split_type), intent(inout) :: self
+        !> C (m, n), X (n, m), W (n, k).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :), w_basis(:, :)
+
+        if (self%is_complete) return
+        self%is_complete = .true.
+        if (self%way == by_factor) call self%c_x_lu%invert(self%h%inverse)
         call set_product(x_basis, self%h%inverse, self%right_inverse)
         call set_product(jacobian, w_basis, self%c_w)
         call set_product(self%right_inverse, self%c_w, self%null_space)
         self%null_space = w_basis - self%null_space
-    end subroutine update
+    end subroutine complete
 
-    !> The orientation at the point of the last update `by_refinement`, which does not meet it by the way.
+    !> y := y - R x.
+    subroutine subtract_right_inverse(self, x_basis, x, y)
+        class(split_type), intent(inout) :: self
+        !> X (n, m); not looked at where R is formed.
+        real(wp), intent(in), contiguous :: x_basis(:, :)
+        !> x (m); its value is lost.
+        real(wp), intent(inout), contiguous :: x(:)
+        real(wp), intent(inout), contiguous :: y(:)
+
+        if (self%is_complete) then
+            call add_product(self%right_inverse, x, -1.0_wp, y)
+        else
+            call self%c_x_lu%solve(x)
+            call add_product(x_basis, x, -1.0_wp, y)
+        end if
+    end subroutine subtract_right_inverse
+
+    !> f := (I - C' R') f, so that W' f is what D' f was.
+    subroutine subtract_reaction(self, jacobian, x_basis, force)
+        class(split_type), intent(inout) :: self
+        !> C (m, n), X (n, m).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :)
+        real(wp), intent(inout), contiguous :: force(:)
+
+        self%y = 0.0_wp
+        if (self%is_complete) then
+            call add_transposed_product(self%right_inverse, force, 1.0_wp, self%y)
+        else
+            call add_transposed_product(x_basis, force, 1.0_wp, self%y)
+            call self%c_x_lu%solve_transposed(self%y)
+        end if
+        call add_transposed_product(jacobian, self%y, -1.0_wp, force)
+    end subroutine subtract_reaction
+
+    !> Orientation and weakness at the point of the last update, where elimination does not meet them by the way.
     subroutine measure_orientation(self)
         class(split_type), intent(inout) :: self
         integer :: stat
 
-        call self%c_x_lu%factor(self%c_x, stat)
-        if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
-        if (stat == 0) self%weakness = self%c_x_lu%smallest_pivot()
+        if (self%way == by_elimination) return
+        stat = 0
+        if (self%way == by_refinement) call self%c_x_lu%factor(self%c_x, stat)
+        if (stat /= 0) return
+        self%orientation = self%c_x_lu%determinant_sign()
+        self%weakness = self%c_x_lu%smallest_pivot()
     end subroutine measure_orientation
 
     !> Keep what the next update starts from, so that a look at another point leaves no trace.

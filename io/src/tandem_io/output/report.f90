@@ -38,6 +38,7 @@ contains
             end do
             call file%attach(place, 'fused_calls', s%fused_calls)
             call file%attach(place, 'newton_matrices', s%newton_matrices)
+            call file%attach(place, 'newton_factorizations', s%newton_factorizations)
             call file%attach(place, 'newton_corrections', s%newton_corrections)
             call file%attach(place, 'implicit_stages', s%implicit_stages)
             do i = 1, n_derivatives
