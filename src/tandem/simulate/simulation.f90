@@ -440,6 +440,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer :: stat
 
+        self%next%dq = 0.0_wp
+        if (self%has_step) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (self%chart%wants_other_rows()) then
             call self%choose_rows_anew(stat)
@@ -449,7 +451,7 @@ contains
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             return
         end if
-        self%state%dq = 0.0_wp
+        self%state%dq = self%next%dq
         self%state%dqd = 0.0_wp
         self%chart_is_current = .true.
         self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1

@@ -46,6 +46,7 @@ module tandem_tangent_chart
     contains
         procedure(initialize_interface), deferred :: initialize
         procedure(renew_interface), deferred :: renew
+        procedure(remainder_interface), deferred :: remainder
         procedure(refresh_interface), deferred :: refresh
         procedure(forget_interface), deferred :: forget
         procedure(forget_interface), deferred :: hold
@@ -98,6 +99,18 @@ module tandem_tangent_chart
             !> A status code.
             integer, intent(out) :: stat
         end subroutine renew_interface
+
+        !> What rounding took from the last restored point q = q0 + xi - U u: the increment from which the next chart starts, so that
+        !> it does not add up over many small steps.
+        pure subroutine remainder_interface(self, increment, q, left)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+            !> xi (n) and the point restored from it (n).
+            real(wp), intent(in), contiguous :: increment(:), q(:)
+            !> (n)
+            real(wp), intent(out), contiguous :: left(:)
+        end subroutine remainder_interface
 
         !> Bring what is kept from step to step to (t, q); called before a step on an old chart.
         subroutine refresh_interface(self, t, q, stat)

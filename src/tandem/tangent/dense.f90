@@ -84,6 +84,7 @@ module tandem_tangent_dense
     contains
         procedure :: initialize
         procedure :: renew
+        procedure :: remainder
         procedure :: refresh
         procedure :: forget
         procedure :: hold
@@ -225,6 +226,18 @@ contains
             self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
         end do
     end subroutine renew
+
+    !> What rounding took from q = q0 + xi - U u.
+    pure subroutine remainder(self, increment, q, left)
+        class(dense_chart_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: increment(:), q(:)
+        real(wp), intent(out), contiguous :: left(:)
+
+        left = increment - (q - self%q0)
+        call self%position%subtract_correction(left)
+        ! More than rounding: q is not the point of that increment.
+        if (any(abs(left) > 8*epsilon(1.0_wp)*(abs(q) + abs(increment) + self%scale))) left = 0.0_wp
+    end subroutine remainder
 
     !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
     subroutine load_bases(self, stat)

@@ -38,6 +38,7 @@ module tandem_tangent_position
         procedure :: refresh
         procedure :: refine
         procedure :: restore
+        procedure :: subtract_correction
         procedure :: get_b_phi
         procedure :: hold
         procedure :: release
@@ -197,6 +198,15 @@ contains
         self%u = self%held_u
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
+
+    !> x := x - U u with the u of the last `restore`.
+    pure subroutine subtract_correction(self, x)
+        class(position_type), intent(in) :: self
+        !> (n)
+        real(wp), intent(inout), contiguous :: x(:)
+
+        if (self%nh > 0) call add_product(self%u_basis, self%u, -1.0_wp, x)
+    end subroutine subtract_correction
 
     !> B Phi_q (nh, n) at a point.
     subroutine get_b_phi(self, jacobian, b_phi, counts, stat)
