@@ -6,6 +6,8 @@ submodule(tandem_simulation) tandem_simulate_stepping
 
     !> Steps approach a loss of rank until its singular value has fallen to this part: closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
+    !> A loss of rank at the very end of a step belongs to it.
+    real(wp), parameter :: hair = 1.0e-10_wp
 
 contains
 
@@ -96,7 +98,7 @@ contains
 
         if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
         associate (state => self%state)
-            if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, 1.01_wp*h)) stat = status_rank_deficient
+            if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)) stat = status_rank_deficient
         end associate
     end subroutine look_for_lost_rank
 
@@ -120,9 +122,9 @@ contains
         call renew_by_policy(self, error)
         if (allocated(error)) return
         stat = status_ok
-        if (self%room < 1.01_wp*h) then
+        if (self%room < 1.5_wp*h) then
             associate (state => self%state)
-                if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, 1.01_wp*h)) stat = status_rank_deficient
+                if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)) stat = status_rank_deficient
             end associate
         end if
         if (stat == status_ok) then
