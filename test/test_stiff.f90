@@ -7,7 +7,8 @@ module test_stiff
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: run
-    use tandem, only: failure_type => error_type, model_type, motorcycle_type, options_type, simulation_type, statistics_type, wp
+    use tandem, only: articulated_vehicle_type, failure_type => error_type, model_type, motorcycle_type, &
+        options_type, simulation_type, statistics_type, wp
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -29,23 +30,33 @@ contains
             new_unittest('sdirk54-damps-a-stiff-spring', test_spring_sdirk54), &
             new_unittest('sdirk54-follows-the-slow-motion-of-a-stiff-pendulum', test_spring_reference), &
             new_unittest('trapezoid-rings-on-a-stiff-spring', test_spring_trapezoid), &
-            new_unittest('rk4-fails-on-a-stiff-spring', test_spring_rk4)]
+            new_unittest('rk4-fails-on-a-stiff-spring', test_spring_rk4), &
+            new_unittest('sdirk54-reaches-its-tolerance-on-a-lightly-damped-spring', test_light_spring), &
+            new_unittest('sdirk54-reaches-its-tolerance-on-a-spring-1e4-times-as-stiff', test_stiffer_spring), &
+            new_unittest('sdirk54-reaches-its-tolerance-on-a-spring-1e6-times-as-stiff', test_stiffest_spring), &
+            new_unittest('sdirk54-reaches-its-tolerance-on-every-suspension', test_suspension_tolerance), &
+            new_unittest('the-vehicle-keeps-its-matrix-under-error-control', test_kept_under_control)]
     end subroutine collect_stiff
 
-    !> The motorcycle in the equilibrium of its standard suspension, then with k and c times 1000 and the same spring length.
-    subroutine set_up(fork_angle, model, q, qd)
+    !> The motorcycle in the equilibrium of its standard suspension, then with k and c times a factor (1000 where it is not given)
+    !> and the same spring length.
+    subroutine set_up(fork_angle, model, q, qd, factor)
         real(wp), intent(in) :: fork_angle
         type(motorcycle_type), intent(inout) :: model
         real(wp), intent(out) :: q(10), qd(10)
+        real(wp), intent(in), optional :: factor
+        real(wp) :: times
         integer :: stat
 
+        times = 1.0e3_wp
+        if (present(factor)) times = factor
         model%fork_angle = fork_angle
         call model%define()
         call model%start(15.0_wp, q, qd, stat)
         if (stat /= 0) error stop 'set_up: no equilibrium'
         model%free_length = model%spring_length()
-        model%stiffness = 1000*model%stiffness
-        model%damping = 1000*model%damping
+        model%stiffness = times*model%stiffness
+        model%damping = times*model%damping
     end subroutine set_up
 
     !> The history of one coordinate over the steps of a run, the start included.
@@ -271,4 +282,175 @@ contains
             call check_text(error, failure%message, 'smaller step')
         end do
     end subroutine test_spring_rk4
+
+    !> Options of SDIRK54 under error control.
+    function controlled(rtol) result(options)
+        real(wp), intent(in) :: rtol
+        type(options_type) :: options
+
+        options%stepper = 'sdirk54'
+        options%rtol = rtol
+    end function controlled
+
+    !> Every swing of the spring is followed, 3132 rad/s for 2 s: positions at all times of the reference within 30 tolerances.
+    subroutine test_light_spring(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(stiff_pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(reference_type) :: table
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: rtol = 1.0e-6_wp
+        real(wp) :: largest
+        integer :: i
+
+        call model%define()
+        call read_reference('stiff_pendulum', table)
+        call simulation%initialize(model, controlled(rtol), 0.0_wp, table%q(:, 1), table%qd(:, 1), failure)
+        largest = 0.0_wp
+        do i = 2, size(table%t)
+            if (.not. allocated(failure)) call simulation%integrate(table%t(i), failure)
+            largest = max(largest, maxval(abs(simulation%state%q - table%q(:, i))))
+        end do
+        call check_no_failure(error, failure)
+        ! Seen: 0.05 tolerances.
+        call check_below(error, largest, 30*rtol, 'position')
+    end subroutine test_light_spring
+
+    !> A spring with frequency sqrt(k/m) = ratio sqrt(g/l) and damping ratio 0.5, stretched by 1e-3 at the start; its length on a scale
+    !> of its own.
+    subroutine pull(ratio, length_scale, rtol, simulation, statistics, error)
+        real(wp), intent(in) :: ratio, length_scale, rtol
+        type(simulation_type), intent(inout) :: simulation
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(out) :: error
+        type(stiff_pendulum_type), target :: model
+        type(reference_type) :: table
+        type(failure_type), allocatable :: failure
+
+        model%k = 9.81_wp*ratio**2
+        model%c = sqrt(model%k)
+        call model%define()
+        model%coordinate_scale = [1.0_wp, 1.0_wp, length_scale]
+        call read_reference('stiff_pendulum', table)
+        call run(simulation, model, controlled(rtol), 0.0_wp, table%q(:, 1), table%qd(:, 1), 2.0_wp, failure)
+        statistics = simulation%statistics()
+        simulation%model => null()
+        call check_no_failure(error, failure)
+    end subroutine pull
+
+    !> Ratio 1e4, at t = 2 against SDIRK54 with 1e-11 (8e5 steps) and DOP853 with 1e-12 (2e5 steps), which agree to 2.3e-12. With the
+    !> length on the scale of the others 38 000 steps, with that of its stretch 2300: the method's stage order of 1 shows in the
+    !> length's velocity, and the chart's curvature in the length takes part in that.
+    subroutine test_stiffer_spring(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        real(wp), parameter :: rtol = 1.0e-6_wp
+        real(wp), parameter :: exact(3) = [0.796082297658_wp, -0.605188392202_wp, 1.000000007350_wp]
+        integer :: i
+
+        do i = 1, 2
+            call pull(1.0e4_wp, merge(1.0_wp, 1.0e-3_wp, i == 1), rtol, simulation, statistics, error)
+            if (allocated(error)) return
+            ! Seen: 0.3 tolerances, 0.004.
+            call check_below(error, maxval(abs(simulation%state%q - exact)), 30*rtol, 'position')
+            ! Seen: 1e4 and 1e7; on the way there 2500 steps.
+            call check_below(error, 1.0e3_wp*statistics%smallest_step, statistics%largest_step, 'steps after the transient')
+            if (i == 2) call check_below(error, real(statistics%steps, wp), 5.0e3_wp, 'steps')
+        end do
+    end subroutine test_stiffer_spring
+
+    !> Ratio 1e6: after 1e-6 s this is a rigid pendulum of length 1, but for 1e-8. SDIRK54 with another length scale agrees with that
+    !> to 1.1e-8.
+    subroutine test_stiffest_spring(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        real(wp), parameter :: rtol = 1.0e-6_wp
+        integer, parameter :: n_steps = 20000
+        real(wp), parameter :: h = 2.0_wp/n_steps
+        real(wp) :: y(2), k(2, 4)
+        integer :: i
+
+        ! RK4 in the angle.
+        y = [atan2(0.8423124557927044_wp, 0.5408426081740079_wp), 0.0_wp]
+        do i = 1, n_steps
+            k(:, 1) = rigid(y)
+            k(:, 2) = rigid(y + 0.5_wp*h*k(:, 1))
+            k(:, 3) = rigid(y + 0.5_wp*h*k(:, 2))
+            k(:, 4) = rigid(y + h*k(:, 3))
+            y = y + h/6*(k(:, 1) + 2*k(:, 2) + 2*k(:, 3) + k(:, 4))
+        end do
+        call pull(1.0e6_wp, 1.0e-3_wp, rtol, simulation, statistics, error)
+        if (allocated(error)) return
+        ! Seen: 0.5 tolerances.
+        call check_below(error, maxval(abs(simulation%state%q - [sin(y(1)), -cos(y(1)), 1.0_wp])), 30*rtol, 'position')
+        call check_below(error, 1.0e3_wp*statistics%smallest_step, statistics%largest_step, 'steps after the transient')
+        ! Seen: 4600; a step as large as the first ones would need 1e13.
+        call check_below(error, real(statistics%steps, wp), 2.0e4_wp, 'steps')
+    contains
+        pure function rigid(state) result(rate)
+            real(wp), intent(in) :: state(2)
+            real(wp) :: rate(2)
+
+            rate = [state(2), -9.81_wp*sin(state(1))]
+        end function rigid
+    end subroutine test_stiffest_spring
+
+    !> k and c times 1, 1e3, 1e6, across the breakpoint, against SDIRK54 with 1e-9, which DOP853 confirms to 2e-9 and 5e-9 for the
+    !> first two, and SDIRK54 with 1e-11 to 2e-9 for the third.
+    subroutine test_suspension_tolerance(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(motorcycle_type), target :: model
+        type(simulation_type) :: simulation, fine
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: rtol = 1.0e-6_wp, factors(3) = [1.0_wp, 1.0e3_wp, 1.0e6_wp]
+        real(wp) :: q(10), qd(10)
+        integer :: i
+
+        do i = 1, size(factors)
+            call set_up(0.2_wp, model, q, qd, factors(i))
+            call run(fine, model, controlled(1.0e-9_wp), 0.0_wp, q, qd, 10.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call run(simulation, model, controlled(rtol), 0.0_wp, q, qd, 10.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            statistics = simulation%statistics()
+            ! Seen: 2.6, 3.4 and 4.0 tolerances, 31, 85 and 89 steps.
+            call check_close(error, simulation%state%q, fine%state%q, 30*rtol, 'q')
+            call check_close(error, simulation%state%qd, fine%state%qd, 30*rtol, 'qd')
+            call check_below(error, real(statistics%steps, wp), 200.0_wp, 'steps')
+            if (i > 1) call check_below(error, 1.0e3_wp*statistics%smallest_step, statistics%largest_step, 'steps at the end')
+        end do
+    end subroutine test_suspension_tolerance
+
+    !> Steps of all sizes take factorisations, hardly any derivatives; the error is the tolerance, 1e-4 to 1e-12.
+    subroutine test_kept_under_control(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(articulated_vehicle_type), target :: vehicle
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(reference_type) :: table
+        type(failure_type), allocatable :: failure
+        real(wp) :: rtol
+        integer :: i
+
+        call vehicle%define()
+        call read_reference('vehicle', table)
+        do i = 4, 12
+            rtol = 10.0_wp**(-i)
+            call run(simulation, vehicle, controlled(rtol), 0.0_wp, table%q(:, 1), table%qd(:, 1), 10.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            ! Seen: between 1.0 and 1.6 tolerances.
+            call check_between(error, maxval(abs(simulation%state%q - table%q(:, size(table%t))))/rtol, 0.01_wp, 30.0_wp, &
+                'error over tolerance')
+            statistics = simulation%statistics()
+            ! Seen: 0.03 to 0.19 a step, one at the start and one after the breakpoint at least.
+            call check_below(error, real(statistics%newton_matrices, wp), 2.0_wp + 0.25_wp*real(statistics%steps, wp), 'matrices')
+            call check_true(error, statistics%newton_factorizations > statistics%newton_matrices, 'factorisations of a kept matrix')
+        end do
+    end subroutine test_kept_under_control
 end module test_stiff
