@@ -316,8 +316,8 @@ contains
         call check_below(error, largest, 30*rtol, 'position')
     end subroutine test_light_spring
 
-    !> A spring with frequency sqrt(k/m) = ratio sqrt(g/l) and damping ratio 0.5, stretched by 1e-3 at the start; its length on a scale
-    !> of its own.
+    !> A spring with frequency sqrt(k/m) = ratio sqrt(g/l) and damping ratio 0.5, stretched by 1e-3 at the start; its length on a
+    !> scale of its own.
     subroutine pull(ratio, length_scale, rtol, simulation, statistics, error)
         real(wp), intent(in) :: ratio, length_scale, rtol
         type(simulation_type), intent(inout) :: simulation
@@ -338,9 +338,9 @@ contains
         call check_no_failure(error, failure)
     end subroutine pull
 
-    !> Ratio 1e4, at t = 2 against SDIRK54 with 1e-11 (8e5 steps) and DOP853 with 1e-12 (2e5 steps), which agree to 2.3e-12. With the
-    !> length on the scale of the others 38 000 steps, with that of its stretch 2300: the method's stage order of 1 shows in the
-    !> length's velocity, and the chart's curvature in the length takes part in that.
+    !> Ratio 1e4, at t = 2 against SDIRK54 with 1e-11 (8e5 steps) and DOP853 with 1e-12 (2e5 steps), which agree to 2.3e-12. With
+    !> the length on the scale of the others 38 000 steps, with that of its stretch 2300: the method's stage order of 1 shows in
+    !> the length's velocity, and the chart's curvature in the length takes part in that.
     subroutine test_stiffer_spring(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -360,8 +360,8 @@ contains
         end do
     end subroutine test_stiffer_spring
 
-    !> Ratio 1e6: after 1e-6 s this is a rigid pendulum of length 1, but for 1e-8. SDIRK54 with another length scale agrees with that
-    !> to 1.1e-8.
+    !> Ratio 1e6: after 1e-6 s this is a rigid pendulum of length 1, but for 1e-8. SDIRK54 with another length scale agrees with
+    !> that to 1.1e-8.
     subroutine test_stiffest_spring(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation

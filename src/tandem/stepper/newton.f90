@@ -95,7 +95,10 @@ contains
         stat = status_ok
         self%counted = chart%counts%newton_corrections
         self%is_fresh = .false.
-        if (.not. continues) call self%prediction%forget()
+        if (.not. continues) then
+            call self%prediction%forget()
+            self%theta = 1.0_wp
+        end if
         keeps = continues .and. .not. self%is_worn
         if (keeps) call chart%reuse_stage(ha, keeps)
         if (.not. keeps) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
@@ -118,8 +121,8 @@ contains
         self%seen_steps = 0
     end subroutine renew
 
-    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made at the start of
-    !> the step; if that fails, from the state there; if that fails too, with matrices made where the iteration stood.
+    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made at the start
+    !> of the step; if that fails, from the state there; if that fails too, with matrices made where the iteration stood.
     subroutine solve(self, chart, history, state, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -139,10 +142,9 @@ contains
         call self%iterate(chart, stage, t, ha, stat)
         if (stat /= status_ok .and. .not. self%is_fresh) then
             call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
-            if (stat == status_ok) then
-                call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
-                call self%iterate(chart, stage, t, ha, stat)
-            end if
+            if (stat /= status_ok) return
+            call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
+            call self%iterate(chart, stage, t, ha, stat)
         end if
         if (stat == status_ok) then
             call self%prediction%learn(stage, state%t, ha, self%rate_q, self%rate_qd)

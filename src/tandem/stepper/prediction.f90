@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> Start values for the rates of an implicit stage.
 !>
-!> The polynomial through the nearest past stages misses what is particular to a stage: the stages of a method of stage order 1 are
-!> off the motion by some J h^2 y'', a different part of it each. But a stage misses in this step about as it did in the steps before.
-!> So what each stage's polynomial missed is kept, over ha^2, and its extrapolation of order 0 (the last miss) ... 2 over the last
-!> steps is added: of whichever order would have been best in the last step, or nothing, where that was best.
+!> The polynomial through the nearest past stages misses what is particular to a stage: the stages of a method of stage order 1
+!> are off the motion by some J h^2 y'', a different part of it each. But a stage misses in this step about as it did in the steps
+!> before. So what each stage's polynomial missed is kept, over ha^2, and its extrapolation of order 0 (the last miss) ... 2 over
+!> the last steps is added: of whichever order would have been best in the last step, or nothing, where that was best.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
     use tandem_stepper_history, only: history_type

@@ -100,8 +100,8 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine renew_interface
 
-        !> What rounding took from the last restored point q = q0 + xi - U u: the increment from which the next chart starts, so that
-        !> it does not add up over many small steps.
+        !> What rounding took from the last restored point q = q0 + xi - U u: the increment from which the next chart starts, so
+        !> that it does not add up over many small steps.
         pure subroutine remainder_interface(self, increment, q, left)
             import :: chart_type, wp
             implicit none (type, external)

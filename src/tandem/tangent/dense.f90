@@ -180,7 +180,7 @@ contains
                 call self%stage%allocate(n, nh, m)
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0
-                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations more.
+                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
                 self%cost = 2.5_wp
                 if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)

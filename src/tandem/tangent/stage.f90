@@ -271,8 +271,8 @@ contains
         end associate
     end subroutine correct
 
-    !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration contracts
-    !> by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
+    !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration
+    !> contracts by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
     subroutine filter(self, v_basis, v_dual, w_basis, w_dual, null_space, error_q, error_qd)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), D (n, nw).
