@@ -7,7 +7,7 @@ submodule(tandem_simulation) tandem_simulate_stepping
     !> Steps approach a loss of rank until its singular value has fallen to this part: closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
     !> A loss of rank at the very end of a step belongs to it.
-    real(wp), parameter :: hair = 1.0e-10_wp
+    real(wp), parameter :: hair = 1.0e-7_wp
 
 contains
 
@@ -97,8 +97,10 @@ contains
         integer, intent(inout) :: stat
 
         if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
-        associate (state => self%state)
-            if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)) stat = status_rank_deficient
+        associate (state => self%state, next => self%next)
+            ! From a little behind, since the state may lie just beyond, and a little further, since the way bends.
+            next%q = state%q - h*state%qd
+            if (self%chart%loses_rank_ahead(state%t - h, next%q, state%qd, 2.5_wp*h)) stat = status_rank_deficient
         end associate
     end subroutine look_for_lost_rank
 
