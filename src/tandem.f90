@@ -18,7 +18,7 @@ module tandem
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
     use tandem_simulate_warning, only: warning_type
-    use tandem_simulation, only: at_end, at_start, at_step, observer_type, simulation_type
+    use tandem_simulation, only: at_end, at_event, at_start, at_step, observer_type, simulation_type
     use tandem_status, only: is_input_error, status_name, status_ok, status_output_failed
     use tandem_stepper, only: properties_type
     use tandem_stepper_factory, only: new_stepper, stepper_names
@@ -33,7 +33,7 @@ module tandem
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
     public :: finding_type, verify_model
     public :: options_type, basis_methods, chart_policies, refresh_modes
-    public :: simulation_type, observer_type, at_start, at_step, at_end
+    public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, warning_type
     public :: assembly_type, assemble, velocity_metrics

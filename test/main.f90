@@ -13,6 +13,8 @@ program main
     use test_derivatives, only: collect_derivatives
     use test_estimates, only: collect_estimates
     use test_euler_parameters, only: collect_euler_parameters
+    use test_events, only: collect_events
+    use test_event_actions, only: collect_event_actions
     use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -73,6 +75,8 @@ program main
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &
         new_testsuite('dense', collect_dense), &
+        new_testsuite('events', collect_events), &
+        new_testsuite('event_actions', collect_event_actions), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
         new_testsuite('rank_models', collect_rank_models), &

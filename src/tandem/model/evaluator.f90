@@ -24,7 +24,8 @@ module tandem_model_evaluator
         !> The term that failed last, empty for the fused procedure.
         character(len=12) :: failed_term = ''
         class(model_type), pointer, private :: model => null()
-        logical, private :: mass_is_known = .false.
+        !> Whether the mass matrix is constant and was evaluated; to be reset where a parameter has changed.
+        logical :: mass_is_known = .false.
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
     contains

@@ -79,22 +79,29 @@ contains
         type(error_type), allocatable, intent(out) :: error
     end subroutine act
 
-    !> The quantity less the value.
+    !> The quantity less the value; a quantity or an index that does not exist is a status of 1.
     subroutine evaluate_threshold(self, t, q, qd, lambda, value, stat)
         class(threshold_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
         real(wp), intent(out) :: value
         integer, intent(out) :: stat
 
-        stat = 0
+        stat = 1
+        value = 0.0_wp
+        if (self%index < 1) return
         select case (self%quantity)
         case ('q')
-            value = q(self%index)
+            if (self%index > size(q)) return
+            value = q(self%index) - self%value
         case ('qd')
-            value = qd(self%index)
+            if (self%index > size(qd)) return
+            value = qd(self%index) - self%value
+        case ('lambda')
+            if (self%index > size(lambda)) return
+            value = lambda(self%index) - self%value
         case default
-            value = lambda(self%index)
+            return
         end select
-        value = value - self%value
+        stat = 0
     end subroutine evaluate_threshold
 end module tandem_simulate_event

@@ -2,31 +2,30 @@
 !> The events of a step: searched on its dense output, recorded in the order of their times, acted upon.
 !>
 !> Every g is sampled at a few places of the step. A sign change is narrowed to 1e-13 of the step. Where the samples come near zero
-!> and turn back, the extremum is searched: it may hide two sign changes, or a touch. A g that leaves and returns within a quarter
-!> of a step, not seen by the parabola through the samples, is missed; `max_step` bounds that.
+!> and turn back, the minimum of |g| is searched: it may hide two sign changes, or a touch. A g that leaves and returns within a
+!> quarter of a step, not seen by the parabola through the samples, is missed; `max_step` bounds that. A zero at the very end of
+!> a step is judged with the next step, which shows whether g goes on or turns back.
 submodule(tandem_simulation) tandem_simulate_eventing
-    use tandem_simulate_root, only: bracket_type, extremum_type, vertex
+    use tandem_simulate_event, only: threshold_event_type
+    use tandem_simulate_root, only: bracket_type, minimum_type, vertex
     use tandem_status, only: status_event_limit
     implicit none (type, external)
 
-    !> Places of the samples within the step. The second shows in which direction a zero at the start is left.
-    integer, parameter :: n_samples = 6
-    real(wp), parameter :: place(n_samples) = [0.0_wp, 1.0_wp/256, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp]
+    !> Places of the samples within the step. Those beside the ends tell an extremum at an end from one before or behind it.
+    integer, parameter :: n_samples = 7
+    real(wp), parameter :: aside = 1.0_wp/256
+    real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
+    !> Where g is looked at first after an event: closer to its zero the sign is rounding.
+    real(wp), parameter :: early = 1.0e-6_wp
     !> Zeros are located to this part of the step; events closer than twice that are at once.
     real(wp), parameter :: resolution = 1.0e-13_wp
-    !> A value below this part of the largest one in the step is zero at a step's end.
-    real(wp), parameter :: zero = 1.0e-13_wp
-    !> Most zeros of one event in a step: a crossing between all samples, or two at an extremum.
+    !> Below these parts of the largest |g| in the step a value is zero: at a sample; soon after an event; at an extremum, where
+    !> the error of the integration decides whether g gets there.
+    real(wp), parameter :: zero = 1.0e-13_wp, early_zero = 1.0e-11_wp, touch = 1.0e-9_wp
+    !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
     integer, parameter :: most_zeros = 2*n_samples
     !> Events without an advance of time, one after the other, before they count as endless.
     integer, parameter :: most_at_once = 100
-
-    !> Zeros found in a step, ascending.
-    type :: zeros_type
-        integer :: n = 0
-        real(wp), allocatable :: place(:)
-        integer, allocatable :: number(:), direction(:)
-    end type zeros_type
 
 contains
 
@@ -43,60 +42,90 @@ contains
         if (n > 0) longer(:n) = self%watched
         longer(n + 1)%event => event
         call move_alloc(longer, self%watched)
+        select type (event)
+        class is (threshold_event_type)
+            if (event%quantity == 'lambda') event%needs_multipliers = .true.
+        end select
         if (.not. allocated(self%events)) allocate (self%events(0))
         if (.not. allocated(self%lambda)) allocate (self%lambda(self%model%n_constraints()), source=0.0_wp)
+        if (allocated(self%samples)) deallocate (self%samples)
+        allocate (self%samples(n + 1, n_samples + 1), source=0.0_wp)
+        call self%zeros%allocate(most_zeros*(n + 1))
+        self%values_are_stale = .true.
     end subroutine add_event
 
-    !> Look for events in the step that was just accepted, from self%start to self%state, record them, act, and cut the step at the
-    !> first that stops the run or changes the motion.
-    module subroutine look_for_events(self, is_cut, error)
+    !> Look for events in the step that was just accepted, from self%start to self%state, record them, and cut the step at the
+    !> first that stops the run or changes the motion. On an error without a cut the step has not been searched to its end.
+    module subroutine look_for_events(self, is_last, is_cut, error)
         class(simulation_type), intent(inout) :: self
+        logical, intent(in) :: is_last
         logical, intent(out) :: is_cut
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: value(n_samples, size(self%watched)), cut_at
-        type(zeros_type) :: zeros
+        real(wp) :: cut_at, at_once
         integer :: i, k
 
         is_cut = .false.
-        do k = 1, n_samples
-            if (k == 1 .and. .not. self%values_are_stale) then
-                value(1, :) = [(self%watched(i)%value, i=1, size(self%watched))]
-                cycle
-            end if
-            call sample(self, place(k), value(k, :), error)
-            if (allocated(error)) return
-        end do
-        self%values_are_stale = .false.
-        allocate (zeros%place(most_zeros*size(self%watched)), source=0.0_wp)
-        allocate (zeros%number(size(zeros%place)), zeros%direction(size(zeros%place)), source=0)
+        call take_samples(self, error)
+        self%zeros%n = 0
         do i = 1, size(self%watched)
-            call find_zeros(self, i, value(:, i), zeros, error)
-            if (allocated(error)) return
+            if (.not. allocated(error)) call find_zeros(self, i, is_last, error)
         end do
-        ! The first that cuts the step.
-        cut_at = 2.0_wp
-        do k = 1, zeros%n
-            associate (event => self%watched(zeros%number(k))%event)
-                if (.not. (event%stops .or. event%changes)) cycle
-                cut_at = zeros%place(k)
-                exit
-            end associate
-        end do
-        do k = 1, zeros%n
-            if (zeros%place(k) > cut_at + 2*resolution) exit
-            call record(self, zeros%number(k), zeros%direction(k), zeros%place(k), error)
-            if (allocated(error)) return
-        end do
-        is_cut = cut_at <= 1.0_wp
-        if (.not. is_cut) then
-            do i = 1, size(self%watched)
-                call self%watched(i)%pass(value(:, i))
-            end do
+        if (allocated(error)) then
             call self%look_back()
             return
         end if
-        call cut_step(self, zeros, cut_at, error)
+        ! The first that cuts the step, with what happens at once with it: all of them have passed their zeros at the cut.
+        at_once = max(2*resolution, 4*spacing(abs(self%next%t))/(self%next%t - self%start%t))
+        cut_at = 2.0_wp
+        associate (zeros => self%zeros)
+            do k = 1, zeros%n
+                associate (event => self%watched(zeros%number(k))%event)
+                    is_cut = event%stops .or. event%changes
+                end associate
+                if (is_cut) cut_at = maxval(zeros%place(k:zeros%n), zeros%place(k:zeros%n) <= zeros%place(k) + at_once)
+                if (is_cut) exit
+            end do
+            do k = 1, zeros%n
+                if (zeros%place(k) > cut_at) exit
+                call record(self, zeros%number(k), zeros%direction(k), zeros%place(k), error)
+                if (.not. allocated(error)) cycle
+                ! The run ends at the event that is one too many.
+                is_cut = .true.
+                cut_at = zeros%place(k)
+                call cut_step(self, cut_at)
+                return
+            end do
+        end associate
+        if (is_cut) then
+            call begin_events(self, cut_at, at_once, error)
+        else
+            call self%look_back()
+            do i = 1, size(self%watched)
+                call pass(self%watched(i), self%samples(i, :n_samples), is_last)
+            end do
+        end if
     end subroutine look_for_events
+
+    !> All functions at all samples of the step.
+    subroutine take_samples(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: k
+
+        if (self%values_are_stale) then
+            call sample(self, 0.0_wp, self%samples(:, 1), error)
+        else
+            self%samples(:, 1) = self%watched%value
+        end if
+        if (.not. allocated(error) .and. any(self%watched%rests)) then
+            call sample(self, early, self%samples(:, n_samples + 1), error)
+        end if
+        do k = 2, n_samples
+            if (allocated(error)) return
+            call sample(self, place(k), self%samples(:, k), error)
+        end do
+        self%values_are_stale = .false.
+    end subroutine take_samples
 
     !> The values of all events at a place of the step.
     subroutine sample(self, x, value, error)
@@ -145,8 +174,13 @@ contains
             call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
             self%tally%event_evaluations = self%tally%event_evaluations + 1
             if (stat == 0 .and. ieee_is_finite(value)) return
-            call set_error(error, merge(status_not_finite, status_callback_failed, stat == 0), 'the function of the event "'// &
-                trim(event%name)//'" at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            if (stat == 0) then
+                call set_error(error, status_not_finite, 'the function of the event "'//trim(event%name)// &
+                    '" gives a NaN or an infinity at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            else
+                call set_error(error, status_callback_failed, 'the function of the event "'//trim(event%name)// &
+                    '" returned the status '//to_text(stat)//' at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            end if
         end associate
     end subroutine evaluate
 
@@ -164,62 +198,124 @@ contains
     end subroutine evaluate_at
 
     !> The zeros of one event in the step, added to those found.
-    subroutine find_zeros(self, number, value, zeros, error)
+    subroutine find_zeros(self, number, is_last, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: number
-        !> g at the samples.
-        real(wp), intent(in) :: value(:)
-        type(zeros_type), intent(inout) :: zeros
+        !> Whether a zero at the end of the step counts.
+        logical, intent(in) :: is_last
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: largest, x, extreme
-        integer :: s(n_samples), first, k
+        real(wp) :: x(n_samples), value(n_samples), largest
+        integer :: s(n_samples), first, last, k
+        logical :: is_found
 
+        x = place
+        value = self%samples(number, :n_samples)
         largest = maxval(abs(value))
-        if (.not. largest > 0.0_wp) return
+        self%watched(number)%largest = largest
+        if (.not. largest > 0.0_wp .and. .not. self%watched(number)%is_open) return
         do k = 1, n_samples
-            s(k) = merge(0, merge(1, -1, value(k) > 0.0_wp), abs(value(k)) <= zero*largest)
+            s(k) = sign_of(value(k), max(zero*largest, self%watched(number)%noise))
         end do
-        associate (watched => self%watched(number))
-            first = 1
-            if (watched%rests .or. s(1) == 0) first = 2
-            ! A zero at the start of the step, that was not acted upon yet: the start of the run, or the end of the last step.
-            if (s(1) == 0 .and. .not. watched%rests) then
-                if (watched%sign_before == 0) then
-                    if (watched%event%direction == 0 .or. watched%event%direction == s(2)) call add(zeros, number, 0.0_wp, 0)
-                else
-                    call add_if_wanted(0.0_wp, merge(s(2), 0, s(2) /= watched%sign_before))
+        if (self%watched(number)%rests) then
+            call judge_rest()
+        else
+            call judge_start()
+        end if
+        if (self%watched(number)%is_sent_back) call judge_return()
+        ! Crossings between samples; at samples crossings or touches, as the signs around them say.
+        last = 0
+        do k = first, n_samples
+            if (allocated(error)) return
+            if (s(k) == 0) cycle
+            if (last > 0) then
+                if (last < k - 1 .and. s(k) /= s(last)) then
+                    call add_if_wanted(x(last + 1), s(k))
+                else if (last < k - 1) then
+                    ! It may also be one of two crossings.
+                    call search_minimum(x(last), value(last), x(k), value(k), is_found)
+                    if (.not. is_found) call add_if_wanted(x(last + 1), 0)
+                else if (s(k) /= s(last)) then
+                    call locate(x(last), value(last), x(k), value(k))
                 end if
             end if
-        end associate
-        do k = first, n_samples - 1
-            if (s(k)*s(k + 1) < 0) call locate(place(k), value(k), place(k + 1), value(k + 1))
-            if (allocated(error)) return
+            last = k
         end do
-        ! Exactly at a sample: a crossing or a touch, as its neighbours say; a zero at the end is left to the next step.
-        do k = first + 1, n_samples - 1
-            if (s(k) == 0) call add_if_wanted(place(k), merge(s(k + 1), 0, s(k + 1) /= s(k - 1)))
-        end do
-        ! Extrema that come near zero: around a sample that is smaller than its neighbours, and between the outermost ones.
+        if (last > 0 .and. last < n_samples .and. is_last) call add_if_wanted(x(last + 1), -s(last))
+        self%watched(number)%is_open = self%watched(number)%is_open .or. &
+            (last > 0 .and. last < n_samples .and. .not. is_last)
         do k = first, n_samples
-            associate (i => min(max(k - 1, first), n_samples - 2))
-                if (any(s(i:i + 2) /= s(i)) .or. s(i) == 0) cycle
-                if (abs(value(k)) > minval(abs(value(i:i + 2)))) cycle
-                call vertex(place(i:i + 2), value(i:i + 2), x, extreme)
-                if (extreme*s(i) > 0.25_wp*maxval(abs(value(i:i + 2)))) cycle
-                if (k == first .and. x >= place(first + 1)) cycle
-                if (k == n_samples .and. x <= place(n_samples - 1)) cycle
-                call search_extremum(place(max(k - 1, first)), place(min(k + 1, n_samples)), value(max(k - 1, first)), &
-                    value(min(k + 1, n_samples)), x)
-                if (allocated(error)) return
-            end associate
+            if (.not. allocated(error)) call look_for_minimum(k)
         end do
 
     contains
 
-        !> Narrow a sign change.
+        !> It has happened at the start of the step: begin a little behind it.
+        subroutine judge_rest()
+            first = 2
+            self%watched(number)%is_open = .false.
+            s(1) = sign_of(self%samples(number, n_samples + 1), max(early_zero*largest, self%watched(number)%noise))
+            if (s(1) /= 0) then
+                first = 1
+                x(1) = early
+                value(1) = self%samples(number, n_samples + 1)
+            end if
+        end subroutine judge_rest
+
+        !> An action that has sent g back has done so for longer than what is seen here, or for nothing: g comes out on the side
+        !> that it was sent away from.
+        subroutine judge_return()
+            integer :: i
+
+            associate (watched => self%watched(number))
+                do i = first, n_samples
+                    if (s(i) == 0 .or. abs(value(i)) <= 1.0e-9_wp*watched%reach) cycle
+                    watched%is_sent_back = .false.
+                    if (s(i) /= watched%direction) return
+                    call set_error(error, status_event_limit, 'the event "'//trim(watched%event%name)//'" at t = '// &
+                        to_text(self%start%t)//' would follow itself at once', &
+                        'stop the run where its motion comes to rest, or change the model there')
+                    return
+                end do
+                watched%is_sent_back = self%next%t < watched%judged_until
+            end associate
+        end subroutine judge_return
+
+        !> A zero at the start of the step: one of the start of the run, one that the last step has left open, or a jump.
+        subroutine judge_start()
+            integer :: after
+
+            first = 1
+            associate (watched => self%watched(number))
+                k = findloc(s /= 0, .true., dim=1)
+                after = 0
+                if (k > 0) after = s(k)
+                associate (before => watched%sign_before, wanted => watched%event%direction)
+                    if (.not. watched%is_open) then
+                        if (s(1)*before < 0) call add_if_wanted(0.0_wp, s(1))
+                        ! What is zero here is not there yet, or was counted.
+                        if (s(1) == 0 .and. s(2) /= 0) s(1) = before
+                        return
+                    end if
+                    watched%is_open = .false.
+                    if (after == 0) then
+                        ! g stays at zero: that is one zero, now, or a crossing where it leaves.
+                        if (wanted == 0) call add_if_wanted(0.0_wp, 0)
+                        watched%is_open = wanted /= 0
+                    else if (before == 0) then
+                        if (s(1) == 0 .and. (wanted == 0 .or. wanted == after)) call self%zeros%add(number, 0.0_wp, 0)
+                    else if (before /= after) then
+                        call add_if_wanted(0.0_wp, after)
+                    else if (s(1) == 0 .or. s(2) == s(1)) then
+                        call add_if_wanted(0.0_wp, 0)
+                    end if
+                end associate
+            end associate
+        end subroutine judge_start
+
+        !> Narrow a sign change between two places.
         subroutine locate(a, value_a, b, value_b)
             real(wp), intent(in) :: a, value_a, b, value_b
-            !> More than bisection alone takes, and its safeguards.
+            !> More than two secants to a bisection take.
             integer, parameter :: most_points = 150
             type(bracket_type) :: bracket
             real(wp) :: point, value_there
@@ -234,82 +330,88 @@ contains
                 if (allocated(error)) return
                 call bracket%narrow(point, value_there)
             end do
-            ! Behind the zero, so that the motion goes on from where the sign has changed.
-            call add_if_wanted(bracket%b, merge(1, -1, value_b > 0.0_wp))
+            ! Behind the zero, so that the motion goes on from where the sign has changed; what is left of a step is a step.
+            point = bracket%b
+            if ((1.0_wp - point)*(self%next%t - self%start%t) <= 8*spacing(abs(self%next%t))) point = 1.0_wp
+            call add_if_wanted(point, merge(1, -1, value_b > 0.0_wp))
         end subroutine locate
 
-        !> Find out what an extremum near zero is.
-        subroutine search_extremum(a, b, value_a, value_b, start)
-            real(wp), intent(in) :: a, b, value_a, value_b, start
-            !> Golden sections to the square root of rounding.
-            integer, parameter :: most_points = 45
-            type(extremum_type) :: extremum
-            real(wp) :: point, value_there
+        !> Is |g| at a sample smaller than beside it, and may it reach zero there?
+        subroutine look_for_minimum(k)
+            integer, intent(in) :: k
+            real(wp) :: at, extreme
+            integer :: i, low, high
+
+            i = min(max(k - 1, first), n_samples - 2)
+            low = max(k - 1, first)
+            high = min(k + 1, n_samples)
+            if (s(i) == 0 .or. any(s(i:i + 2) /= s(i))) return
+            if (k > low .and. abs(value(k)) > abs(value(low))) return
+            if (k < high .and. abs(value(k)) >= abs(value(high))) return
+            call vertex(x(i:i + 2), abs(value(i:i + 2)), at, extreme)
+            if (extreme > 0.25_wp*maxval(abs(value(i:i + 2)))) return
+            ! At an end: only an extremum of this step, or one too near to the end to tell.
+            associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(number)%rests))
+                if (k == low .and. (at > x(high) .or. at < x(low) - reach)) return
+                if (k == high .and. (at < x(low) .or. at > x(high) + x(high) - x(low))) return
+            end associate
+            call search_minimum(x(low), value(low), x(high), value(high), is_found)
+        end subroutine look_for_minimum
+
+        !> Find out what a minimum of |g| near zero is.
+        subroutine search_minimum(a, value_a, b, value_b, is_found)
+            real(wp), intent(in) :: a, value_a, b, value_b
+            !> Whether g gets to zero there.
+            logical, intent(out) :: is_found
+            !> Golden sections alone take 45.
+            integer, parameter :: most_points = 60
+            type(minimum_type) :: minimum
+            real(wp) :: point, value_there, toward
             integer :: j
 
-            extremum = extremum_type(a, b, start, 0.0_wp)
-            if (.not. (start > a .and. start < b)) return
-            call evaluate_at(self, number, start, extremum%value_c, error)
-            if (allocated(error)) return
-            value_there = extremum%value_c
+            is_found = .false.
+            toward = sign(1.0_wp, value_a)
+            call minimum%begin(a, b)
             do j = 1, most_points
-                if (value_there*value_a < 0.0_wp .and. abs(value_there) > self%watched(number)%touch*largest) then
-                    call locate(a, value_a, extremum%c, value_there)
-                    if (.not. allocated(error)) call locate(extremum%c, value_there, b, value_b)
-                    return
-                end if
-                if (extremum%b - extremum%a <= 1.0e-9_wp) exit
-                point = extremum%next_point()
+                point = minimum%next_point()
+                if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
+                ! Far above zero: no parabola will bring it there.
+                if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
+                    minimum%value > 1.0e3_wp*touch*largest .and. minimum%n_points > 4) return
+                if (point <= minimum%a .or. point >= minimum%b) exit
                 call evaluate_at(self, number, point, value_there, error)
                 if (allocated(error)) return
-                ! A sign change ends the search by the deepest point that it has.
-                if (value_there*value_a < 0.0_wp) then
-                    if (value_there*extremum%value_c > 0.0_wp .and. abs(value_there) < abs(extremum%value_c)) then
-                        value_there = extremum%value_c
-                        exit
-                    end if
-                    extremum%c = point
-                    extremum%value_c = value_there
-                    cycle
+                call minimum%narrow(point, toward*value_there)
+                is_found = minimum%value < -touch*largest
+                if (is_found) then
+                    call locate(a, value_a, minimum%x, toward*minimum%value)
+                    if (.not. allocated(error)) call locate(minimum%x, toward*minimum%value, b, value_b)
+                    return
                 end if
-                call extremum%narrow(point, value_there)
-                value_there = extremum%value_c
             end do
-            if (abs(extremum%value_c) <= self%watched(number)%touch*largest) call add_if_wanted(extremum%c, 0)
-        end subroutine search_extremum
+            is_found = minimum%value <= touch*largest .and. minimum%value < min(abs(value_a), abs(value_b))
+            if (is_found) call add_if_wanted(minimum%x, 0)
+        end subroutine search_minimum
 
         !> Add a zero where the event asks for its direction.
-        subroutine add_if_wanted(x, direction)
-            real(wp), intent(in) :: x
+        subroutine add_if_wanted(at, direction)
+            real(wp), intent(in) :: at
             integer, intent(in) :: direction
 
             associate (wanted => self%watched(number)%event%direction)
-                if (wanted == 0 .or. wanted == direction) call add(zeros, number, x, direction)
+                if (wanted == 0 .or. wanted == direction) call self%zeros%add(number, at, direction)
             end associate
         end subroutine add_if_wanted
     end subroutine find_zeros
 
-    !> Add a zero at its place in the order of times.
-    pure subroutine add(zeros, number, x, direction)
-        type(zeros_type), intent(inout) :: zeros
-        integer, intent(in) :: number, direction
-        real(wp), intent(in) :: x
-        integer :: k
+    !> -1, 0 or 1.
+    pure integer function sign_of(value, smallest)
+        real(wp), intent(in) :: value
+        !> What counts as zero.
+        real(wp), intent(in) :: smallest
 
-        if (zeros%n == size(zeros%place)) return
-        k = zeros%n
-        do while (k > 0)
-            if (zeros%place(k) <= x) exit
-            zeros%place(k + 1) = zeros%place(k)
-            zeros%number(k + 1) = zeros%number(k)
-            zeros%direction(k + 1) = zeros%direction(k)
-            k = k - 1
-        end do
-        zeros%place(k + 1) = x
-        zeros%number(k + 1) = number
-        zeros%direction(k + 1) = direction
-        zeros%n = zeros%n + 1
-    end subroutine add
+        sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
+    end function sign_of
 
     !> Keep what has happened.
     subroutine record(self, number, direction, x, error)
@@ -319,12 +421,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(event_record_type), allocatable :: longer(:)
 
-        if (self%n_events >= self%options%max_events) then
-            call set_error(error, status_event_limit, to_text(self%n_events)//' events until t = '//to_text(self%start%t))
-            return
-        end if
         call go_to(self, x, error)
         if (allocated(error)) return
+        if (self%n_events >= self%options%max_events) then
+            call set_error(error, status_event_limit, 'max_events = '//to_text(self%n_events)//' until t = '//to_text(self%state%t))
+            return
+        end if
         if (self%n_events == size(self%events)) then
             allocate (longer(max(16, 2*self%n_events)))
             longer(:self%n_events) = self%events
@@ -336,87 +438,205 @@ contains
         end associate
     end subroutine record
 
-    !> End the step at an event, act, and make the motion ready to go on from there.
-    subroutine cut_step(self, zeros, x, error)
+    !> End the step at the state that is looked at. What the chart keeps stays that of the whole step, for its dense output.
+    subroutine cut_step(self, x)
         class(simulation_type), intent(inout) :: self
-        type(zeros_type), intent(in) :: zeros
         real(wp), intent(in) :: x
-        type(error_type), allocatable, intent(out) :: error
-        logical :: changes
-        integer :: i, k
 
-        if (x > 0.0_wp) then
-            call go_to(self, x, error)
-            if (allocated(error)) return
-        else
+        if (.not. x > 0.0_wp) then
             call self%look_back()
             self%state = self%start
         end if
         if (self%is_looking) then
-            ! The state between the ends stays; what the chart keeps is that of the whole step until the next begins.
             self%is_looking = .false.
             call self%chart%release()
         end if
         self%last_step = self%state%t - self%start%t
+        self%renewal = by_event
+    end subroutine cut_step
+
+    !> End the step at events: what they ask for, and where all functions go on from.
+    subroutine begin_events(self, x, at_once, error)
+        class(simulation_type), intent(inout) :: self
+        !> Place of the cut; zeros that are this near to it are at once with it.
+        real(wp), intent(in) :: x, at_once
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, k
+
+        call go_to(self, x, error)
+        if (allocated(error)) return
+        call cut_step(self, x)
         self%n_at_once = merge(self%n_at_once + 1, 0, self%last_step <= 4*spacing(abs(self%state%t)))
         if (self%n_at_once > most_at_once) then
             call set_error(error, status_event_limit, 'at t = '//to_text(self%state%t))
             return
         end if
-        changes = .false.
-        do k = 1, zeros%n
-            if (zeros%place(k) > x + 2*resolution) exit
-            if (zeros%place(k) < x - 2*resolution) cycle
-            associate (watched => self%watched(zeros%number(k)))
+        self%watched%rests = .false.
+        self%watched%noise = 0.0_wp
+        do k = 1, self%zeros%n
+            if (self%zeros%place(k) > x) exit
+            if (self%zeros%place(k) < x - at_once) cycle
+            associate (watched => self%watched(self%zeros%number(k)))
                 watched%rests = .true.
-                if (watched%event%stops) then
-                    self%is_stopped = .true.
-                    self%stopped_by = watched%event%name
-                end if
-                if (.not. watched%event%changes) cycle
-                changes = .true.
-                call watched%event%act(self%model, self%state%t, self%state%q, self%state%qd, error)
-                if (allocated(error)) return
+                watched%direction = self%zeros%direction(k)
+                watched%is_due = watched%event%changes
+                watched%is_sent_back = .false.
+                if (watched%is_due) self%has_to_act = .true.
+                if (.not. watched%event%stops .or. self%is_stopped) cycle
+                self%is_stopped = .true.
+                self%stopped_by = watched%event%name
             end associate
         end do
-        self%renewal = by_event
-        if (changes) call restart_here(self, error)
-        if (allocated(error)) return
+        do i = 1, size(self%watched)
+            if (x < 1.0_wp) self%watched(i)%is_open = .false.
+            ! The sign before the cut, for those that do not happen there.
+            do k = 1, n_samples
+                if (place(k) > x) exit
+                associate (s => sign_of(self%samples(i, k), zero*self%watched(i)%largest))
+                    if (s /= 0) self%watched(i)%sign_before = s
+                end associate
+            end do
+        end do
+        call self%measure_errors(error)
+        if (.not. allocated(error)) call renew_values(self, error)
+    end subroutine begin_events
+
+    !> The values of all functions at the current state.
+    subroutine renew_values(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
         self%lambda_is_current = .false.
         do i = 1, size(self%watched)
-            call evaluate(self, i, self%watched(i)%value, error)
-            if (allocated(error)) return
             associate (watched => self%watched(i))
-                if (watched%value > 0.0_wp) watched%sign_before = 1
-                if (watched%value < 0.0_wp) watched%sign_before = -1
+                call evaluate(self, i, watched%value, error)
+                if (allocated(error)) return
+                if (watched%rests) call measure_noise(self, i, watched%noise)
+                associate (s => sign_of(watched%value, max(zero*watched%largest, watched%noise)))
+                    if (s /= 0) watched%sign_before = s
+                end associate
             end associate
         end do
-    end subroutine cut_step
+    end subroutine renew_values
+
+    !> How far rounding of time, state and multipliers may move g.
+    subroutine measure_noise(self, number, noise)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp), intent(out) :: noise
+        real(wp), parameter :: eps = 4*epsilon(1.0_wp)
+        real(wp) :: up(self%model%n), value, moved
+        integer :: stat, i
+
+        noise = 0.0_wp
+        associate (event => self%watched(number)%event, state => self%state)
+            up = [(1.0_wp + merge(-eps, eps, mod(i, 2) == 0), i=1, self%model%n)]
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat == 0) call event%evaluate(state%t*(1.0_wp + eps), up*state%q, up*state%qd, (1.0_wp + eps)*self%lambda, &
+                moved, stat)
+            self%tally%event_evaluations = self%tally%event_evaluations + 2
+            if (stat == 0 .and. ieee_is_finite(moved - value)) noise = abs(moved - value)
+        end associate
+    end subroutine measure_noise
+
+    !> Take the actions that are due, in the order of the events' numbers, and make the motion ready to go on.
+    module subroutine act_on_events(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: reach
+        integer :: i
+
+        self%has_to_act = .false.
+        self%kept = self%state
+        self%kept_errors = self%errors
+        do i = 1, size(self%watched)
+            if (.not. self%watched(i)%is_due) cycle
+            call measure_rate(self, i, reach)
+            self%watched(i)%reach = reach
+            self%watched(i)%value_before = self%watched(i)%value
+        end do
+        do i = 1, size(self%watched)
+            if (.not. self%watched(i)%is_due) cycle
+            self%watched(i)%is_due = .false.
+            self%watched(i)%is_sent_back = self%watched(i)%reach*self%watched(i)%direction > 0.0_wp
+            call self%watched(i)%event%act(self%model, self%state%t, self%state%q, self%state%qd, error)
+            if (allocated(error)) exit
+        end do
+        if (.not. allocated(error)) call restart_here(self, error)
+        if (.not. allocated(error)) call renew_values(self, error)
+        if (allocated(error)) then
+            self%state = self%kept
+            self%errors = self%kept_errors
+            return
+        end if
+        do i = 1, size(self%watched)
+            if (self%watched(i)%is_sent_back) call judge_action(self, i)
+        end do
+    end subroutine act_on_events
+
+    !> How far g would go in a step as long as the last: a difference along the motion, the multipliers as they are.
+    subroutine measure_rate(self, number, reach)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp), intent(out) :: reach
+        real(wp), parameter :: part = 1.0e-3_wp
+        real(wp) :: h, value, value_ahead
+        integer :: stat
+
+        associate (event => self%watched(number)%event, state => self%state)
+            reach = 0.0_wp
+            h = part*(self%next%t - self%start%t)
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat /= 0) return
+            call event%evaluate(state%t + h, state%q + h*state%qd, state%qd + h*state%qdd, self%lambda, value_ahead, stat)
+            self%tally%event_evaluations = self%tally%event_evaluations + 2
+            if (stat == 0 .and. ieee_is_finite(value_ahead - value)) reach = (value_ahead - value)/part
+        end associate
+    end subroutine measure_rate
+
+    !> Has the action sent g back to where it came from, at this zero?
+    subroutine judge_action(self, number)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp) :: reach_after
+
+        call measure_rate(self, number, reach_after)
+        associate (watched => self%watched(number))
+            watched%is_sent_back = reach_after*watched%direction <= 0.0_wp .and. &
+                abs(watched%value) <= max(1.0e-9_wp*abs(watched%reach), 4*abs(watched%value_before))
+            watched%reach = abs(watched%reach)
+            watched%judged_until = self%state%t + (self%next%t - self%start%t)
+        end associate
+    end subroutine judge_action
 
     !> After an action: the position must be on the constraints, the velocity is brought there, the acceleration is made anew.
     subroutine restart_here(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: wanted(self%model%n), errors(3)
         integer :: rows(3), stat
 
         associate (state => self%state, chart => self%chart)
-            wanted = state%qd
-            call self%control%restart()
-            call chart%forget()
-            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-            if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, errors, rows, stat)
-            if (stat == status_ok .and. errors(1) > self%options%constraint_tolerance) then
-                call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &
-                    ' has moved the position off the constraint "'//self%model%row_name(rows(1))//'" by '//to_text(errors(1))// &
-                    ' of its natural scale', 'let its action leave the position on the constraints')
+            if (.not. (all(ieee_is_finite(state%q)) .and. all(ieee_is_finite(state%qd)))) then
+                call set_error(error, status_not_finite, 'an event at t = '//to_text(state%t)//' has made the state infinite', &
+                    'see what its action computes')
                 return
             end if
-            if (stat == status_ok .and. errors(2) > 0.01_wp*self%options%constraint_tolerance) then
+            call self%control%restart()
+            call chart%forget_model()
+            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            if (stat == status_ok .and. self%errors(1) > self%options%constraint_tolerance) then
+                call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &
+                    ' has moved the position off the constraint "'//self%model%row_name(rows(1))//'" by '// &
+                    to_text(self%errors(1))//' of its natural scale', 'let its action leave the position on the constraints')
+                return
+            end if
+            if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then
                 call chart%project_velocity(state%t, state%q, state%qd, stat)
                 if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - wanted)))
             end if
+            self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%kept%qd)))
             if (stat /= status_ok) then
                 call self%fail(stat, 'after the event at t = '//to_text(state%t), error)
                 return
@@ -425,18 +645,23 @@ contains
         call self%measure_errors(error)
     end subroutine restart_here
 
-    !> Go on to the next step: the value at its start, and the sign before.
-    module subroutine pass(self, value)
-        class(watched_type), intent(inout) :: self
+    !> Let a watched event go on to the next step.
+    subroutine pass(watched, value, is_last)
+        type(watched_type), intent(inout) :: watched
+        !> g at the samples of the step that ended.
         real(wp), intent(in) :: value(:)
+        !> Whether a zero at the end has counted, as a crossing.
+        logical, intent(in) :: is_last
         integer :: k
 
-        self%value = value(size(value))
-        self%rests = .false.
-        do k = size(value), 1, -1
-            if (abs(value(k)) <= zero*maxval(abs(value))) cycle
-            self%sign_before = merge(1, -1, value(k) > 0.0_wp)
-            exit
+        watched%value = value(size(value))
+        do k = 1, size(value)
+            associate (s => sign_of(value(k), max(zero*watched%largest, watched%noise)))
+                if (s /= 0) watched%rests = .false.
+                if (s /= 0) watched%sign_before = s
+                if (s == 0 .and. k == size(value) .and. is_last) watched%sign_before = -watched%sign_before
+            end associate
         end do
+        if (.not. watched%rests) watched%noise = 0.0_wp
     end subroutine pass
 end submodule tandem_simulate_eventing

@@ -1,15 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Zeros and extrema of a function of one variable that is given point by point: the caller evaluates, these say where.
+!> Zeros and minima of a function of one variable that is given point by point: the caller evaluates, these say where.
 !>
 !> Zeros: regula falsi with the Illinois weights, with a bisection wherever the bracket has not halved in two steps, so that the
-!> number of points is bounded. Extrema: golden sections. Sources: M. Dowell, P. Jarratt, BIT 11 (1971) 168-174; R. P. Brent,
-!> Algorithms for Minimization Without Derivatives, Prentice-Hall 1973.
+!> number of points is bounded. Minima: parabolas through the best three points, golden sections where those do not help.
+!> Sources: M. Dowell, P. Jarratt, BIT 11 (1971) 168-174; R. P. Brent, Algorithms for Minimization Without Derivatives,
+!> Prentice-Hall 1973, chapter 5.
 module tandem_simulate_root
     use tandem_kinds, only: wp
     implicit none (type, external)
     private
 
-    public :: bracket_type, extremum_type, vertex
+    public :: bracket_type, minimum_type, zeros_type, vertex
 
     !> A sign change between a and b.
     type :: bracket_type
@@ -18,40 +19,72 @@ module tandem_simulate_root
         real(wp), private :: weight_a = 1.0_wp, weight_b = 1.0_wp, last_width = huge(1.0_wp)
         integer, private :: slow = 0, last_end = 0
     contains
-        procedure :: next_point
-        procedure :: narrow
+        procedure :: next_point => next_secant
+        procedure :: narrow => narrow_bracket
     end type bracket_type
 
-    !> An extremum of |value| between a and b, with a point c between them where |value| is smaller than at both.
-    type :: extremum_type
-        real(wp) :: a = 0.0_wp, b = 0.0_wp, c = 0.0_wp, value_c = 0.0_wp
+    !> A minimum between a and b, and the best point so far.
+    type :: minimum_type
+        !> Ends of the interval.
+        real(wp) :: a = 0.0_wp, b = 0.0_wp
+        !> The best point and its value.
+        real(wp) :: x = 0.0_wp, value = huge(1.0_wp)
+        !> The value there of the parabola through the best three points; huge where there is none.
+        real(wp) :: expected = huge(1.0_wp)
+        !> How many points were given.
+        integer :: n_points = 0
+        real(wp), private :: second = 0.0_wp, value_second = huge(1.0_wp), third = 0.0_wp, value_third = huge(1.0_wp)
+        real(wp), private :: move = 0.0_wp, move_before = 0.0_wp
     contains
-        procedure :: next_point => next_section
-        procedure :: narrow => narrow_section
-    end type extremum_type
+        procedure :: begin
+        procedure :: next_point => next_of_minimum
+        procedure :: narrow => narrow_minimum
+        procedure :: width
+    end type minimum_type
+
+    !> Zeros found in a step, in the order of their places.
+    type :: zeros_type
+        !> How many there are, at most as many as places are allocated.
+        integer :: n = 0
+        !> Place in the step, number of the function, direction (+1 rising, -1 falling, 0 neither).
+        real(wp), allocatable :: place(:)
+        integer, allocatable :: number(:), direction(:)
+    contains
+        procedure :: allocate => allocate_zeros
+        procedure :: add
+    end type zeros_type
+
+    !> Golden section, and the tolerance of a minimum's place: finer is lost in rounding.
+    real(wp), parameter :: golden = 0.381966011250105_wp, finest = 1.0e-9_wp
 
 contains
 
     !> Where to evaluate next.
-    real(wp) function next_point(self)
+    real(wp) function next_secant(self)
         class(bracket_type), intent(inout) :: self
         real(wp) :: width, value_a, value_b
 
         width = self%b - self%a
         self%slow = merge(self%slow + 1, 0, width > 0.5_wp*self%last_width)
         self%last_width = width
-        next_point = 0.5_wp*(self%a + self%b)
-        if (self%slow > 1) return
+        next_secant = self%a + 0.5_wp*width
+        if (self%slow > 1) then
+            self%slow = 0
+            return
+        end if
         value_a = self%weight_a*self%value_a
         value_b = self%weight_b*self%value_b
-        next_point = self%a - width*value_a/(value_b - value_a)
+        ! Infinite or equal values: the middle.
+        if (.not. abs(value_b - value_a) > 0.0_wp .or. .not. abs(value_b - value_a) <= huge(1.0_wp)) return
+        next_secant = self%a - width*(value_a/(value_b - value_a))
         ! At an end the bracket would not narrow.
-        next_point = min(max(next_point, self%a + 1.0e-3_wp*width), self%b - 1.0e-3_wp*width)
-    end function next_point
+        next_secant = min(max(next_secant, self%a + 1.0e-3_wp*width), self%b - 1.0e-3_wp*width)
+    end function next_secant
 
     !> Narrow the bracket by a point between its ends.
-    subroutine narrow(self, x, value)
+    subroutine narrow_bracket(self, x, value)
         class(bracket_type), intent(inout) :: self
+        !> The point and its value.
         real(wp), intent(in) :: x, value
 
         ! An end that stays twice pulls with half its value.
@@ -68,37 +101,102 @@ contains
             if (self%last_end == 1) self%weight_b = 0.5_wp*self%weight_b
             self%last_end = 1
         end if
-    end subroutine narrow
+    end subroutine narrow_bracket
 
-    !> A point in the longer part.
-    pure real(wp) function next_section(self)
-        class(extremum_type), intent(in) :: self
-        real(wp), parameter :: section = 0.381966011250105_wp
+    !> Begin with an interval and a first point in it, which is to be given by `narrow`.
+    subroutine begin(self, a, b)
+        class(minimum_type), intent(out) :: self
+        !> Ends of the interval.
+        real(wp), intent(in) :: a, b
 
-        if (self%c - self%a > self%b - self%c) then
-            next_section = self%c - section*(self%c - self%a)
-        else
-            next_section = self%c + section*(self%b - self%c)
+        self%a = a
+        self%b = b
+        self%x = a
+        self%second = a
+        self%third = a
+    end subroutine begin
+
+    !> Where to evaluate next (Brent, section 5.8).
+    real(wp) function next_of_minimum(self)
+        class(minimum_type), intent(inout) :: self
+        real(wp) :: middle, r, q, p, move, s1, s2, bend
+
+        self%expected = huge(1.0_wp)
+        middle = 0.5_wp*(self%a + self%b)
+        if (self%n_points > 2 .and. abs(self%move_before) > finest) then
+            r = (self%x - self%second)*(self%value - self%value_third)
+            q = (self%x - self%third)*(self%value - self%value_second)
+            p = (self%x - self%third)*q - (self%x - self%second)*r
+            q = 2*(q - r)
+            if (q > 0.0_wp) p = -p
+            q = abs(q)
+            if (abs(p) < abs(0.5_wp*q*self%move_before) .and. p > q*(self%a - self%x) .and. p < q*(self%b - self%x)) then
+                move = p/q
+                self%move_before = self%move
+                self%move = move
+                s1 = (self%value_second - self%value)/(self%second - self%x)
+                s2 = (self%value_third - self%value)/(self%third - self%x)
+                bend = (s2 - s1)/(self%third - self%second)
+                self%expected = self%value + move*(s1 + bend*(move - (self%second - self%x)))
+                next_of_minimum = self%x + move
+                ! Not at the ends, and not twice at one point.
+                if (next_of_minimum - self%a < 2*finest .or. self%b - next_of_minimum < 2*finest) then
+                    self%move = sign(finest, middle - self%x)
+                end if
+                if (abs(self%move) < finest) self%move = sign(finest, self%move)
+                next_of_minimum = self%x + self%move
+                return
+            end if
         end if
-    end function next_section
+        self%move_before = merge(self%b - self%x, self%a - self%x, self%x < middle)
+        self%move = golden*self%move_before
+        if (abs(self%move) < finest) self%move = sign(finest, self%move)
+        next_of_minimum = self%x + self%move
+    end function next_of_minimum
 
-    !> Keep the three points around the smaller value.
-    subroutine narrow_section(self, x, value)
-        class(extremum_type), intent(inout) :: self
+    !> Take a point between the ends.
+    subroutine narrow_minimum(self, x, value)
+        class(minimum_type), intent(inout) :: self
+        !> The point and its value.
         real(wp), intent(in) :: x, value
 
-        if (abs(value) < abs(self%value_c)) then
-            if (x < self%c) self%b = self%c
-            if (x > self%c) self%a = self%c
-            self%c = x
-            self%value_c = value
+        self%n_points = self%n_points + 1
+        if (self%n_points == 1) then
+            self%x = x
+            self%value = value
+        else if (value <= self%value) then
+            if (x < self%x) self%b = self%x
+            if (x > self%x) self%a = self%x
+            self%third = self%second
+            self%value_third = self%value_second
+            self%second = self%x
+            self%value_second = self%value
+            self%x = x
+            self%value = value
         else
-            if (x < self%c) self%a = x
-            if (x > self%c) self%b = x
+            if (x < self%x) self%a = x
+            if (x > self%x) self%b = x
+            if (value <= self%value_second) then
+                self%third = self%second
+                self%value_third = self%value_second
+                self%second = x
+                self%value_second = value
+            else if (value <= self%value_third) then
+                self%third = x
+                self%value_third = value
+            end if
         end if
-    end subroutine narrow_section
+    end subroutine narrow_minimum
 
-    !> The extremum of the parabola through three points, and its place; the middle point where there is none between the outer two.
+    !> How far the minimum may be from the best point.
+    pure real(wp) function width(self)
+        class(minimum_type), intent(in) :: self
+
+        width = max(self%x - self%a, self%b - self%x)
+    end function width
+
+    !> The extremum of the parabola through three points, and its place, which may lie outside; the middle point where the three
+    !> lie on a line.
     pure subroutine vertex(x, value, place, extreme)
         !> Three ascending places and the values there.
         real(wp), intent(in) :: x(3), value(3)
@@ -112,10 +210,39 @@ contains
         bend = (slope2 - slope1)/(x(3) - x(1))
         if (.not. abs(bend) > 0.0_wp) return
         place = 0.5_wp*(x(1) + x(2)) - 0.5_wp*slope1/bend
-        if (place <= x(1) .or. place >= x(3)) then
-            place = x(2)
-            return
-        end if
         extreme = value(1) + (place - x(1))*(slope1 + bend*(place - x(2)))
     end subroutine vertex
+
+    !> Allocate for a number of zeros.
+    subroutine allocate_zeros(self, most)
+        class(zeros_type), intent(inout) :: self
+        integer, intent(in) :: most
+
+        self%place = spread(0.0_wp, 1, most)
+        self%number = spread(0, 1, most)
+        self%direction = self%number
+        self%n = 0
+    end subroutine allocate_zeros
+
+    !> Add a zero at its place in the order; one that there is no room for is left out.
+    pure subroutine add(self, number, place, direction)
+        class(zeros_type), intent(inout) :: self
+        integer, intent(in) :: number, direction
+        real(wp), intent(in) :: place
+        integer :: k
+
+        if (self%n == size(self%place)) return
+        k = self%n
+        do while (k > 0)
+            if (self%place(k) <= place) exit
+            self%place(k + 1) = self%place(k)
+            self%number(k + 1) = self%number(k)
+            self%direction(k + 1) = self%direction(k)
+            k = k - 1
+        end do
+        self%place(k + 1) = place
+        self%number(k + 1) = number
+        self%direction(k + 1) = direction
+        self%n = self%n + 1
+    end subroutine add
 end module tandem_simulate_root

@@ -10,6 +10,7 @@ module tandem_simulation
     use tandem_model_check, only: check_model
     use tandem_options, only: options_type
     use tandem_simulate_event, only: event_record_type, event_type
+    use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
@@ -33,10 +34,11 @@ module tandem_simulation
     private
 
     public :: simulation_type, observer_type
-    public :: at_start, at_step, at_end
+    public :: at_start, at_step, at_end, at_event
 
-    !> When an observer is called: with the start, after an accepted step, with the last state of a run (also a failed one).
-    integer, parameter :: at_start = 0, at_step = 1, at_end = 2
+    !> When an observer is called: with the start, after an accepted step, with the last state of a run (also a failed one), and
+    !> where an event changes the motion with the state before its action; `at_step` follows with the state after it.
+    integer, parameter :: at_start = 0, at_step = 1, at_end = 2, at_event = 3
 
     !> Somebody who looks at the motion as it goes, to write it or to draw it.
     type, abstract :: observer_type
@@ -47,15 +49,20 @@ module tandem_simulation
     !> An event that is watched.
     type :: watched_type
         class(event_type), pointer :: event => null()
-        !> g at the current state, and its last sign before that; 0 at the start of the run.
-        real(wp) :: value = 0.0_wp
+        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step.
+        real(wp) :: value = 0.0_wp, largest = 0.0_wp
         integer :: sign_before = 0
-        !> True where it has happened at the current state: its zero there does not count again.
+        !> Whether a zero at the current state is still to be judged: at the start of the run, or at the end of the last step.
+        logical :: is_open = .true.
+        !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
         logical :: rests = .false.
-        !> An extremum below this part of the largest |g| of the step touches zero.
-        real(wp) :: touch = 1.0e-9_wp
-    contains
-        procedure :: pass
+        integer :: direction = 0
+        !> While it rests: what rounding of the state makes of g.
+        real(wp) :: noise = 0.0_wp
+        !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
+        !> have gone on otherwise, and g before it.
+        logical :: is_due = .false., is_sent_back = .false.
+        real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
     end type watched_type
 
     type :: simulation_type
@@ -91,7 +98,10 @@ module tandem_simulation
         integer, private :: renewal = 0
         type(watched_type), allocatable, private :: watched(:)
         real(wp), allocatable, private :: lambda(:)
-        logical, private :: lambda_is_current = .false., values_are_stale = .true.
+        !> g of each event at the samples of a step, and the zeros found.
+        real(wp), allocatable, private :: samples(:, :)
+        type(zeros_type), private :: zeros
+        logical, private :: lambda_is_current = .false., values_are_stale = .true., has_to_act = .false.
         integer, private :: n_at_once = 0
         !> Time until C loses rank, if its smallest singular value goes on falling as it does.
         real(wp), private :: room = huge(1.0_wp)
@@ -115,7 +125,9 @@ module tandem_simulation
         procedure :: potential_energy
         procedure :: warn
         procedure :: add_event
+        procedure, private :: advance
         procedure, private :: look_for_events
+        procedure, private :: act_on_events
         procedure, private :: accept_start
         procedure, private :: choose_rows_anew
         procedure, private :: renew_chart
@@ -131,7 +143,7 @@ module tandem_simulation
             implicit none (type, external)
             class(observer_type), intent(inout) :: self
             class(simulation_type), intent(inout) :: simulation
-            !> `at_start`, `at_step` or `at_end`.
+            !> `at_start`, `at_step`, `at_end` or `at_event`.
             integer, intent(in) :: occasion
             type(error_type), allocatable, intent(out) :: error
         end subroutine observe_interface
@@ -154,21 +166,22 @@ module tandem_simulation
             class(event_type), intent(inout), target :: event
         end subroutine add_event
 
-        !> Look for events in the last step, record them, act on them, and cut the step where one stops or changes the motion.
-        module subroutine look_for_events(self, is_cut, error)
+        !> Look for events in the last step, record them, and cut the step where one stops or changes the motion.
+        module subroutine look_for_events(self, is_last, is_cut, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
+            !> Whether no step may follow: a zero at the end counts now.
+            logical, intent(in) :: is_last
             logical, intent(out) :: is_cut
             type(error_type), allocatable, intent(out) :: error
         end subroutine look_for_events
 
-        !> Let a watched event go on to the next step.
-        module subroutine pass(self, value)
+        !> Take the actions that are due at the current state and make the motion ready to go on.
+        module subroutine act_on_events(self, error)
             implicit none (type, external)
-            class(watched_type), intent(inout) :: self
-            !> g at places of the step that ended.
-            real(wp), intent(in) :: value(:)
-        end subroutine pass
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine act_on_events
 
         !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
         module subroutine accept_start(self, error)
@@ -177,14 +190,15 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine accept_start
 
-        !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
-        module subroutine step(self, t_limit, error)
+        !> One accepted step that does not pass t_limit, without the actions of events. On an error the state is that of the last
+        !> accepted step.
+        module subroutine advance(self, t_limit, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             !> The step ends here at the latest; must lie after the current time.
             real(wp), intent(in) :: t_limit
             type(error_type), allocatable, intent(out) :: error
-        end subroutine step
+        end subroutine advance
     end interface
 
 contains
@@ -261,6 +275,7 @@ contains
         self%is_stopped = .false.
         self%stopped_by = ''
         self%values_are_stale = .true.
+        self%has_to_act = .false.
         if (allocated(self%watched)) deallocate (self%watched)
         if (allocated(self%events)) deallocate (self%events)
         if (allocated(self%lambda)) deallocate (self%lambda)
@@ -278,6 +293,18 @@ contains
         self%tally%start_moved_q = maxval(abs(self%state%q - q))
         self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
     end subroutine initialize
+
+    !> One accepted step that does not pass t_limit, with the actions of events at its end. On an error the state is that of the
+    !> last accepted step, or of the event whose action failed.
+    subroutine step(self, t_limit, error)
+        class(simulation_type), intent(inout) :: self
+        !> The step ends here at the latest; must lie after the current time.
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable, intent(out) :: error
+
+        call self%advance(t_limit, error)
+        if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
+    end subroutine step
 
     !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
     subroutine integrate(self, t_end, error, observer)
@@ -300,8 +327,13 @@ contains
         call cpu_time(cpu_start)
         if (present(observer)) call observer%observe(self, at_start, error)
         do while (self%state%t < t_end .and. .not. allocated(error))
-            call self%step(t_end, error)
+            call self%advance(t_end, error)
             if (allocated(error)) exit
+            if (self%has_to_act) then
+                if (present(observer)) call observer%observe(self, at_event, error)
+                if (.not. allocated(error)) call self%act_on_events(error)
+                if (allocated(error)) exit
+            end if
             if (present(observer)) call observer%observe(self, at_step, error)
             if (self%is_stopped) exit
         end do

@@ -11,8 +11,9 @@ submodule(tandem_simulation) tandem_simulate_stepping
 
 contains
 
-    !> One accepted step that does not pass t_limit. On an error the state is that of the last accepted step.
-    module subroutine step(self, t_limit, error)
+    !> One accepted step that does not pass t_limit, without the actions of events. On an error the state is that of the last
+    !> accepted step.
+    module subroutine advance(self, t_limit, error)
         class(simulation_type), intent(inout) :: self
         !> The step ends here at the latest; must lie after the current time.
         real(wp), intent(in) :: t_limit
@@ -23,6 +24,7 @@ contains
 
         call self%look_back()
         self%is_stopped = .false.
+        self%stopped_by = ''
         if (self%tally%steps >= self%options%max_steps) then
             call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
                 to_text(self%state%t))
@@ -33,6 +35,8 @@ contains
         last_errors = self%errors
         last_grid_steps = self%grid_steps
         was_on_grid = self%on_grid
+        ! What a failed step leaves behind is no dense output.
+        self%has_step = .false.
         if (self%options%is_adaptive()) then
             call try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
         else
@@ -48,7 +52,6 @@ contains
             self%errors = last_errors
             self%grid_steps = last_grid_steps
             self%on_grid = was_on_grid
-            self%has_step = .false.
             return
         end if
         self%last_step = self%state%t - self%start%t
@@ -58,23 +61,32 @@ contains
         self%segment_of_step = self%model%segment
         self%chart_is_current = .false.
         if (allocated(self%watched)) then
-            call self%look_for_events(is_cut, error)
-            if (allocated(error)) return
+            call self%look_for_events(self%next%t >= t_limit, is_cut, error)
             if (is_cut) then
                 ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
-                ! The next step ends on the grid of fixed steps where this one would have.
-                if (.not. self%options%is_adaptive() .and. self%state%t < self%next%t) then
+                ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
+                if (.not. self%options%is_adaptive() .and. &
+                    self%next%t - self%state%t > 1.0e-6_wp*(self%next%t - self%start%t)) then
                     self%grid_steps = last_grid_steps
                     self%on_grid = .false.
                 end if
                 if (.not. self%last_step > 0.0_wp) return
             end if
+            if (allocated(error) .and. .not. is_cut) then
+                ! A step that cannot be searched is not kept.
+                self%state = self%start
+                self%errors = last_errors
+                self%grid_steps = last_grid_steps
+                self%on_grid = was_on_grid
+                self%has_step = .false.
+            end if
+            if (allocated(error)) return
         end if
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
-    end subroutine step
+    end subroutine advance
 
     !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.
     subroutine check_rank(self, stat)

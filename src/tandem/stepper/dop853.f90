@@ -17,8 +17,6 @@ module tandem_stepper_dop853
         private
         !> Coefficients of the three stages of dense output, and its matrix.
         real(wp) :: extra_c(3) = 0.0_wp, extra_a(15, 3) = 0.0_wp, dense(16, 4) = 0.0_wp
-        !> Start and end of the step whose extra stages are known.
-        real(wp) :: dense_start = huge(1.0_wp), dense_end = huge(1.0_wp)
     contains
         procedure, nopass :: properties
         procedure :: set_tableau
@@ -91,8 +89,6 @@ contains
             -0.1521609496625161_wp, 0.20136540080403034_wp, 0.02265179219836082_wp, 0.0_wp]
         ! Dense output of order 7.
         self%n_extra = 3
-        self%dense_start = huge(1.0_wp)
-        self%dense_end = huge(1.0_wp)
         self%extra_c = [0.1_wp, 0.2_wp, 7.0_wp/9]
         self%extra_a = 0.0_wp
         self%extra_a(:13, 1) = [ &
@@ -143,13 +139,12 @@ contains
 
         stat = 0
         h = arrived%t - start%t
-        if (abs(self%dense_start - start%t) > 0.0_wp .or. abs(self%dense_end - arrived%t) > 0.0_wp) then
+        if (.not. self%has_extra) then
             do i = 1, 3
                 call self%set_stage(chart, start, h, start%t + self%extra_c(i)*h, self%extra_a(:12 + i, i), 13 + i, stat)
                 if (stat /= 0) return
             end do
-            self%dense_start = start%t
-            self%dense_end = arrived%t
+            self%has_extra = .true.
         end if
         call blend((t - start%t)/h, h, self%dense, start%dq, arrived%dq, self%rate_q, dq)
         call blend((t - start%t)/h, h, self%dense, start%dqd, arrived%dqd, self%rate_qd, dqd)

@@ -23,6 +23,8 @@ module tandem_stepper_explicit
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :)
         !> How many stages dense output adds.
         integer :: n_extra = 0
+        !> Whether they are those of the last step.
+        logical :: has_extra = .false.
         !> Coordinates and increments of a stage, and an error (n).
         real(wp), allocatable, private :: q(:), dq(:), dqd(:)
     contains
@@ -70,6 +72,7 @@ contains
         integer :: i, s
 
         s = size(self%b)
+        self%has_extra = .false.
         self%rate_q(:, 1) = state%qd
         self%rate_qd(:, 1) = state%qdd
         do i = 2, s

@@ -49,6 +49,7 @@ module tandem_tangent_chart
         procedure(remainder_interface), deferred :: remainder
         procedure(refresh_interface), deferred :: refresh
         procedure(forget_interface), deferred :: forget
+        procedure(forget_interface), deferred :: forget_model
         procedure(forget_interface), deferred :: hold
         procedure(forget_interface), deferred :: release
         procedure(restore_position_interface), deferred :: restore_position
@@ -122,7 +123,8 @@ module tandem_tangent_chart
             integer, intent(out) :: stat
         end subroutine refresh_interface
 
-        !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `hold` what the
+        !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `forget_model`
+        !> forgets a constant mass matrix too, because parameters may have changed; `hold` what the
         !> next step starts from, look at other points, and `release` it, so that the look leaves no trace.
         subroutine forget_interface(self)
             import :: chart_type

@@ -87,6 +87,7 @@ module tandem_tangent_dense
         procedure :: remainder
         procedure :: refresh
         procedure :: forget
+        procedure :: forget_model
         procedure :: hold
         procedure :: release
         procedure :: restore_position
@@ -304,6 +305,14 @@ contains
         self%has_motion = .false.
         self%phi_is_current = .false.
     end subroutine forget
+
+    !> Forget the last point and the constant mass matrix.
+    subroutine forget_model(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%forget()
+        self%model%mass_is_known = .false.
+    end subroutine forget_model
 
     !> Keep what the next step starts from.
     subroutine hold(self)
