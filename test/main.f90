@@ -13,8 +13,8 @@ program main
     use test_derivatives, only: collect_derivatives
     use test_estimates, only: collect_estimates
     use test_euler_parameters, only: collect_euler_parameters
-    use test_events, only: collect_events
     use test_event_actions, only: collect_event_actions
+    use test_events, only: collect_events
     use test_failures, only: collect_failures
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -31,6 +31,7 @@ program main
     use test_reference, only: collect_reference
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
+    use test_root, only: collect_root
     use test_simulation, only: collect_simulation
     use test_singular, only: collect_singular
     use test_statuses, only: collect_statuses
@@ -75,6 +76,7 @@ program main
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &
         new_testsuite('dense', collect_dense), &
+        new_testsuite('root', collect_root), &
         new_testsuite('events', collect_events), &
         new_testsuite('event_actions', collect_event_actions), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &

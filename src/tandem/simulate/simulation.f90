@@ -128,6 +128,7 @@ module tandem_simulation
         procedure, private :: advance
         procedure, private :: look_for_events
         procedure, private :: act_on_events
+        procedure, private :: renew_values
         procedure, private :: accept_start
         procedure, private :: choose_rows_anew
         procedure, private :: renew_chart
@@ -182,6 +183,13 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine act_on_events
+
+        !> Evaluate the functions of all events at the current state, from which the motion goes on.
+        module subroutine renew_values(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine renew_values
 
         !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
         module subroutine accept_start(self, error)
