@@ -278,7 +278,7 @@ contains
             row = study%cheapest(10.0_wp**(-i))
             if (row == 0) exit
             text = '1e-'//to_text(i)//': '//table%text_at(row, 'stepper')//', '//table%text_at(row, 'control')//' '// &
-                table%text_at(row, 'value')//', '//brief(table%real_at(row, 'wall_seconds'))//' s'
+                table%text_at(row, 'value')//', '//brief(table%real_at(row, 'cpu_seconds'))//' s'
             write (output_unit, '(a)') 'the shortest run with an error q of at most '//text
         end do
         write (output_unit, '(a)') 'files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &

@@ -1,73 +1,58 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Draws the track of a motion and one coordinate against time, from a result file of tandem.
+"""Draws what is in result files and in the files of studies.
 
-Usage: tools/plot.py RESULT.h5 PICTURE [--track X,Y] [--against-time Z]
+Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
 
-PICTURE ends in .png, .svg or .pdf. X, Y and Z are names of coordinates; without them, the first three of the file.
-Needs h5py and matplotlib: pip install -r config/requirements-plot.txt
+    tools/plot.py run.h5 picture.png                track, and one coordinate against time
+    tools/plot.py run.h5 picture.png --overview     and constraint errors, energy, steps, charts
+    tools/plot.py run.h5 motion.gif                 the motion
+    tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
+    tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
+
+PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib: tools/setup.sh plot brings them.
 """
 
 import argparse
+import sys
+from pathlib import Path
 
-import h5py
-import matplotlib
-import numpy as np
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
-
-
-def text(value):
-    return value.decode() if isinstance(value, bytes) else str(value)
-
-
-def read(path):
-    """Times and {coordinate name: (series, unit)}."""
-    with h5py.File(path) as file:
-        trajectory = file["trajectory"]
-        q = trajectory["q"]
-        names = [text(name) for name in q.attrs["names"]]
-        units = [text(unit) for unit in q.attrs["units"]]
-        values = q[:]
-        return trajectory["time"][:], {name: (values[:, j], units[j]) for j, name in enumerate(names)}
-
-
-def label(name, unit):
-    return f"{name} [{unit}]" if unit not in ("", "1") else name
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from plots import animation, motion, precision  # noqa: E402
+from plots.files import kind_of, read_result  # noqa: E402
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("result")
-    parser.add_argument("picture")
-    parser.add_argument("--track", metavar="X,Y")
-    parser.add_argument("--against-time", metavar="Z")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+", metavar="FILE.h5")
+    parser.add_argument("picture", metavar="PICTURE")
+    parser.add_argument("--track", metavar="X,Y", help="coordinates of the track; the first two of the file")
+    parser.add_argument("--against-time", metavar="Z", help="coordinate against time; the third of the file")
+    parser.add_argument("--overview", action="store_true", help="everything that a result file tells")
+    parser.add_argument("--paper", choices=motion.PAPER, help="remake a figure of the paper")
     arguments = parser.parse_args()
 
-    time, coordinates = read(arguments.result)
-    names = list(coordinates)
+    kinds = {kind_of(path) for path in arguments.files}
+    if kinds == {"precision"}:
+        return precision.draw(arguments.files, arguments.picture)
+    if kinds != {"result"}:
+        parser.error(f"there is no picture of {' and '.join(sorted(kinds))} in one")
+    wanted = motion.PAPER[arguments.paper][1] if arguments.paper else 1
+    if len(arguments.files) != wanted:
+        parser.error(f"give {wanted} result file(s), not {len(arguments.files)}")
+    if arguments.paper:
+        return motion.PAPER[arguments.paper][0](arguments.files, arguments.picture)
+    if arguments.picture.endswith(".gif"):
+        problem = animation.draw(arguments.files[0], arguments.picture)
+        return parser.error(problem) if problem else None
+    names = list(read_result(arguments.files[0]).coordinates)
     x, y = arguments.track.split(",") if arguments.track else names[:2]
     z = arguments.against_time or names[2]
     for name in (x, y, z):
-        if name not in coordinates:
+        if name not in names:
             parser.error(f"there is no coordinate {name}; there are {', '.join(names)}")
-
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", width_ratios=[1, 1.8])
-    track_x, track_y = coordinates[x][0], coordinates[y][0]
-    left.plot(track_x, track_y, linewidth=1)
-    left.plot(track_x[0], track_y[0], "o", markersize=4, color="black")
-    left.annotate("start", (track_x[0], track_y[0]), xytext=(5, 5), textcoords="offset points")
-    width, height = np.ptp(track_x), np.ptp(track_y)
-    if max(width, height) < 5 * min(width, height):
-        left.set_aspect("equal")
-    left.set(xlabel=label(x, coordinates[x][1]), ylabel=label(y, coordinates[y][1]), title="track")
-    right.plot(time, coordinates[z][0], linewidth=1)
-    right.set(xlabel="time [s]", ylabel=label(z, coordinates[z][1]), title=f"{z} against time", xlim=(time[0], time[-1]))
-    for axes in (left, right):
-        axes.grid(linewidth=0.4, alpha=0.5)
-    figure.savefig(arguments.picture, dpi=110)
+    draw = motion.draw_overview if arguments.overview else motion.draw_two
+    return draw(arguments.files[0], arguments.picture, x, y, z)
 
 
 if __name__ == "__main__":

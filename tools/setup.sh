@@ -6,6 +6,7 @@
 # Usage: tools/setup.sh         what `fpm build` needs
 #        tools/setup.sh test    and what tools/verify.py needs
 #        tools/setup.sh docs    and what `make docs` needs
+#        tools/setup.sh plot    and what tools/plot.py needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
 #                            pkg-config): through apt-get

@@ -5,9 +5,11 @@ Runs build/tandem, or what the environment variable TANDEM names.
 """
 
 import csv
+import importlib.util
 import os
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
@@ -208,6 +210,45 @@ class Tables(Case):
         with h5py.File(self.folder / "study/tables.h5") as file:
             self.assertEqual(list(file["tables/paper"].asstr()[:]), [row["paper"] for row in rows])
             np.testing.assert_array_equal(file["tables/ours"][:], [float(row["ours"]) for row in rows])
+
+
+@unittest.skipUnless(importlib.util.find_spec("matplotlib"), "needs matplotlib: tools/setup.sh plot")
+class Pictures(Case):
+    def plot(self, *arguments, code=0):
+        done = subprocess.run([sys.executable, ROOT / "tools/plot.py", *arguments], cwd=self.folder, capture_output=True,
+                              text=True, timeout=120)
+        self.assertEqual(done.returncode, code, done.stderr)
+        return done
+
+    def tandem_run(self, scene, name, *settings):
+        subprocess.run([TANDEM, "run", scene, "--quiet", "--output", name, *settings], cwd=self.folder, env=ENVIRONMENT,
+                       check=True, capture_output=True)
+
+    def test_a_study(self):
+        for scene in "articulated_vehicle", "motorcycle":
+            self.study("precision", scene, "--set", "time.end=1", "--steppers", "rk4,dop853", *FAST)
+        files = [f"study/precision_{scene}.h5" for scene in ("articulated_vehicle", "motorcycle")]
+        self.plot(files[0], "one.png")
+        self.plot(*files, "two.svg")
+        self.assertTrue((self.folder / "one.png").read_bytes().startswith(b"\x89PNG"))
+        drawn = (self.folder / "two.svg").read_text()
+        self.assertIn("</svg>", drawn)
+
+    def test_runs(self):
+        self.tandem_run("rolling_disk", "disk.h5", "--set", "time.end=2")
+        self.tandem_run("articulated_vehicle", "vehicle.h5", "--set", "time.end=1", "--set", 'output.fields=["q"]')
+        self.plot("disk.h5", "two.png", "--track", "ry,rx")
+        # Also where the file holds little.
+        self.plot("disk.h5", "all.png", "--overview")
+        self.plot("vehicle.h5", "little.png", "--overview")
+        self.plot("vehicle.h5", "paper.png", "--paper", "2")
+        self.assertTrue(all((self.folder / f"{name}.png").stat().st_size > 10000 for name in ("two", "all", "little", "paper")))
+        self.plot("disk.h5", "motion.gif")
+        picture = (self.folder / "motion.gif").read_bytes()
+        self.assertTrue(picture.startswith(b"GIF89a"))
+        self.assertLess(len(picture), 1_500_000)
+        self.assertIn("rx", self.plot("disk.h5", "no.png", "--against-time", "nothing", code=2).stderr)
+        self.assertIn("2 result", self.plot("disk.h5", "no.png", "--paper", "6", code=2).stderr)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ module tandem_io_study_precision
         column_type('order', 'order', real_column, '1', &
             'log of the ratio of error_q to that of the row before, over log of the ratio of steps'), &
         column_type('wall_seconds', 'wall s', real_column, 's', 'run time by the clock, median'), &
-        column_type('cpu_seconds', '', real_column, 's', 'run time of the processor, median'), &
+        column_type('cpu_seconds', 'CPU s', real_column, 's', 'run time of the processor, median'), &
         column_type('repeats', '', count_column, '1', 'runs that were timed'), &
         column_type('steps', 'steps', count_column, '1', 'accepted steps'), &
         column_type('rejected', 'rej.', count_column, '1', 'steps rejected for their error'), &
@@ -147,7 +147,8 @@ contains
         floor_q = floor_factor*max(0.0_wp, self%reference%agreement_q)
     end function floor_q
 
-    !> The row of the shortest complete run whose error in q is at most `error_q`; 0 where there is none.
+    !> The row of the shortest complete run whose error in q is at most `error_q`, by the processor's time, which other work on
+    !> the machine disturbs least; 0 where there is none.
     pure integer function cheapest(self, error_q)
         class(precision_type), intent(in) :: self
         real(wp), intent(in) :: error_q
@@ -160,8 +161,8 @@ contains
             do row = 1, table%rows()
                 if (table%text_at(row, 'status') /= 'complete') cycle
                 if (.not. table%real_at(row, 'error_q') <= error_q) cycle
-                if (.not. table%real_at(row, 'wall_seconds') < least) cycle
-                least = table%real_at(row, 'wall_seconds')
+                if (.not. table%real_at(row, 'cpu_seconds') < least) cycle
+                least = table%real_at(row, 'cpu_seconds')
                 cheapest = row
             end do
         end associate
