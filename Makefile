@@ -22,7 +22,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test plots install uninstall clean
+.PHONY: help setup build run test docs plots install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -30,6 +30,7 @@ run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set t
 
 test: ## all that verifies the project; the last line is "N passed, N failed" (PARTS='lint python' for some)
 	@tools/setup.sh test
+	@tools/setup.sh docs
 	@python3 tools/verify.py $(PARTS)
 
 plots: build ## measure what README and doc/ show, and make their figures and tables anew (some minutes)
@@ -47,6 +48,10 @@ install: ## library, header, module files, pkg-config and CMake files, below PRE
 
 uninstall: ## remove what `make install` put below PREFIX
 	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)"
+
+docs: ## the reference of the library with the pages of doc/, left at build/docs/index.html
+	@tools/setup.sh docs
+	@python3 tools/docs.py
 
 clean: ## remove all that was built
 	@rm -rf build

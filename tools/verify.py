@@ -247,6 +247,7 @@ PARTS = [
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines),
+    Part("docs", ["python3", "tools/docs.py"], ok_lines),
 ]
 
 

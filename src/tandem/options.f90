@@ -21,6 +21,7 @@ module tandem_options
     !> A tolerance below this is lost in rounding.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp
 
+    !> What a user may choose, each with its default; `check` refuses what cannot be.
     type :: options_type
         !> Name of the stepper, see `stepper_names` in `tandem_stepper_factory`.
         character(len=16) :: stepper = 'rk4'

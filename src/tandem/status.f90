@@ -13,6 +13,7 @@ module tandem_status
     public :: status_inconsistent_rows, status_event_limit
     public :: status_work_limit
 
+    !> The codes; the table below says what each means and what to do.
     integer, parameter :: status_ok = 0
     integer, parameter :: status_invalid_option = -1
     integer, parameter :: status_invalid_model = -2

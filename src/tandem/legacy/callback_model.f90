@@ -19,6 +19,7 @@ module tandem_legacy_callback_model
 
     public :: callback_model_type
 
+    !> A model of a caller from another language; sizes are set first, procedures are attached one by one.
     type, abstract, extends(model_type) :: callback_model_type
         !> True where the language stores matrices by rows, as C does.
         logical :: by_rows = .false.

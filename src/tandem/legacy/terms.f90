@@ -15,6 +15,7 @@ module tandem_legacy_terms
     !> Argument lists: (t, q), (t, q, qd), and (t, q, x) with a constant vector x.
     integer, parameter :: of_position = 1, of_motion = 2, of_direction = 3
 
+    !> Numbers of the procedures: places in the table below.
     integer, parameter :: a_holonomic = 1, a_holonomic_jacobian = 2, a_holonomic_rate = 3, a_nonholonomic_jacobian = 4
     integer, parameter :: a_nonholonomic_rhs = 5, a_mass_matrix = 6, a_potential_energy = 7, a_nu_derivative = 8
     integer, parameter :: a_constraint_acceleration = 9, an_inertia_force = 10, an_applied_force = 11, a_kinetic_energy = 12

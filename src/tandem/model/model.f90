@@ -24,6 +24,7 @@ module tandem_model
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
 
+    !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
     type :: model_type
         !> The model's name in reports and files.
         character(len=:), allocatable :: name

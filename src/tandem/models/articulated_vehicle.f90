@@ -15,6 +15,7 @@ module tandem_models_articulated_vehicle
 
     public :: articulated_vehicle_type
 
+    !> The vehicle with its parameters; set those, call `define`, then `start` gives a consistent start.
     type, extends(model_type) :: articulated_vehicle_type
         !> Mass of each chassis (kg) and its polar moment of inertia (kg m^2).
         real(wp) :: mass = 1500.0_wp, inertia = 1500.0_wp

@@ -25,6 +25,7 @@ module tandem_models_motorcycle
 
     real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
 
+    !> The motorcycle with its parameters; set those, call `define`, then `start` gives a consistent start.
     type, extends(model_type) :: motorcycle_type
         !> Mass (kg) and principal moments of inertia of the chassis (kg m^2); acceleration due to gravity (m/s^2).
         real(wp) :: mass = 200.0_wp, inertia(3) = [30.0_wp, 15.0_wp, 30.0_wp], gravity = 9.6_wp
@@ -255,7 +256,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> C: the wheels' heights and the norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
+    !> The rows of C: the wheels' heights and the norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
     pure subroutine set_jacobian(self, f, q, a, y, z, rear, jacobian)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -303,7 +304,7 @@ contains
         nu(8) = -q(8)*dot_product(g, turned)
     end subroutine set_nu
 
-    !> gamma: the accelerations of the constraints' points with qdd = 0.
+    !> The rows of gamma: the accelerations of the constraints' points with qdd = 0.
     pure subroutine set_gamma(self, f, q, qd, a, y, z, rear, gamma)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -530,7 +531,7 @@ contains
         end if
     end subroutine differentiate_constraints
 
-    !> dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along
+    !> The gradient dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along
     !> lambda3 uz + lambda8 g, whose g turns with the tangent, and at the rear axle along lambda7 A ux.
     pure subroutine differentiate_dynamics(self, t, q, qd, qdd, lambda, d)
         class(motorcycle_type), intent(in) :: self

@@ -19,6 +19,7 @@ module tandem_models_rolling_disk
 
     public :: rolling_disk_type
 
+    !> The disk with its parameters; set those, call `define`, then `start` gives a consistent start.
     type, extends(model_type) :: rolling_disk_type
         !> Mass (kg).
         real(wp) :: mass = 10.0_wp

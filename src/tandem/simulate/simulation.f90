@@ -65,6 +65,7 @@ module tandem_simulation
         real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
     end type watched_type
 
+    !> A run of a model: `initialize` it, then `integrate` or `step`, and `look_at` times within the last step.
     type :: simulation_type
         !> The current state; all three constraint levels hold.
         type(state_type) :: state

@@ -21,6 +21,7 @@ module tandem_simulate_statistics
         [character(len=12) :: 'start', 'every step', '|v|', '|w|', '|D|', '|Fbar|', 'breakpoint', &
         'condition', 'iterations', 'failure', 'event']
 
+    !> Counters and largest errors of a run so far, those of its chart included.
     type, extends(counts_type) :: statistics_type
         !> Accepted steps; steps rejected for their error, and steps that could not be completed.
         integer(long) :: steps = 0, rejected = 0, failed = 0

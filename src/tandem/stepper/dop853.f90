@@ -13,6 +13,7 @@ module tandem_stepper_dop853
 
     public :: dop853_type
 
+    !> The method of order 8.
     type, extends(explicit_type) :: dop853_type
         private
         !> Coefficients of the three stages of dense output, and its matrix.

@@ -11,6 +11,7 @@ module tandem_stepper_dopri5
 
     public :: dopri5_type
 
+    !> The method of order 5.
     type, extends(explicit_type) :: dopri5_type
     contains
         procedure, nopass :: properties

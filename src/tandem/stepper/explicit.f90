@@ -14,6 +14,7 @@ module tandem_stepper_explicit
 
     public :: explicit_type, add_rates
 
+    !> A method given by its tableau; s stages.
     type, abstract, extends(stepper_type) :: explicit_type
         !> a(j, i), j < i, for stage i = 2 ... s; c(i) = sum_j a(j, i); weights b (s).
         real(wp), allocatable :: a(:, :), b(:), c(:)

@@ -10,6 +10,7 @@ module tandem_stepper_rk4
 
     public :: rk4_type
 
+    !> The classical method of order 4.
     type, extends(explicit_type) :: rk4_type
     contains
         procedure, nopass :: properties

@@ -28,6 +28,7 @@ module tandem_stepper_sdirk54
     !> b minus the embedded weights of order 3, (59/48, -17/96, 225/32, -85/12, 0).
     real(wp), parameter :: e(5) = [-3.0_wp/16, -27.0_wp/32, 25.0_wp/32, 0.0_wp, 1.0_wp/4]
 
+    !> The L-stable method of order 4.
     type, extends(stepper_type) :: sdirk54_type
         private
         type(newton_type) :: newton

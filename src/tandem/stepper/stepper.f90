@@ -28,6 +28,7 @@ module tandem_stepper
         real(wp) :: stability_limit = 0.0_wp
     end type properties_type
 
+    !> A one-step method: each file of this folder extends it.
     type, abstract :: stepper_type
     contains
         procedure(properties_interface), deferred, nopass :: properties

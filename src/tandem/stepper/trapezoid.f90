@@ -14,6 +14,7 @@ module tandem_stepper_trapezoid
 
     public :: trapezoid_type
 
+    !> The trapezoidal rule.
     type, extends(stepper_type) :: trapezoid_type
         private
         type(newton_type) :: newton

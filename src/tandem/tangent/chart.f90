@@ -26,6 +26,7 @@ module tandem_tangent_chart
         integer :: corrections = 0
     end type health_type
 
+    !> The contract that steppers and the simulation rely on.
     type, abstract :: chart_type
         !> What the chart has done.
         type(counts_type) :: counts

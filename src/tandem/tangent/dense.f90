@@ -34,6 +34,7 @@ module tandem_tangent_dense
 
     public :: dense_chart_type
 
+    !> The chart by dense matrices.
     type, extends(chart_type) :: dense_chart_type
         private
         type(evaluator_type) :: model
