@@ -101,6 +101,9 @@ def compile_all(build, flags):
 
 def build_libraries(build, flags):
     """libtandem.a and libtandem.so in the build folder."""
+    for tool, brings in ((FC, "gfortran"), ("ar", "binutils")):
+        if shutil.which(tool) is None:
+            raise SystemExit(f"library: there is no {tool}; the Debian package {brings} brings it, FC names another compiler")
     build = Path(build).resolve()
     build.mkdir(parents=True, exist_ok=True)
     objects = [str(file) for file in compile_all(build, flags)]
@@ -204,7 +207,7 @@ def install(build, flags, prefix, destdir):
             (target / name).symlink_to(to)
         (target / manifest).parent.mkdir(parents=True, exist_ok=True)
         (target / manifest).write_text("\n".join([*files, *texts, *links, manifest]) + "\n")
-    except PermissionError as error:
+    except OSError as error:
         raise SystemExit(f"library: {error}\nlibrary: install below another PREFIX, or as root") from error
     print(f"installed below {target}")
 
