@@ -42,7 +42,7 @@ contains
     !> and the same spring length.
     subroutine set_up(fork_angle, model, q, qd, factor)
         real(wp), intent(in) :: fork_angle
-        type(motorcycle_type), intent(inout) :: model
+        type(motorcycle_type), intent(out) :: model
         real(wp), intent(out) :: q(10), qd(10)
         real(wp), intent(in), optional :: factor
         real(wp) :: times
