@@ -482,7 +482,7 @@ contains
         integer :: stat
 
         self%next%dq = 0.0_wp
-        if (self%has_step) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
+        if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (self%chart%wants_other_rows()) then
             call self%choose_rows_anew(stat)
