@@ -120,79 +120,162 @@ module tandem_tangent_dense
         procedure, private :: name_infinite
     end type dense_chart_type
 
+    interface
+        !> Attach the model and allocate the work space.
+        module subroutine initialize(self, model, options, implicit, error, kept)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            class(model_type), intent(inout), target :: model
+            type(options_type), intent(in) :: options
+            logical, intent(in) :: implicit
+            type(error_type), allocatable, intent(out) :: error
+            integer, intent(in), optional :: kept(:)
+        end subroutine initialize
+
+        !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
+        module subroutine load_bases(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(out) :: stat
+        end subroutine load_bases
+
+        !> How many steps as the one that ends at (t, q) C is away from losing rank.
+        module subroutine measure_rank(self, t, q, room, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(out) :: room
+            integer, intent(out) :: stat
+        end subroutine measure_rank
+
+        !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
+        module subroutine measure_origin(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+        end subroutine measure_origin
+
+        !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
+        module logical function loses_rank_ahead(self, t, q, qd, h)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t, h
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+        end function loses_rank_ahead
+
+        !> Remember which rows depend on each other at the current point.
+        module subroutine blame_dependent(self, row)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            !> The one found to depend on others; 0 leaves the choice to the combination.
+            integer, intent(in) :: row
+        end subroutine blame_dependent
+
+        !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
+        module subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(in) :: ha
+            integer, intent(out) :: stat
+        end subroutine factor_stage
+
+        !> Make the last Newton matrix serve ha.
+        module subroutine reuse_stage(self, ha, can)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: ha
+            logical, intent(out) :: can
+        end subroutine reuse_stage
+
+        !> What a new Newton matrix costs, in corrections.
+        pure module real(wp) function matrix_cost(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(in) :: self
+        end function matrix_cost
+
+        !> One Newton correction of a stage's rates at the restored point.
+        module subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: ha
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine correct_stage
+
+        !> The error through the Newton matrix.
+        module subroutine filter_error(self, error_q, error_qd)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine filter_error
+
+        !> The derivatives of the rows in use; rows that were dropped carry no load here.
+        module subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            integer, intent(out) :: stat
+        end subroutine evaluate_derivatives
+
+        !> lambda at (t, q, qd, qdd).
+        module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(out), contiguous :: lambda(:)
+            integer, intent(out) :: stat
+        end subroutine multipliers
+
+        !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
+        module subroutine project_velocity(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(inout), contiguous :: qd(:)
+            integer, intent(out) :: stat
+        end subroutine project_velocity
+
+        !> The errors of the three constraint levels at the last point.
+        module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(out) :: errors(3)
+            integer, intent(out) :: rows(3)
+            integer, intent(out) :: stat
+        end subroutine constraint_errors
+
+        !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
+        module subroutine measure_health(self, t, q, qd, health, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            type(health_type), intent(out) :: health
+            integer, intent(out) :: stat
+        end subroutine measure_health
+
+        !> qd' M qd / 2 at (t, q, qd).
+        module subroutine kinetic_energy(self, t, q, qd, energy, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(out) :: energy
+            integer, intent(out) :: stat
+        end subroutine kinetic_energy
+    end interface
+
 contains
-
-    !> Attach the model and allocate the work space.
-    subroutine initialize(self, model, options, implicit, error, kept)
-        class(dense_chart_type), intent(inout) :: self
-        class(model_type), intent(inout), target :: model
-        type(options_type), intent(in) :: options
-        logical, intent(in) :: implicit
-        type(error_type), allocatable, intent(out) :: error
-        integer, intent(in), optional :: kept(:)
-        real(wp) :: utol
-        integer :: way, i
-
-        self%refines = options%refresh == 'refine'
-        self%is_implicit = implicit
-        self%uses_svd = options%basis == 'svd'
-        call self%model%initialize(model, kept)
-        self%n = model%n
-        self%nh = size(self%model%terms%phi)
-        self%m = size(self%model%terms%nu)
-        if (present(kept)) then
-            self%n_dropped = model%n_constraints() - size(kept)
-            self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
-            self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
-            self%all_lambda = self%all_gamma
-            if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
-        end if
-        call self%watch%allocate(options, self%n, self%nh, self%m)
-        ! The condition of (38) is that of the paper's D, which needs W.
-        self%has_bases = implicit .or. self%refines .or. self%watch%condition
-        self%scale = spread(1.0_wp, 1, model%n)
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
-        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
-        associate (n => self%n, nh => self%nh, m => self%m)
-            way = by_elimination
-            if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
-            ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
-            ! accepted must not miss the tolerance for that.
-            utol = options%position_tolerance()
-            if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
-            call self%position%allocate(n, nh, self%refines, utol, options%b_tolerance())
-            call self%split%allocate(n, m, way, options%h_tolerance())
-            call self%dynamics%allocate(n, n - m)
-            call self%basis%allocate(n, nh, m)
-            if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
-            self%q0 = spread(0.0_wp, 1, n)
-            self%x = spread(0.0_wp, 1, m)
-            self%z = spread(0.0_wp, 1, n - m)
-            if (self%has_bases) then
-                allocate (self%origin_c_x(m, m), source=0.0_wp)
-                call self%origin_lu%allocate(m)
-                allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
-                allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
-            else
-                allocate (self%x_basis(0, 0), self%w_basis(0, 0))
-                allocate (self%null_origin(n, n - m), self%overlap(n - m, n - m), source=0.0_wp)
-                call self%overlap_lu%allocate(n - m)
-            end if
-            if (implicit) then
-                call self%stage%allocate(n, nh, m)
-                call self%derivatives%allocate(n, m)
-                self%stage_segment = 0
-                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
-                self%cost = 2.5_wp
-                if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
-                allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
-            end if
-        end associate
-        self%qd0 = self%q0
-        self%trial = self%q0
-        self%q_point = self%q0
-        self%qd_point = self%q0
-    end subroutine initialize
 
     !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
     subroutine renew(self, t, q, qd, stat)
@@ -240,47 +323,6 @@ contains
         ! More than rounding: q is not the point of that increment.
         if (any(abs(left) > 8*epsilon(1.0_wp)*(abs(q) + abs(increment) + self%scale))) left = 0.0_wp
     end subroutine remainder
-
-    !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
-    subroutine load_bases(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-        integer :: columns, j
-
-        stat = status_ok
-        ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
-        columns = self%nh
-        if (self%watch%w .or. self%watch%secants) columns = self%m
-        if (self%has_bases) columns = self%n
-        if (self%uses_svd) then
-            call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
-        else
-            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
-        end if
-        self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
-        self%independence = self%basis%smallest
-        self%best_independence = max(self%best_independence, self%independence)
-        if (self%basis%deficient) then
-            call self%blame_dependent(self%basis%dependent_row)
-            stat = status_rank_deficient
-            return
-        end if
-        do j = 1, self%nh
-            self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
-        end do
-        if (.not. self%has_bases) return
-        do j = 1, self%m
-            self%x_basis(:, j) = self%scale*self%basis%q(:, j)
-        end do
-        do j = 1, self%n - self%nh
-            self%v_basis(:, j) = self%scale*self%basis%q(:, self%nh + j)
-            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%scale
-        end do
-        do j = 1, self%n - self%m
-            self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
-            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
-        end do
-    end subroutine load_bases
 
     !> Bring the row scales and the factor of Phi_q U to (t, q).
     subroutine refresh(self, t, q, stat)
@@ -516,345 +558,6 @@ contains
         stat = status_not_finite
     end subroutine name_infinite
 
-    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
-    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(in) :: ha
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        call self%move_with(t, q, qd, stat)
-        if (stat == status_ok) call self%split_fully(stat)
-        if (stat /= status_ok) return
-        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
-            call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
-            call self%evaluate_derivatives(t, q, qd, qdd, stat)
-            if (stat /= status_ok) then
-                self%failed_term = 'a derivative'
-                return
-            end if
-            call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
-            if (stat /= status_ok) return
-            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, self%position%u_basis, &
-                self%b_phi, d, r)
-            call self%stage%factor(ha, stat)
-        end associate
-        self%stage_segment = self%model%segment()
-        self%counts%newton_matrices = self%counts%newton_matrices + 1
-        self%counts%newton_factorizations = self%counts%newton_factorizations + 1
-    end subroutine factor_stage
-
-    !> Make the last Newton matrix serve ha.
-    subroutine reuse_stage(self, ha, can)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: ha
-        logical, intent(out) :: can
-
-        can = self%stage_segment == self%model%segment()
-        if (can) call self%stage%adapt(ha, self%counts%newton_factorizations, can)
-    end subroutine reuse_stage
-
-    !> What a new Newton matrix costs, in corrections.
-    pure real(wp) function matrix_cost(self)
-        class(dense_chart_type), intent(in) :: self
-
-        matrix_cost = self%cost
-    end function matrix_cost
-
-    !> One Newton correction of a stage's rates at the restored point.
-    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(in) :: ha
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        real(wp), intent(out) :: change
-        integer, intent(out) :: stat
-        integer :: j
-
-        self%failed_row = 0
-        change = 0.0_wp
-        call self%move_with(t, q, qd, stat)
-        if (stat == status_ok) call self%split_here(stat)
-        if (stat /= status_ok) return
-        call self%stage%correct(self%model%terms, self%split, self%v_basis, self%v_dual, self%x_basis, self%w_basis, self%w_dual, &
-            qd, rate_q, rate_qd, self%change_q, self%change_qd)
-        do j = 1, self%n
-            change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
-                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
-        end do
-        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
-            stat = status_not_finite
-            call self%name_infinite(stat)
-        end if
-        self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine correct_stage
-
-    !> The error through the Newton matrix.
-    subroutine filter_error(self, error_q, error_qd)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-
-        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%split%null_space, error_q, error_qd)
-    end subroutine filter_error
-
-    !> lambda at (t, q, qd, qdd).
-    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(out), contiguous :: lambda(:)
-        integer, intent(out) :: stat
-
-        lambda = 0.0_wp
-        call self%move_with(t, q, qd, stat)
-        if (stat == status_ok) call self%split_fully(stat)
-        if (stat /= status_ok) return
-        self%counts%multipliers = self%counts%multipliers + 1
-        if (allocated(self%dropped)) then
-            associate (terms => self%model%all_rows)
-                call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
-            end associate
-        else
-            call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
-        end if
-    end subroutine multipliers
-
-    !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
-    subroutine project_velocity(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
-        real(wp), intent(inout), contiguous :: qd(:)
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        call self%move_to(t, q, stat)
-        if (stat == status_ok) call self%split_fully(stat)
-        if (stat /= status_ok) return
-        associate (r => self%split%right_inverse, d => self%split%null_space)
-            call self%dynamics%factor(self%model%terms%mass, d, stat)
-            if (stat /= status_ok) return
-            call self%dynamics%project(d, r, self%model%terms%nu, qd)
-        end associate
-        if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
-    end subroutine project_velocity
-
-    !> The errors of the three constraint levels at the last point.
-    subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: errors(3)
-        integer, intent(out) :: rows(3)
-        integer, intent(out) :: stat
-
-        errors = 0.0_wp
-        rows = 0
-        if (self%m == 0) then
-            stat = status_ok
-            return
-        end if
-        call self%move_with(t, q, qd, stat)
-        if (stat /= status_ok) return
-        ! Of redundant rows all count, those that were dropped too.
-        if (self%nh > 0 .and. .not. self%phi_is_current) then
-            call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
-            if (stat /= status_ok) then
-                call self%fail_term()
-                return
-            end if
-        end if
-        if (allocated(self%dropped)) then
-            call measure(self%model%all_rows)
-        else
-            call measure(self%model%terms)
-        end if
-        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
-
-    contains
-
-        !> The three errors of a set of rows.
-        subroutine measure(terms)
-            type(terms_type), intent(in) :: terms
-
-            if (size(terms%phi) > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, errors(1), rows(1))
-            call velocity_errors(terms%nu, terms%jacobian, qd, self%scale, errors(2), rows(2))
-            call acceleration_errors(terms%gamma, terms%jacobian, qdd, self%scale, errors(3), rows(3))
-        end subroutine measure
-    end subroutine constraint_errors
-
-    !> How many steps as the one that ends at (t, q) C is away from losing rank.
-    subroutine measure_rank(self, t, q, room, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
-        real(wp), intent(out) :: room
-        integer, intent(out) :: stat
-        !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
-        real(wp), parameter :: largest_rest = 1.0e-6_wp
-        !> A loss of rank further away than so many steps is not looked for.
-        real(wp), parameter :: horizon = 8.0_wp
-        real(wp) :: share(self%m), smallest, smallest_before, fall
-        integer :: i, j
-
-        self%failed_row = 0
-        self%fallen = 1.0_wp
-        room = huge(1.0_wp)
-        stat = status_ok
-        if (self%m == 0) return
-        call self%move_to(t, q, stat)
-        if (stat == status_ok) call self%split_here(stat)
-        if (stat /= status_ok) return
-        if (self%has_bases) call self%measure_origin()
-        call self%split%measure_orientation()
-        if (allocated(self%dropped)) then
-            call self%split_fully(stat)
-            if (stat /= status_ok) return
-            do i = 1, size(self%dropped)
-                associate (row => self%model%all_rows%jacobian(self%dropped(i), :), d => self%split%null_space)
-                    do j = 1, size(d, 2)
-                        if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
-                        call self%blame_dependent(0)
-                        self%failed_row = self%dropped(i)
-                        room = 0.0_wp
-                        return
-                    end do
-                end associate
-            end do
-        end if
-        ! Pivots are at hand. They fall towards a loss of rank, and for the choice of their columns alone.
-        fall = self%last_weakness - self%split%weakness
-        self%last_weakness = self%split%weakness
-        if (self%split%orientation == self%origin_orientation .and. self%split%weakness > horizon*fall) return
-        call weakest_combination(self%step_jacobian, self%scale, share, smallest_before)
-        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
-        if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
-        self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
-        if (self%split%orientation /= self%origin_orientation) then
-            if (.not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)) room = 0.0_wp
-            self%origin_orientation = self%split%orientation
-        end if
-        if (room <= horizon) call self%blame_dependent(0)
-    end subroutine measure_rank
-
-    !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
-    subroutine measure_origin(self)
-        class(dense_chart_type), intent(inout) :: self
-        integer :: stat
-
-        call set_product(self%step_jacobian, self%x_basis, self%origin_c_x)
-        call self%origin_lu%factor(self%origin_c_x, stat)
-        if (stat /= 0) return
-        self%origin_orientation = self%origin_lu%determinant_sign()
-        self%last_weakness = self%origin_lu%smallest_pivot()
-    end subroutine measure_origin
-
-    !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
-    logical function loses_rank_ahead(self, t, q, qd, h)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t, h
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        !> Halvings of the way; how much C may change until the loss.
-        integer, parameter :: most_halvings = 12
-        real(wp), parameter :: largest_change = 0.5_wp
-        real(wp), allocatable :: here(:, :)
-        real(wp) :: near, far, middle
-        integer :: k, stat
-
-        loses_rank_ahead = .false.
-        if (self%m == 0) return
-        call self%move_to(t, q, stat)
-        if (stat /= status_ok) return
-        here = self%model%terms%jacobian
-        near = 0.0_wp
-        far = h
-        if (keeps_until(h)) return
-        do k = 1, most_halvings
-            middle = 0.5_wp*(near + far)
-            if (keeps_until(middle)) then
-                near = middle
-            else
-                far = middle
-            end if
-        end do
-        loses_rank_ahead = .not. keeps_until(far)
-        if (loses_rank_ahead) loses_rank_ahead = relative_change() <= largest_change
-        if (loses_rank_ahead) call self%blame_dependent(0)
-
-    contains
-
-        !> Whether C has its orientation still; what cannot be evaluated counts as no loss.
-        logical function keeps_until(ahead)
-            real(wp), intent(in) :: ahead
-
-            self%trial = q + ahead*qd
-            call self%move_to(t + ahead, self%trial, stat)
-            keeps_until = stat /= status_ok
-            if (.not. keeps_until) keeps_until = keeps_orientation(here, self%model%terms%jacobian, self%scale)
-        end function keeps_until
-
-        !> The change of C since, rows of unit length, Frobenius norm.
-        real(wp) function relative_change()
-            integer :: i
-
-            relative_change = 0.0_wp
-            do i = 1, self%m
-                relative_change = relative_change + sum(((self%model%terms%jacobian(i, :) - here(i, :))*self%scale)**2)/ &
-                    max(sum((here(i, :)*self%scale)**2), tiny(1.0_wp))
-            end do
-            relative_change = sqrt(relative_change)
-        end function relative_change
-    end function loses_rank_ahead
-
-    !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
-    subroutine measure_health(self, t, q, qd, health, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        type(health_type), intent(out) :: health
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        call self%move_to(t, q, stat)
-        if (stat == status_ok .and. self%watch%condition) call self%split_fully(stat)
-        if (stat /= status_ok) return
-        health%corrections = max(self%position%most_corrections, self%split%most_corrections)
-        self%position%most_corrections = 0
-        self%split%most_corrections = 0
-        associate (terms => self%model%terms, watch => self%watch)
-            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
-            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
-            if (watch%condition .and. self%is_implicit) then
-                ! That of the Newton matrix (81), reduced.
-                health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
-            else if (watch%condition) then
-                call watch%condition_of(terms%mass, self%split%null_space, terms%jacobian, health%condition)
-            end if
-            if (watch%secants) then
-                self%counts%basis_factorizations = self%counts%basis_factorizations + 1
-                call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
-            end if
-        end associate
-    end subroutine measure_health
-
-    !> qd' M qd / 2 at (t, q, qd).
-    subroutine kinetic_energy(self, t, q, qd, energy, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(out) :: energy
-        integer, intent(out) :: stat
-
-        energy = 0.0_wp
-        call self%move_to(t, q, stat)
-        if (stat /= status_ok) return
-        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
-        energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
-    end subroutine kinetic_energy
-
     !> gamma by differences.
     subroutine evaluate_gamma(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
@@ -871,29 +574,6 @@ contains
         end if
     end subroutine evaluate_gamma
 
-    !> The derivatives of the rows in use; rows that were dropped carry no load here.
-    subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        integer, intent(out) :: stat
-
-        if (.not. allocated(self%dropped)) then
-            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
-            return
-        end if
-        self%all_lambda = 0.0_wp
-        self%all_lambda(self%model%kept) = self%lambda
-        call self%differences%evaluate_derivatives(t, q, qd, qdd, self%all_lambda, self%all_derivatives, self%counts, stat)
-        associate (all_rows => self%all_derivatives, kept => self%model%kept)
-            self%derivatives%velocity_q = all_rows%velocity_q(kept, :)
-            self%derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
-            self%derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
-            self%derivatives%dynamics_q = all_rows%dynamics_q
-            self%derivatives%dynamics_qd = all_rows%dynamics_qd
-        end associate
-    end subroutine evaluate_derivatives
-
     !> Remember which row is to blame, by its number in the model.
     subroutine blame(self, row, value)
         class(dense_chart_type), intent(inout) :: self
@@ -905,23 +585,6 @@ contains
         self%failed_value = value
         if (row > 0 .and. allocated(self%dropped)) self%failed_row = self%model%kept(row)
     end subroutine blame
-
-    !> Remember which rows depend on each other at the current point.
-    subroutine blame_dependent(self, row)
-        class(dense_chart_type), intent(inout) :: self
-        !> The one found to depend on others; 0 leaves the choice to the combination.
-        integer, intent(in) :: row
-        !> Smaller parts of the combination are not named.
-        real(wp), parameter :: smallest_part = 0.01_wp
-        real(wp) :: share(self%m), smallest
-        integer :: i
-
-        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
-        if (row > 0) share(row) = 1.0_wp
-        call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
-        self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
-        if (allocated(self%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
-    end subroutine blame_dependent
 
     !> Remember which term of the model failed.
     subroutine fail_term(self)

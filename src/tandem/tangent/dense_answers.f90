@@ -1,0 +1,139 @@
+! SPDX-License-Identifier: MIT
+!> What is asked at a point: multipliers, the nearest velocity, constraint errors, what policies watch, kinetic energy.
+submodule(tandem_tangent_dense) tandem_tangent_dense_answers
+    implicit none (type, external)
+
+contains
+
+    !> lambda at (t, q, qd, qdd).
+    module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
+
+        lambda = 0.0_wp
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%split_fully(stat)
+        if (stat /= status_ok) return
+        self%counts%multipliers = self%counts%multipliers + 1
+        if (allocated(self%dropped)) then
+            associate (terms => self%model%all_rows)
+                call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
+            end associate
+        else
+            call self%dynamics%multipliers(self%model%terms%mass, self%split%right_inverse, self%model%terms%force, qdd, lambda)
+        end if
+    end subroutine multipliers
+
+    !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
+    module subroutine project_velocity(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(inout), contiguous :: qd(:)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_fully(stat)
+        if (stat /= status_ok) return
+        associate (r => self%split%right_inverse, d => self%split%null_space)
+            call self%dynamics%factor(self%model%terms%mass, d, stat)
+            if (stat /= status_ok) return
+            call self%dynamics%project(d, r, self%model%terms%nu, qd)
+        end associate
+        if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
+    end subroutine project_velocity
+
+    !> The errors of the three constraint levels at the last point.
+    module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        integer, intent(out) :: stat
+
+        errors = 0.0_wp
+        rows = 0
+        if (self%m == 0) then
+            stat = status_ok
+            return
+        end if
+        call self%move_with(t, q, qd, stat)
+        if (stat /= status_ok) return
+        ! Of redundant rows all count, those that were dropped too.
+        if (self%nh > 0 .and. .not. self%phi_is_current) then
+            call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_term()
+                return
+            end if
+        end if
+        if (allocated(self%dropped)) then
+            call measure(self%model%all_rows)
+        else
+            call measure(self%model%terms)
+        end if
+        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
+
+    contains
+
+        !> The three errors of a set of rows.
+        subroutine measure(terms)
+            type(terms_type), intent(in) :: terms
+
+            if (size(terms%phi) > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, errors(1), rows(1))
+            call velocity_errors(terms%nu, terms%jacobian, qd, self%scale, errors(2), rows(2))
+            call acceleration_errors(terms%gamma, terms%jacobian, qdd, self%scale, errors(3), rows(3))
+        end subroutine measure
+    end subroutine constraint_errors
+
+    !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
+    module subroutine measure_health(self, t, q, qd, health, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        type(health_type), intent(out) :: health
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok .and. self%watch%condition) call self%split_fully(stat)
+        if (stat /= status_ok) return
+        health%corrections = max(self%position%most_corrections, self%split%most_corrections)
+        self%position%most_corrections = 0
+        self%split%most_corrections = 0
+        associate (terms => self%model%terms, watch => self%watch)
+            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
+            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
+            if (watch%condition .and. self%is_implicit) then
+                ! That of the Newton matrix (81), reduced.
+                health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
+            else if (watch%condition) then
+                call watch%condition_of(terms%mass, self%split%null_space, terms%jacobian, health%condition)
+            end if
+            if (watch%secants) then
+                self%counts%basis_factorizations = self%counts%basis_factorizations + 1
+                call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
+            end if
+        end associate
+    end subroutine measure_health
+
+    !> qd' M qd / 2 at (t, q, qd).
+    module subroutine kinetic_energy(self, t, q, qd, energy, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+
+        energy = 0.0_wp
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
+        energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
+    end subroutine kinetic_energy
+end submodule tandem_tangent_dense_answers

@@ -1,0 +1,146 @@
+! SPDX-License-Identifier: MIT
+!> How near C is to losing rank: watched by the pivots, decided by singular values and by the orientation of C.
+submodule(tandem_tangent_dense) tandem_tangent_dense_rank
+    implicit none (type, external)
+
+contains
+
+    !> How many steps as the one that ends at (t, q) C is away from losing rank.
+    module subroutine measure_rank(self, t, q, room, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out) :: room
+        integer, intent(out) :: stat
+        !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
+        real(wp), parameter :: largest_rest = 1.0e-6_wp
+        !> A loss of rank further away than so many steps is not looked for.
+        real(wp), parameter :: horizon = 8.0_wp
+        real(wp) :: share(self%m), smallest, smallest_before, fall
+        integer :: i, j
+
+        self%failed_row = 0
+        self%fallen = 1.0_wp
+        room = huge(1.0_wp)
+        stat = status_ok
+        if (self%m == 0) return
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%split_here(stat)
+        if (stat /= status_ok) return
+        if (self%has_bases) call self%measure_origin()
+        call self%split%measure_orientation()
+        if (allocated(self%dropped)) then
+            call self%split_fully(stat)
+            if (stat /= status_ok) return
+            do i = 1, size(self%dropped)
+                associate (row => self%model%all_rows%jacobian(self%dropped(i), :), d => self%split%null_space)
+                    do j = 1, size(d, 2)
+                        if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
+                        call self%blame_dependent(0)
+                        self%failed_row = self%dropped(i)
+                        room = 0.0_wp
+                        return
+                    end do
+                end associate
+            end do
+        end if
+        ! Pivots are at hand. They fall towards a loss of rank, and for the choice of their columns alone.
+        fall = self%last_weakness - self%split%weakness
+        self%last_weakness = self%split%weakness
+        if (self%split%orientation == self%origin_orientation .and. self%split%weakness > horizon*fall) return
+        call weakest_combination(self%step_jacobian, self%scale, share, smallest_before)
+        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
+        self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
+        if (self%split%orientation /= self%origin_orientation) then
+            if (.not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)) room = 0.0_wp
+            self%origin_orientation = self%split%orientation
+        end if
+        if (room <= horizon) call self%blame_dependent(0)
+    end subroutine measure_rank
+
+    !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
+    module subroutine measure_origin(self)
+        class(dense_chart_type), intent(inout) :: self
+        integer :: stat
+
+        call set_product(self%step_jacobian, self%x_basis, self%origin_c_x)
+        call self%origin_lu%factor(self%origin_c_x, stat)
+        if (stat /= 0) return
+        self%origin_orientation = self%origin_lu%determinant_sign()
+        self%last_weakness = self%origin_lu%smallest_pivot()
+    end subroutine measure_origin
+
+    !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
+    module logical function loses_rank_ahead(self, t, q, qd, h)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t, h
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        !> Halvings of the way; how much C may change until the loss.
+        integer, parameter :: most_halvings = 12
+        real(wp), parameter :: largest_change = 0.5_wp
+        real(wp), allocatable :: here(:, :)
+        real(wp) :: near, far, middle
+        integer :: k, stat
+
+        loses_rank_ahead = .false.
+        if (self%m == 0) return
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        here = self%model%terms%jacobian
+        near = 0.0_wp
+        far = h
+        if (keeps_until(h)) return
+        do k = 1, most_halvings
+            middle = 0.5_wp*(near + far)
+            if (keeps_until(middle)) then
+                near = middle
+            else
+                far = middle
+            end if
+        end do
+        loses_rank_ahead = .not. keeps_until(far)
+        if (loses_rank_ahead) loses_rank_ahead = relative_change() <= largest_change
+        if (loses_rank_ahead) call self%blame_dependent(0)
+
+    contains
+
+        !> Whether C has its orientation still; what cannot be evaluated counts as no loss.
+        logical function keeps_until(ahead)
+            real(wp), intent(in) :: ahead
+
+            self%trial = q + ahead*qd
+            call self%move_to(t + ahead, self%trial, stat)
+            keeps_until = stat /= status_ok
+            if (.not. keeps_until) keeps_until = keeps_orientation(here, self%model%terms%jacobian, self%scale)
+        end function keeps_until
+
+        !> The change of C since, rows of unit length, Frobenius norm.
+        real(wp) function relative_change()
+            integer :: i
+
+            relative_change = 0.0_wp
+            do i = 1, self%m
+                relative_change = relative_change + sum(((self%model%terms%jacobian(i, :) - here(i, :))*self%scale)**2)/ &
+                    max(sum((here(i, :)*self%scale)**2), tiny(1.0_wp))
+            end do
+            relative_change = sqrt(relative_change)
+        end function relative_change
+    end function loses_rank_ahead
+
+    !> Remember which rows depend on each other at the current point.
+    module subroutine blame_dependent(self, row)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(in) :: row
+        !> Smaller parts of the combination are not named.
+        real(wp), parameter :: smallest_part = 0.01_wp
+        real(wp) :: share(self%m), smallest
+        integer :: i
+
+        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        if (row > 0) share(row) = 1.0_wp
+        call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
+        self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
+        if (allocated(self%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
+    end subroutine blame_dependent
+end submodule tandem_tangent_dense_rank

@@ -1,0 +1,120 @@
+! SPDX-License-Identifier: MIT
+!> The work space of the chart, and the bases at its origin.
+submodule(tandem_tangent_dense) tandem_tangent_dense_setup
+    implicit none (type, external)
+
+contains
+
+    !> Attach the model and allocate the work space.
+    module subroutine initialize(self, model, options, implicit, error, kept)
+        class(dense_chart_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
+        type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
+        real(wp) :: utol
+        integer :: way, i
+
+        self%refines = options%refresh == 'refine'
+        self%is_implicit = implicit
+        self%uses_svd = options%basis == 'svd'
+        call self%model%initialize(model, kept)
+        self%n = model%n
+        self%nh = size(self%model%terms%phi)
+        self%m = size(self%model%terms%nu)
+        if (present(kept)) then
+            self%n_dropped = model%n_constraints() - size(kept)
+            self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
+            self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
+            self%all_lambda = self%all_gamma
+            if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
+        end if
+        call self%watch%allocate(options, self%n, self%nh, self%m)
+        ! The condition of (38) is that of the paper's D, which needs W.
+        self%has_bases = implicit .or. self%refines .or. self%watch%condition
+        self%scale = spread(1.0_wp, 1, model%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
+        associate (n => self%n, nh => self%nh, m => self%m)
+            way = by_elimination
+            if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
+            ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
+            ! accepted must not miss the tolerance for that.
+            utol = options%position_tolerance()
+            if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
+            call self%position%allocate(n, nh, self%refines, utol, options%b_tolerance())
+            call self%split%allocate(n, m, way, options%h_tolerance())
+            call self%dynamics%allocate(n, n - m)
+            call self%basis%allocate(n, nh, m)
+            if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
+            self%q0 = spread(0.0_wp, 1, n)
+            self%x = spread(0.0_wp, 1, m)
+            self%z = spread(0.0_wp, 1, n - m)
+            if (self%has_bases) then
+                allocate (self%origin_c_x(m, m), source=0.0_wp)
+                call self%origin_lu%allocate(m)
+                allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
+                allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
+            else
+                allocate (self%x_basis(0, 0), self%w_basis(0, 0))
+                allocate (self%null_origin(n, n - m), self%overlap(n - m, n - m), source=0.0_wp)
+                call self%overlap_lu%allocate(n - m)
+            end if
+            if (implicit) then
+                call self%stage%allocate(n, nh, m)
+                call self%derivatives%allocate(n, m)
+                self%stage_segment = 0
+                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
+                self%cost = 2.5_wp
+                if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
+                allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
+            end if
+        end associate
+        self%qd0 = self%q0
+        self%trial = self%q0
+        self%q_point = self%q0
+        self%qd_point = self%q0
+    end subroutine initialize
+
+    !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
+    module subroutine load_bases(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        integer :: columns, j
+
+        stat = status_ok
+        ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
+        columns = self%nh
+        if (self%watch%w .or. self%watch%secants) columns = self%m
+        if (self%has_bases) columns = self%n
+        if (self%uses_svd) then
+            call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
+        else
+            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
+        end if
+        self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
+        self%independence = self%basis%smallest
+        self%best_independence = max(self%best_independence, self%independence)
+        if (self%basis%deficient) then
+            call self%blame_dependent(self%basis%dependent_row)
+            stat = status_rank_deficient
+            return
+        end if
+        do j = 1, self%nh
+            self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
+        end do
+        if (.not. self%has_bases) return
+        do j = 1, self%m
+            self%x_basis(:, j) = self%scale*self%basis%q(:, j)
+        end do
+        do j = 1, self%n - self%nh
+            self%v_basis(:, j) = self%scale*self%basis%q(:, self%nh + j)
+            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%scale
+        end do
+        do j = 1, self%n - self%m
+            self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
+            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
+        end do
+    end subroutine load_bases
+end submodule tandem_tangent_dense_setup
