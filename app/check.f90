@@ -7,6 +7,7 @@ module tandem_app_check
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
     use tandem_app_moves, only: moves_text
+    use tandem_app_report, only: print_warnings
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -86,13 +87,18 @@ contains
         type(scene_type), intent(inout), target :: scene
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
+        character(len=:), allocatable :: rank
 
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
         if (allocated(scene%assembly)) write (output_unit, '(a)') 'start assembled: '//moves_text(scene%model, scene%assembly)
-        write (output_unit, '(a)') 'start: C has full rank '//to_text(scene%model%n_constraints())// &
-            ', the errors of position, velocity and acceleration are '//brief(simulation%errors(1))//', '// &
+        rank = 'full rank '//to_text(scene%model%n_constraints())
+        if (simulation%n_redundant > 0) rank = 'rank '//to_text(scene%model%n_constraints() - simulation%n_redundant)// &
+            ' of '//to_text(scene%model%n_constraints())
+        write (output_unit, '(a)') 'start: C has '//rank//', the errors of position, velocity and acceleration are '// &
+            brief(simulation%errors(1))//', '// &
             brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales'
+        call print_warnings(simulation)
     end subroutine print_start
 
     !> A number with two digits.

@@ -10,7 +10,7 @@ module tandem_app_report
     implicit none (type, external)
     private
 
-    public :: print_report
+    public :: print_report, print_warnings
 
     !> Columns of the text after its label, and of a whole line.
     integer, parameter :: indent = 18, width = 110
@@ -49,10 +49,15 @@ contains
         if (allocated(error)) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
                 to_toml(scene%t_end)//' s: FAILED after '//counted(s%steps, 'step'))
+        else if (simulation%is_stopped) then
+            call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
+                to_toml(scene%t_end)//' s in '//counted(s%steps, 'step')//', stopped by "'//trim(simulation%stopped_by)// &
+                '" at t = '//short(simulation%state%t, 12)//' s')
         else
             call print_line('time', to_toml(scene%t_start)//' to '//to_toml(scene%t_end)//' s in '// &
                 counted(s%steps, 'step'))
         end if
+        if (size(scene%events) > 0) call print_events(scene, simulation)
         if (scene%options%is_adaptive() .and. s%steps > 0) call print_line('step sizes', short(s%smallest_step, 3)//' to '// &
             short(s%largest_step, 3)//' s, '//counted(s%rejected, 'step')//' rejected for the error, '// &
             count_text(s%failed)//' not completed')
@@ -67,7 +72,7 @@ contains
             short(s%local_error_sum, 2)//' summed over the run, not counting how the motion amplifies it')
         if (allocated(estimate_error)) call print_line('error at end', 'not known: '//estimate_error%message)
         if (global_error%is_known) call print_line('error at end', error_at_end(global_error, scene))
-        call print_warnings(s, scene%options, global_error)
+        call print_warnings(simulation, global_error)
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &
                 ' of its natural scale, since the model leaves gamma to differences')
@@ -110,8 +115,26 @@ contains
         end function name_of
     end function error_at_end
 
-    !> Say clearly where the numbers of a run mean little.
-    subroutine print_warnings(s, options, global_error)
+    !> Say clearly what a run has to warn of, and where its numbers mean little.
+    subroutine print_warnings(simulation, global_error)
+        type(simulation_type), intent(in) :: simulation
+        !> The error of the whole run; without it only what is said before a run.
+        type(global_error_type), intent(in), optional :: global_error
+        type(statistics_type) :: s
+        integer :: i
+
+        if (allocated(simulation%warnings)) then
+            do i = 1, size(simulation%warnings)
+                call print_line('WARNING', simulation%warnings(i)%text)
+            end do
+        end if
+        if (.not. present(global_error)) return
+        s = simulation%statistics()
+        call warn_of_errors(s, simulation%options, global_error)
+    end subroutine print_warnings
+
+    !> Warn of large errors.
+    subroutine warn_of_errors(s, options, global_error)
         type(statistics_type), intent(in) :: s
         type(options_type), intent(in) :: options
         type(global_error_type), intent(in) :: global_error
@@ -132,7 +155,7 @@ contains
         else if (global_error%largest > large) then
             call print_line('WARNING', 'the error reaches '//short(global_error%largest, 2)//' of the state: '//advice)
         end if
-    end subroutine print_warnings
+    end subroutine warn_of_errors
 
     !> That an explicit stepper is at work on a stiff model.
     function stiff(s, is_adaptive) result(text)
@@ -170,6 +193,32 @@ contains
         text = to_toml(minval(values))
         if (maxval(values) > minval(values)) text = text//' to '//to_toml(maxval(values))
     end function range_of
+
+    !> How often each event has happened, and when first.
+    subroutine print_events(scene, simulation)
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
+        !> Times shown.
+        integer, parameter :: most_times = 4
+        character(len=:), allocatable :: times
+        integer :: i, k, n
+
+        do i = 1, size(scene%events)
+            times = ''
+            n = 0
+            do k = 1, simulation%n_events
+                if (simulation%events(k)%number /= i) cycle
+                n = n + 1
+                if (n == 1) times = ' at t = '
+                if (n > 1 .and. n <= most_times) times = times//', '
+                if (n <= most_times) times = times//short(simulation%events(k)%t, 9)
+            end do
+            if (n > most_times) times = times//', ...'
+            if (n > 0) times = times//' s'
+            call print_line(trim(merge('event', '     ', i == 1)), trim(scene%events(i)%name)//' '// &
+                counted(int(n, long), 'time')//times)
+        end do
+    end subroutine print_events
 
     !> What is in the result file.
     function rows_text(trajectory, error) result(text)

@@ -58,6 +58,7 @@ contains
         type(trajectory_type), intent(inout) :: trajectory
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: path
+        integer :: i
 
         call find_scene(arguments%scene, path, error)
         if (allocated(error)) return
@@ -65,6 +66,9 @@ contains
         if (allocated(error)) return
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
+        do i = 1, size(scene%events)
+            call simulation%add_event(scene%events(i))
+        end do
         if (scene%output%file == path) then
             allocate (error)
             error%message = 'the result file '//path//' is the scene itself; choose another'

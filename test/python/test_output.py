@@ -253,6 +253,112 @@ class ResultFile(Case):
         self.assertRegex(done.stdout, r"lowest point 1\.0000 m at t = 0\.\d\d s")
 
 
+class Events(Case):
+    """Events of a scene: the disk rolls along x with a speed that is nearly constant, and nods about its axis."""
+
+    EVENTS = """
+[[event]]
+name = "half way"
+watch = "rx"
+value = 0.5
+direction = "rising"
+
+[[event]]
+name = "nod"
+watch = "qd:rz"
+"""
+    STOP = """
+[[event]]
+name = "load"
+watch = "lambda:%s"
+value = %s
+action = "stop"
+"""
+
+    def disk_with(self, events, end=2.0, **tables):
+        tables = {"time": f"end = {end}", "initial": "omega = [-1.0, 0.01, 0.0]\ntilt = 0.1"} | tables
+        path = self.folder / self.disk(**tables)
+        path.write_text(path.read_text() + events)
+        return path.name
+
+    def test_events_agree_with_the_rows(self):
+        name = self.disk_with(self.EVENTS, output='interval = 0.001\nfields = ["q", "qd"]',
+                              solver='stepper = "dop853"\nrtol = 1e-10')
+        done = self.tandem("run", name, "--output", "result.h5")
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertEqual(sorted(file["events"]), ["direction", "name", "number", "q", "qd", "time"])
+            time, q, qd = (file["trajectory/" + field][:] for field in ("time", "q", "qd"))
+            events = file["events"]
+            names = [name.decode() for name in events["name"][:]]
+            self.assertEqual(events["q"].shape, (len(names), 9))
+            self.assertEqual(list(events["q"].attrs["names"]), list(file["trajectory/q"].attrs["names"]))
+            self.assertEqual(events["qd"].attrs["units"][0], "m/s")
+            self.assertEqual(file["report"].attrs["events"], len(names))
+            self.assertEqual(file["report"].attrs["charts_by_event"], 0)
+            self.assertEqual(list(np.diff(events["time"][:]) >= 0), [True] * (len(names) - 1))
+            np.testing.assert_array_equal(events["number"][:], [1 + (name == "nod") for name in names])
+            # The same crossings in the rows, whose spacing they must be within.
+            found = np.flatnonzero(np.diff(np.sign(qd[:, 2])) != 0)
+            nods = events["time"][:][[name == "nod" for name in names]]
+            nods = nods[nods > 0]
+            self.assertGreater(len(nods), 0)
+            self.assertEqual(len(found[time[found] > 1e-9]), len(nods))
+            for place, t in zip(found[time[found] > 1e-9], nods):
+                self.assertTrue(time[place] <= t <= time[place + 1])
+            at = names.index("half way") if "half way" in names else None
+            if np.any(q[:, 0] > 0.5):
+                self.assertAlmostEqual(events["q"][at, 0], 0.5, delta=1e-12)
+                self.assertEqual(events["direction"][at], 1)
+        self.assertRegex(done.stdout, r"(?m)^  event +half way \d time")
+        self.assertRegex(done.stdout, r"(?m)^ +nod \d+ times? at t = [\d.]+")
+
+    def test_a_stop_ends_the_file(self):
+        name = self.disk_with(self.EVENTS + '[[event]]\nname = "far"\nwatch = "ry"\nvalue = 0.3\naction = "stop"\n', end=50.0,
+                              output="interval = 0.01")
+        text = self.tandem("run", name, "--output", "result.h5").stdout
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+            self.assertRegex(file.attrs["status_message"], '^stopped by "far" at t = ')
+            last = file["trajectory/q"][-1]
+            self.assertAlmostEqual(last[1], 0.3, delta=1e-12)
+            self.assertEqual(file["trajectory/time"][-1], file["events/time"][-1])
+            np.testing.assert_array_equal(file["events/q"][-1], last)
+        self.assertIn('stopped by "far" at t = ', text)
+
+    def test_a_scene_without_events_has_none(self):
+        self.tandem("run", "rolling_disk", *SHORT, "--output", "result.h5")
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertNotIn("events", file)
+            self.assertNotIn("events", file["report"].attrs)
+            self.assertNotIn("warnings", file["report"].attrs)
+
+    def test_the_complete_scene_keeps_its_events(self):
+        name = self.disk_with(self.EVENTS + self.STOP % ("contact height", "1.5"))
+        shown = self.tandem("show", name)
+        if shown.returncode == 0:
+            self.assertEqual(shown.stdout.count("[[event]]"), 3)
+            self.scene(shown.stdout, "again.toml")
+            again = self.tandem("show", "again.toml").stdout
+            self.assertEqual(again.replace('"again', '"scene'), shown.stdout)
+
+    def test_errors_name_the_line(self):
+        good = 'name = "a"\nwatch = "rx"\n'
+        for lines, says in [
+                (good.replace("rx", "rxx"), ["names no coordinate", 'did you mean "rx"?', "scene.toml:", "in [[event]]"]),
+                (good.replace("rx", "lambda:contct"), ["names no constraint", "scene.toml:"]),
+                (good + 'direction = "up"\n', ["direction must be one of", "scene.toml:"]),
+                (good + 'action = "explode"\n', ["action must be one of record, stop", "scene.toml:"]),
+                (good + 'limit = 3\n', ['unknown key "limit" in [[event]]', "scene.toml:"]),
+                (good + 'value = "big"\n', ["value must be a number", "scene.toml:"]),
+                ('watch = "rx"\n', ["the key name is missing in [[event]]"]),
+                ('name = "a"\n', ["the key watch is missing in [[event]]"]),
+                (good + "[[event]]\n" + good, ["name is the name of another event"])]:
+            with self.subTest(lines):
+                self.refused("run", self.disk_with("[[event]]\n" + lines), says=says)
+        self.refused("run", self.disk_with("[event]\n" + good), says="write [[event]] on a line of its own")
+        self.refused("run", self.disk_with("[[event]]\n" + good), "--set", "event.value=3", says="--set cannot change [[event]]")
+
+
 class Outcome(Case):
     def test_a_failed_run_keeps_its_rows(self):
         done = self.tandem("run", "rolling_disk", "--set", "solver.step=0.5", "--set", "output.every=1", code=1)

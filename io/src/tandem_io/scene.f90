@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
-    use tandem, only: assembly_type, error_type, model_type, options_type, wp
+    use tandem, only: assembly_type, error_type, model_type, options_type, threshold_event_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_scene_assembly, only: read_assembly
+    use tandem_io_scene_events, only: read_events
     use tandem_io_scene_ledger, only: key_length
     use tandem_io_scene_reader, only: positive, reader_type
     use tandem_io_scene_registry, only: build_model, model_names
@@ -17,6 +18,8 @@ module tandem_io_scene
     !> The tables of a scene, in the order in which they are read and shown.
     character(len=key_length), parameter :: tables(6) = &
         [character(len=key_length) :: 'scene', 'model', 'initial', 'time', 'solver', 'output']
+    !> Those that may come several times.
+    character(len=key_length), parameter :: arrays(1) = [character(len=key_length) :: 'event']
 
     type :: scene_type
         !> The scene's name, which may be a file's.
@@ -37,6 +40,8 @@ module tandem_io_scene
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> What is written where.
         type(output_type) :: output
+        !> What is watched; may have no elements.
+        type(threshold_event_type), allocatable :: events(:)
         !> The complete scene as TOML, every default filled in: reading it gives this scene again.
         character(len=:), allocatable :: text
     end type scene_type
@@ -54,13 +59,14 @@ contains
         type(reader_type) :: reader
 
         call reader%open_sources(path, settings)
-        call reader%check_tables(tables)
+        call reader%check_tables(tables, arrays)
         call read_names(reader, path, scene)
         if (.not. reader%failed()) call build_model(trim(scene%model_name), reader, scene%model, scene%q, scene%qd)
         call read_start(reader, scene)
         call read_time(reader, scene)
         if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
         call read_output(reader, scene)
+        if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
             call move_alloc(reader%error, error)
         else

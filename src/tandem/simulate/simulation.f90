@@ -83,6 +83,8 @@ module tandem_simulation
         real(wp) :: errors(3) = 0.0_wp
         !> What there is to say that is no failure; none where unallocated.
         type(warning_type), allocatable :: warnings(:)
+        !> How many redundant constraint rows were left out.
+        integer :: n_redundant = 0
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0
@@ -256,6 +258,7 @@ contains
         self%t_start = t
         self%chart_is_current = .false.
         if (allocated(self%warnings)) deallocate (self%warnings)
+        self%n_redundant = 0
         if (allocated(self%chart)) deallocate (self%chart)
         allocate (dense_chart_type :: self%chart)
         self%method = self%stepper%properties()

@@ -123,6 +123,7 @@ contains
             ! What is off by more than the tolerance is not moved silently: it is refused with the rows that are left.
             if (redundancy%error <= options%start_tolerance) state%q = redundancy%q
             if (size(redundancy%dropped) == 0) return
+            self%n_redundant = size(redundancy%dropped)
             do i = 1, size(redundancy%dropped)
                 if (size(redundancy%partners(i)) == 0) then
                     call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))// &

@@ -32,6 +32,7 @@ module tandem_io_output_hdf5
         procedure :: add_group
         procedure :: add_dataset
         procedure :: append
+        procedure :: append_texts
         procedure :: close_dataset
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
@@ -120,7 +121,7 @@ contains
     end subroutine add_group
 
     !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
-    subroutine add_dataset(self, path, width, chunk, counts, dataset, scale)
+    subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
         !> Numbers in a row; 0 for a series of single numbers, without that dimension.
@@ -133,7 +134,9 @@ contains
         integer(hid_t), intent(out) :: dataset
         !> The dataset whose values belong to the rows; itself where absent.
         integer(hid_t), intent(in), optional :: scale
-        integer(hid_t) :: space, properties
+        !> Whether texts of variable length are stored; default false.
+        logical, intent(in), optional :: texts
+        integer(hid_t) :: space, properties, stored
         integer :: stat, rank
 
         dataset = -1_hid_t
@@ -148,8 +151,15 @@ contains
             call self%note(stat, 'make '//path)
         end associate
         if (allocated(self%problem)) return
-        call h5dcreate_f(self%file, path, merge(h5t_std_i64le, h5t_ieee_f64le, counts), space, dataset, stat, properties)
+        stored = merge(h5t_std_i64le, h5t_ieee_f64le, counts)
+        if (present(texts)) then
+            if (texts) call make_text_type(stored)
+        end if
+        call h5dcreate_f(self%file, path, stored, space, dataset, stat, properties)
         call self%note(stat, 'make '//path)
+        if (present(texts)) then
+            if (texts) call h5tclose_f(stored, stat)
+        end if
         call h5pclose_f(properties, stat)
         call h5sclose_f(space, stat)
         if (allocated(self%problem)) return
@@ -174,6 +184,39 @@ contains
         integer, intent(in) :: rows
         !> The rows, one a column; more columns may follow.
         real(wp), intent(in), contiguous, target :: values(:, :)
+
+        call append_values(self, dataset, path, width, before, rows, h5t_native_double, c_loc(values))
+    end subroutine append
+
+    !> Append texts to a dataset of them, blanks at their ends dropped.
+    subroutine append_texts(self, dataset, path, before, values)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        !> Its path, for messages.
+        character(len=*), intent(in) :: path
+        !> Rows that it has.
+        integer(long), intent(in) :: before
+        character(len=*), intent(in) :: values(:)
+        character(kind=c_char), allocatable, target :: letters(:)
+        type(c_ptr), target :: starts(size(values))
+        integer(hid_t) :: text_type
+        integer :: stat
+
+        if (allocated(self%problem) .or. size(values) == 0) return
+        call set_letters(values, letters, starts)
+        call make_text_type(text_type)
+        call append_values(self, dataset, path, 0, before, size(values), text_type, c_loc(starts))
+        call h5tclose_f(text_type, stat)
+    end subroutine append_texts
+
+    !> Append rows of any type.
+    subroutine append_values(self, dataset, path, width, before, rows, memory_type, values)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset, memory_type
+        character(len=*), intent(in) :: path
+        integer, intent(in) :: width, rows
+        integer(long), intent(in) :: before
+        type(c_ptr), intent(in) :: values
         integer(hid_t) :: file_space, memory_space
         integer :: stat, rank
 
@@ -189,11 +232,11 @@ contains
             call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
             call h5screate_simple_f(rank, block(first:), memory_space, stat)
         end associate
-        call h5dwrite_f(dataset, h5t_native_double, c_loc(values), stat, memory_space, file_space)
+        call h5dwrite_f(dataset, memory_type, values, stat, memory_space, file_space)
         call self%note(stat, 'write '//path)
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)
-    end subroutine append
+    end subroutine append_values
 
     !> Close a dataset, if it is open.
     subroutine close_dataset(self, dataset)
@@ -260,9 +303,31 @@ contains
         character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: starts(size(values))
         integer(hid_t) :: text_type
-        integer :: i, j, place, stat
+        integer :: stat
 
         if (allocated(self%problem)) return
+        call set_letters(values, letters, starts)
+        call make_text_type(text_type)
+        call self%attach_value(path, name, text_type, text_type, c_loc(starts), length)
+        call h5tclose_f(text_type, stat)
+    end subroutine attach_texts
+
+    !> The type of texts of variable length in UTF-8.
+    subroutine make_text_type(text_type)
+        integer(hid_t), intent(out) :: text_type
+        integer :: stat
+
+        call h5tcopy_f(h5t_string, text_type, stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+    end subroutine make_text_type
+
+    !> Texts as C has them: letters that end in a null, and where they start.
+    subroutine set_letters(values, letters, starts)
+        character(len=*), intent(in) :: values(:)
+        character(kind=c_char), allocatable, target, intent(out) :: letters(:)
+        type(c_ptr), intent(out) :: starts(:)
+        integer :: i, j, place
+
         allocate (letters(sum(len_trim(values) + 1)))
         place = 0
         do i = 1, size(values)
@@ -273,11 +338,7 @@ contains
             place = place + len_trim(values(i)) + 1
             letters(place) = c_null_char
         end do
-        call h5tcopy_f(h5t_string, text_type, stat)
-        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
-        call self%attach_value(path, name, text_type, text_type, c_loc(starts), length)
-        call h5tclose_f(text_type, stat)
-    end subroutine attach_texts
+    end subroutine set_letters
 
     !> Write an attribute; one of this name is replaced.
     subroutine attach_value(self, path, name, file_type, memory_type, values, length)

@@ -2,8 +2,9 @@
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
     use tandem, only: derivative_name, global_error_type, long, n_derivatives, n_reasons, n_terms, reason_name, &
-        statistics_type, term_name
+        simulation_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_simulate_warning, only: warning_type
     implicit none (type, external)
     private
 
@@ -14,12 +15,12 @@ module tandem_io_output_report
 contains
 
     !> Write or replace the report.
-    subroutine write_report(file, statistics)
+    subroutine write_report(file, simulation)
         type(hdf5_type), intent(inout) :: file
-        type(statistics_type), intent(in) :: statistics
+        class(simulation_type), intent(in) :: simulation
         integer :: i
 
-        associate (s => statistics)
+        associate (s => simulation%statistics())
             call file%attach(place, 'steps', s%steps)
             call file%attach(place, 'rejected', s%rejected)
             call file%attach(place, 'failed', s%failed)
@@ -68,7 +69,12 @@ contains
             call file%attach(place, 'velocity_jump', s%velocity_jump)
             call file%attach(place, 'wall_seconds', s%wall_seconds)
             call file%attach(place, 'cpu_seconds', s%cpu_seconds)
+            if (allocated(simulation%events)) then
+                call file%attach(place, 'events', int(simulation%n_events, long))
+                call file%attach(place, 'event_evaluations', s%event_evaluations)
+            end if
         end associate
+        if (allocated(simulation%warnings)) call file%attach(place, 'warnings', texts_of(simulation%warnings))
     end subroutine write_report
 
     !> Write the error of the run, where it is known.
@@ -88,6 +94,22 @@ contains
             call file%attach(place, 'global_error_seconds', g%seconds)
         end associate
     end subroutine write_global_error
+
+    !> Warnings as texts of one length.
+    pure function texts_of(warnings) result(texts)
+        type(warning_type), intent(in) :: warnings(:)
+        character(len=:), allocatable :: texts(:)
+        integer :: i, longest
+
+        longest = 1
+        do i = 1, size(warnings)
+            longest = max(longest, len(warnings(i)%text))
+        end do
+        allocate (character(len=longest) :: texts(size(warnings)))
+        do i = 1, size(warnings)
+            texts(i) = warnings(i)%text
+        end do
+    end function texts_of
 
     !> Words as a name: blanks become underscores, bars vanish.
     pure function as_name(words) result(name)

@@ -5,8 +5,9 @@
 !> neither computed nor written.
 module tandem_io_output_trajectory
     use hdf5, only: hid_t
-    use tandem, only: at_end, at_start, at_step, error_type, global_error_type, label_length, long, model_type, observer_type, &
-        set_error, simulation_type, status_output_failed, to_text, wp
+    use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, model_type, &
+        observer_type, set_error, simulation_type, status_output_failed, to_text, wp
+    use tandem_io_output_events, only: event_output_type
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_acceleration_error, field_chart, &
         field_kinetic_energy, field_lambda, field_length, field_names, field_position_error, field_potential_energy, &
         field_q, field_qd, field_qdd, field_step, field_type, field_velocity_error, fields, one, output_type
@@ -50,6 +51,7 @@ module tandem_io_output_trajectory
         !> Rows in the file.
         integer(long) :: rows = 0
         type(hdf5_type), private :: file
+        type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0, unwatched = 0
         integer(long), private :: flushed_at = 0
@@ -115,6 +117,7 @@ contains
                 call self%add_series(i, index_of(output%fields(i)), model)
             end do
         end associate
+        call open_events(self, simulation)
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)
         call self%file%flush()
@@ -126,11 +129,12 @@ contains
         end if
     end subroutine open
 
-    !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end.
+    !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end. Before an event
+    !> changes the motion, rows of the interval up to there.
     subroutine observe(self, simulation, occasion, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> `at_start`, `at_step` or `at_end`.
+        !> `at_start`, `at_step`, `at_end` or `at_event`.
         integer, intent(in) :: occasion
         type(error_type), allocatable, intent(out) :: error
         logical :: is_due
@@ -141,10 +145,14 @@ contains
             is_due = .true.
         case (at_end)
             is_due = simulation%state%t > self%last_time
+        case (at_event)
+            is_due = .false.
+            if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .true.)
+            if (allocated(error)) return
         case default
             is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
                 mod(simulation%grid_steps, int(self%every, long)) == 0
-            if (self%interval > 0.0_wp) call self%gather_between(simulation, error)
+            if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
             if (allocated(error)) return
         end select
         if (is_due) then
@@ -154,7 +162,7 @@ contains
         end if
         if (occasion == at_step) then
             self%unwatched = self%unwatched + 1
-            if (self%unwatched >= steps_unwatched) call self%watch()
+            if (self%unwatched >= steps_unwatched) call self%watch(simulation)
         end if
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine observe
@@ -172,7 +180,9 @@ contains
         integer :: i
 
         call self%write_rows()
-        call write_report(self%file, simulation%statistics())
+        call self%events%append(self%file, simulation)
+        call self%events%close(self%file)
+        call write_report(self%file, simulation)
         if (present(global_error)) call write_global_error(self%file, global_error)
         if (allocated(run_error)) then
             call self%file%attach('/', 'status', 'failed')
@@ -180,6 +190,8 @@ contains
             call self%file%attach('/report', 'status_code', int(run_error%stat, long))
         else
             call self%file%attach('/', 'status', 'complete')
+            if (simulation%is_stopped) call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)// &
+                '" at t = '//to_text(simulation%state%t))
             call self%file%attach('/report', 'status_code', 0_long)
         end if
         if (allocated(self%series)) then
@@ -191,6 +203,17 @@ contains
         call self%file%close()
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine close
+
+    !> Make the group of events.
+    subroutine open_events(self, simulation)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+        character(len=label_length), allocatable :: names(:), q_units(:), qd_units(:)
+
+        call label_columns(simulation%model, fields(field_q), names, q_units)
+        call label_columns(simulation%model, fields(field_qd), names, qd_units)
+        call self%events%open(self%file, simulation, names, q_units, qd_units)
+    end subroutine open_events
 
     !> Make a dataset and its buffer.
     subroutine add_series(self, place, field, model)
@@ -278,10 +301,12 @@ contains
     end subroutine gather
 
     !> Keep rows of the times of the interval that the last step has passed.
-    subroutine gather_between(self, simulation, error)
+    subroutine gather_between(self, simulation, error, is_before_event)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(out) :: error
+        !> Whether the end of the step is left for later, when an event has changed it.
+        logical, intent(in) :: is_before_event
         real(wp) :: t, end_of_step
 
         end_of_step = simulation%state%t
@@ -289,6 +314,7 @@ contains
             t = self%first_time + real(self%intervals + 1, wp)*self%interval
             ! A row that rounding has put just behind the step belongs to its end.
             if (t > end_of_step + 1.0e-9_wp*self%interval) exit
+            if (is_before_event .and. t >= end_of_step) exit
             t = min(t, end_of_step)
             call simulation%look_at(t, error)
             if (.not. allocated(error)) call self%gather(simulation, error)
@@ -316,14 +342,16 @@ contains
     end subroutine write_rows
 
     !> Bring the rows to the disk if that was not done for some seconds.
-    subroutine watch(self)
+    subroutine watch(self, simulation)
         class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
         integer(long) :: now, rate
 
         self%unwatched = 0
         call system_clock(now, rate)
         if (now - self%flushed_at < seconds_unflushed*rate) return
         call self%write_rows()
+        call self%events%append(self%file, simulation)
         call self%file%flush()
         self%flushed_at = now
     end subroutine watch

@@ -4,7 +4,7 @@ module tandem_io_scene_ledger
     implicit none (type, external)
     private
 
-    public :: ledger_type, key_length
+    public :: ledger_type, key_length, heading
 
     !> Length of the names of tables and keys.
     integer, parameter :: key_length = 32
@@ -14,6 +14,8 @@ module tandem_io_scene_ledger
     !> A key, its value as TOML, and a comment.
     type :: entry_type
         character(len=key_length) :: table = '', key = ''
+        !> Number of the table in an array of tables, 0 for a table of its own.
+        integer :: element = 0
         character(len=:), allocatable :: value, comment
         !> The source that gave it, negative for a default.
         integer :: source = -1
@@ -34,7 +36,7 @@ module tandem_io_scene_ledger
 contains
 
     !> Add a key, or a line of comment where `key` is empty.
-    subroutine add(self, table, key, value, comment, source, shown)
+    subroutine add(self, table, key, value, comment, source, shown, element)
         class(ledger_type), intent(inout) :: self
         character(len=*), intent(in) :: table, key
         !> The value as TOML.
@@ -45,6 +47,8 @@ contains
         integer, intent(in) :: source
         !> Whether it belongs to the complete scene; default true.
         logical, intent(in), optional :: shown
+        !> Number of the table in an array of tables.
+        integer, intent(in), optional :: element
         type(entry_type) :: entry
 
         entry%table = table
@@ -53,6 +57,7 @@ contains
         entry%comment = comment
         entry%source = source
         if (present(shown)) entry%shown = shown
+        if (present(element)) entry%element = element
         if (.not. allocated(self%entries)) allocate (self%entries(0))
         self%entries = [self%entries, entry]
     end subroutine add
@@ -77,9 +82,11 @@ contains
     end subroutine hide
 
     !> The keys of a table.
-    pure function keys(self, table)
+    pure function keys(self, table, element)
         class(ledger_type), intent(in) :: self
         character(len=*), intent(in) :: table
+        !> Its number in an array of tables, 0 for a table of its own.
+        integer, intent(in) :: element
         character(len=key_length), allocatable :: keys(:)
         integer :: i, n
 
@@ -98,7 +105,7 @@ contains
         pure logical function belongs(entry)
             type(entry_type), intent(in) :: entry
 
-            belongs = entry%table == table .and. entry%key /= ''
+            belongs = entry%table == table .and. entry%element == element .and. entry%key /= ''
         end function belongs
     end function keys
 
@@ -108,18 +115,20 @@ contains
         character(len=:), allocatable :: text
         character(len=:), allocatable :: line
         character(len=key_length) :: table
-        integer :: i
+        integer :: i, element
 
         text = ''
         table = ''
+        element = 0
         if (.not. allocated(self%entries)) return
         do i = 1, size(self%entries)
             associate (entry => self%entries(i))
                 if (.not. entry%shown) cycle
-                if (entry%table /= table) then
+                if (entry%table /= table .or. entry%element /= element) then
                     if (table /= '') text = text//new_line('a')
-                    text = text//'['//trim(entry%table)//']'//new_line('a')
+                    text = text//heading(entry%table, entry%element)//new_line('a')
                     table = entry%table
+                    element = entry%element
                 end if
                 line = ''
                 if (entry%key /= '') line = trim(entry%key)//' = '//entry%value
@@ -131,4 +140,15 @@ contains
             end associate
         end do
     end function text
+
+    !> The heading of a table.
+    pure function heading(table, element)
+        character(len=*), intent(in) :: table
+        !> Its number in an array of tables, 0 for a table of its own.
+        integer, intent(in) :: element
+        character(len=:), allocatable :: heading
+
+        heading = '['//trim(table)//']'
+        if (element > 0) heading = '['//heading//']'
+    end function heading
 end module tandem_io_scene_ledger

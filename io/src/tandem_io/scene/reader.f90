@@ -5,11 +5,11 @@
 !> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
 module tandem_io_scene_reader
     use tandem, only: error_type, wp
-    use tandem_io_scene_ledger, only: key_length, ledger_type
+    use tandem_io_scene_ledger, only: heading, key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_scene_values, only: convert, place_of
-    use tomlf, only: toml_array, toml_key, toml_table, toml_value
+    use tomlf, only: len, toml_array, toml_key, toml_table, toml_value
     implicit none (type, external)
     private
 
@@ -27,10 +27,14 @@ module tandem_io_scene_reader
         type(ledger_type), private :: ledger
         !> The current table.
         character(len=key_length), private :: table = ''
+        !> Its number in an array of tables, 0 for a table of its own.
+        integer, private :: element = 0
     contains
         procedure :: open_sources
         procedure :: check_tables
         procedure :: open_table
+        procedure :: count_tables
+        procedure :: open_element
         procedure :: close_table
         procedure :: failed
         procedure :: source_of
@@ -68,10 +72,10 @@ contains
     end subroutine open_sources
 
     !> Refuse what stands at the top level and is none of the tables.
-    subroutine check_tables(self, tables)
+    subroutine check_tables(self, tables, arrays)
         class(reader_type), intent(inout), target :: self
-        !> The tables of a scene.
-        character(len=*), intent(in) :: tables(:)
+        !> The tables of a scene, and those that may come several times.
+        character(len=*), intent(in) :: tables(:), arrays(:)
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
         integer :: i, j
@@ -81,7 +85,20 @@ contains
             call self%sources(i)%root%get_keys(names)
             do j = 1, size(names)
                 call self%sources(i)%root%get(names(j)%key, found)
-                if (any(names(j)%key == tables)) then
+                if (any(names(j)%key == arrays)) then
+                    if (i > 0) then
+                        call set_input_error(self%error, '--set cannot change [['//names(j)%key// &
+                            ']]; copy the scene and edit it there')
+                        return
+                    end if
+                    select type (found)
+                    type is (toml_array)
+                        cycle
+                    end select
+                    call set_input_error(self%error, self%sources(i)%describe('"'//names(j)%key// &
+                        '" is a table that may come several times', found%origin, 'write [['//names(j)%key// &
+                        ']] on a line of its own'))
+                else if (any(names(j)%key == tables)) then
                     select type (found)
                     type is (toml_table)
                         cycle
@@ -90,8 +107,8 @@ contains
                         found%origin, 'write ['//names(j)%key//'] on a line of its own'))
                 else
                     call set_input_error(self%error, self%sources(i)%describe('unknown table or key "'//names(j)%key//'"', &
-                        found%origin, meant(names(j)%key, tables))//new_line('a')//'the tables of a scene: '// &
-                        listed(tables))
+                        found%origin, meant(names(j)%key, [tables, arrays]))//new_line('a')//'the tables of a scene: '// &
+                        listed([tables, arrays]))
                 end if
                 return
             end do
@@ -104,7 +121,35 @@ contains
         character(len=*), intent(in) :: table
 
         self%table = table
+        self%element = 0
     end subroutine open_table
+
+    !> How many tables of a name the scene has.
+    integer function count_tables(self, table)
+        class(reader_type), intent(inout), target :: self
+        character(len=*), intent(in) :: table
+        class(toml_value), pointer :: found
+
+        count_tables = 0
+        if (self%failed()) return
+        call self%sources(0)%root%get(table, found)
+        if (.not. associated(found)) return
+        select type (found)
+        type is (toml_array)
+            count_tables = len(found)
+        end select
+    end function count_tables
+
+    !> The calls of `get` that follow are about this one of several tables of a name.
+    subroutine open_element(self, table, element)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table
+        !> Its number, from 1.
+        integer, intent(in) :: element
+
+        self%table = table
+        self%element = element
+    end subroutine open_element
 
     !> All keys of the table have been asked for: refuse the others.
     subroutine close_table(self)
@@ -116,17 +161,17 @@ contains
         integer :: i, j
 
         if (self%failed()) return
-        known = self%ledger%keys(self%table)
+        known = self%ledger%keys(self%table, self%element)
         do i = 0, ubound(self%sources, 1)
-            table => table_of(self%sources(i), self%table)
+            table => table_of(self%sources(i), self%table, self%element)
             if (.not. associated(table)) cycle
             call table%get_keys(names)
             do j = 1, size(names)
                 if (any(names(j)%key == known)) cycle
                 call table%get(names(j)%key, found)
-                call set_input_error(self%error, self%sources(i)%describe('unknown key "'//names(j)%key//'" in ['// &
-                    trim(self%table)//']', found%origin, meant(names(j)%key, known))//new_line('a')// &
-                    'the keys of ['//trim(self%table)//']: '//listed(known))
+                call set_input_error(self%error, self%sources(i)%describe('unknown key "'//names(j)%key//'" in '// &
+                    heading(self%table, self%element), found%origin, meant(names(j)%key, known))//new_line('a')// &
+                    'the keys of '//heading(self%table, self%element)//': '//listed(known))
                 return
             end do
         end do
@@ -167,7 +212,7 @@ contains
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: words
 
-        call self%ledger%add(self%table, '', '', words, -1)
+        call self%ledger%add(self%table, '', '', words, -1, element=self%element)
     end subroutine remark
 
     !> Let a key be known to messages although it has no value here.
@@ -175,7 +220,7 @@ contains
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
 
-        call self%ledger%add(self%table, key, '', '', -1, shown=.false.)
+        call self%ledger%add(self%table, key, '', '', -1, shown=.false., element=self%element)
     end subroutine propose
 
     !> An error about the value of a key, which is shown where it was given.
@@ -193,8 +238,8 @@ contains
         if (associated(found)) then
             call self%refuse_value(key, found, source, problem)
         else
-            call set_input_error(self%error, key//' '//problem//new_line('a')//' --> ['//trim(self%table)//'] of '// &
-                self%sources(0)%context%filename)
+            call set_input_error(self%error, key//' '//problem//new_line('a')//' --> '// &
+                heading(self%table, self%element)//' of '//self%sources(0)%context%filename)
         end if
     end subroutine refuse
 
@@ -451,13 +496,13 @@ contains
         source = -1
         if (self%failed()) return
         do source = ubound(self%sources, 1), 0, -1
-            table => table_of(self%sources(source), self%table)
+            table => table_of(self%sources(source), self%table, self%element)
             if (associated(table)) call table%get(key, found)
             if (associated(found)) return
         end do
         if (.not. present(required)) return
-        if (required) call set_input_error(self%error, 'the key '//key//' is missing in ['//trim(self%table)//'] of '// &
-            self%sources(0)%context%filename)
+        if (required) call set_input_error(self%error, 'the key '//key//' is missing in '// &
+            heading(self%table, self%element)//' of '//self%sources(0)%context%filename)
     end subroutine find
 
     !> Remember a key and its value.
@@ -474,7 +519,7 @@ contains
             if (comment /= '') comment = comment//', '
             comment = comment//help
         end if
-        call self%ledger%add(self%table, key, value, comment, source)
+        call self%ledger%add(self%table, key, value, comment, source, element=self%element)
     end subroutine record
 
     !> An error about a value, with its line.
@@ -486,22 +531,31 @@ contains
         character(len=*), intent(in) :: problem
 
         call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(found), &
-            'in ['//trim(self%table)//']'))
+            'in '//heading(self%table, self%element)))
     end subroutine refuse_value
 
     !> A table of a source, or null.
-    function table_of(source, name) result(table)
+    function table_of(source, name, element) result(table)
         type(source_type), intent(inout), target :: source
         character(len=*), intent(in) :: name
+        !> Its number in an array of tables, 0 for a table of its own.
+        integer, intent(in) :: element
         type(toml_table), pointer :: table
-        class(toml_value), pointer :: found
+        class(toml_value), pointer :: found, member
 
         nullify (table)
         call source%root%get(trim(name), found)
         if (.not. associated(found)) return
         select type (found)
         type is (toml_table)
-            table => found
+            if (element == 0) table => found
+        type is (toml_array)
+            if (element < 1 .or. element > len(found)) return
+            call found%get(element, member)
+            select type (member)
+            type is (toml_table)
+                table => member
+            end select
         end select
     end function table_of
 

@@ -68,6 +68,8 @@ contains
         call verify('max_evaluations')
         call reader%get('max_seconds', options%max_seconds, unit='s', help='of wall time; 0 for no limit')
         call verify('max_seconds')
+        call reader%get('max_events', options%max_events)
+        call verify('max_events')
         call reader%close_table()
     contains
         !> The options were right before this key was read: what is wrong now is its fault.

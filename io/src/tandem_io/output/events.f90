@@ -1,0 +1,110 @@
+! SPDX-License-Identifier: MIT
+!> The group /events of a result file: what has happened, one row an event (see doc/output.md). Only runs with events have it.
+module tandem_io_output_events
+    use hdf5, only: hid_t
+    use tandem, only: label_length, long, simulation_type, wp
+    use tandem_io_output_hdf5, only: hdf5_type
+    implicit none (type, external)
+    private
+
+    public :: event_output_type
+
+    character(len=*), parameter :: place = '/events'
+    !> Rows in a chunk of the file, and most rows written at once.
+    integer, parameter :: chunk = 64
+
+    type :: event_output_type
+        private
+        integer(hid_t) :: time = -1_hid_t, name = -1_hid_t, number = -1_hid_t, direction = -1_hid_t, q = -1_hid_t, qd = -1_hid_t
+        !> Whether there is anything to write, and the rows in the file.
+        logical :: is_open = .false.
+        integer(long) :: rows = 0
+    contains
+        procedure :: open
+        procedure :: append
+        procedure :: close
+    end type event_output_type
+
+contains
+
+    !> Make the group, if the simulation watches events.
+    subroutine open(self, file, simulation, names, q_units, qd_units)
+        class(event_output_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        class(simulation_type), intent(in) :: simulation
+        !> Names and units of the coordinates and velocities (n).
+        character(len=label_length), intent(in) :: names(:), q_units(:), qd_units(:)
+
+        self%is_open = allocated(simulation%events)
+        if (.not. self%is_open) return
+        self%rows = 0
+        call file%add_group(place)
+        call file%add_dataset(place//'/time', 0, chunk, .false., self%time)
+        call file%attach(place//'/time', 'unit', 's')
+        call file%attach(place//'/time', 'meaning', 'the time of each event')
+        call file%add_dataset(place//'/name', 0, chunk, .false., self%name, self%time, .true.)
+        call file%attach(place//'/name', 'meaning', 'the name of the event')
+        call file%add_dataset(place//'/number', 0, chunk, .true., self%number, self%time)
+        call file%attach(place//'/number', 'meaning', 'its number in the scene, from 1')
+        call file%add_dataset(place//'/direction', 0, chunk, .true., self%direction, self%time)
+        call file%attach(place//'/direction', 'meaning', &
+            '1 where its function rose through zero, -1 where it fell, 0 where it touched zero or was zero at the start')
+        associate (n => size(names))
+            call file%add_dataset(place//'/q', n, chunk, .false., self%q, self%time)
+            call file%attach(place//'/q', 'meaning', 'coordinates at the event')
+            call file%attach(place//'/q', 'names', names)
+            call file%attach(place//'/q', 'units', q_units)
+            call file%add_dataset(place//'/qd', n, chunk, .false., self%qd, self%time)
+            call file%attach(place//'/qd', 'meaning', 'velocities at the event, before its action')
+            call file%attach(place//'/qd', 'names', names)
+            call file%attach(place//'/qd', 'units', qd_units)
+        end associate
+    end subroutine open
+
+    !> Write what has happened since the last call.
+    subroutine append(self, file, simulation)
+        class(event_output_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        class(simulation_type), intent(in) :: simulation
+        real(wp) :: time(1, chunk), number(1, chunk), direction(1, chunk)
+        real(wp) :: q(size(simulation%state%q), chunk), qd(size(simulation%state%q), chunk)
+        character(len=label_length) :: names(chunk)
+        integer :: i, n
+
+        if (.not. self%is_open) return
+        do while (self%rows < simulation%n_events .and. .not. allocated(file%problem))
+            n = min(chunk, simulation%n_events - int(self%rows))
+            do i = 1, n
+                associate (record => simulation%events(int(self%rows) + i))
+                    time(1, i) = record%t
+                    number(1, i) = real(record%number, wp)
+                    direction(1, i) = real(record%direction, wp)
+                    names(i) = record%name
+                    q(:, i) = record%q
+                    qd(:, i) = record%qd
+                end associate
+            end do
+            call file%append(self%time, place//'/time', 0, self%rows, n, time)
+            call file%append_texts(self%name, place//'/name', self%rows, names(:n))
+            call file%append(self%number, place//'/number', 0, self%rows, n, number)
+            call file%append(self%direction, place//'/direction', 0, self%rows, n, direction)
+            call file%append(self%q, place//'/q', size(q, 1), self%rows, n, q)
+            call file%append(self%qd, place//'/qd', size(qd, 1), self%rows, n, qd)
+            self%rows = self%rows + n
+        end do
+    end subroutine append
+
+    !> Close the datasets.
+    subroutine close(self, file)
+        class(event_output_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+
+        call file%close_dataset(self%name)
+        call file%close_dataset(self%number)
+        call file%close_dataset(self%direction)
+        call file%close_dataset(self%q)
+        call file%close_dataset(self%qd)
+        call file%close_dataset(self%time)
+        self%is_open = .false.
+    end subroutine close
+end module tandem_io_output_events
