@@ -32,7 +32,8 @@ module tandem_app_help
         '  --set table.key=value   override a key of the scene, as often as you like', &
         '  --output FILE           the result file, as --set output.file=FILE; a study: its folder (study)', &
         'Options of run:', &
-        '  --error                 estimate the error at the end by a second, more accurate run', &
+        '  --error                 estimate the error at the end by a second, more accurate run, however long it takes', &
+        '  --no-error              never do that (default: where the run took at most 2 s)', &
         'Options of run and study:', &
         '  --quiet                 no progress on stderr', &
         '  --force                 overwrite a file even if it is no result of tandem; a study: start anew', &

@@ -71,7 +71,11 @@ contains
         if (s%local_error_steps > 0) call print_line('local error', short(s%local_error, 2)//' a step at most, '// &
             short(s%local_error_sum, 2)//' summed over the run, not counting how the motion amplifies it')
         if (allocated(estimate_error)) call print_line('error at end', 'not known: '//estimate_error%message)
-        if (global_error%is_known) call print_line('error at end', error_at_end(global_error, scene))
+        if (global_error%is_known) then
+            call print_line('error at end', error_at_end(global_error, scene))
+        else if (.not. (allocated(estimate_error) .or. allocated(error) .or. simulation%is_stopped)) then
+            call print_line('error at end', 'not estimated; --error does that by a second run')
+        end if
         call print_warnings(simulation, global_error)
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &

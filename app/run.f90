@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: error_type, global_error_type, simulation_type
+    use tandem, only: error_type, global_error_type, simulation_type, statistics_type, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
@@ -26,7 +26,8 @@ contains
         type(global_error_type), target :: global_error
         type(error_type), allocatable :: error, output_error, estimate_error
 
-        call arguments%parse([character(len=8) :: '--set', '--output', '--error', '--quiet', '--force', '--help'], .true., error)
+        call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--quiet', &
+            '--force', '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
             call help(code)
             return
@@ -38,9 +39,11 @@ contains
             return
         end if
 
-        if (arguments%error) call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
+        call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
         call integrate(arguments, scene, simulation, trajectory, global_error, error)
-        if (arguments%error .and. .not. allocated(error)) call estimate(arguments, scene, global_error, estimate_error)
+        if (.not. (allocated(error) .or. simulation%is_stopped) .and. wants_estimate(arguments, simulation)) then
+            call estimate(arguments, scene, global_error, estimate_error)
+        end if
         call trajectory%close(simulation, error, output_error, global_error)
         if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
@@ -83,18 +86,30 @@ contains
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
-        !> Watches only where it is asked for.
+        !> Watches what it costs nothing to watch.
         type(global_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(progress_type), target :: progress
         type(observer_list_type) :: observers
 
         call observers%add(trajectory)
-        if (arguments%error) call observers%add(global_error)
+        call observers%add(global_error)
         progress = progress_type(t_start=scene%t_start, t_end=scene%t_end)
         if (.not. arguments%quiet) call observers%add(progress)
         call simulation%integrate(scene%t_end, error, observers)
     end subroutine integrate
+
+    !> Whether to make a second run: on request, and for a short run without it.
+    logical function wants_estimate(arguments, simulation)
+        type(arguments_type), intent(in) :: arguments
+        type(simulation_type), intent(in) :: simulation
+        !> Seconds of a run that one need not hesitate to make twice.
+        real(wp), parameter :: short = 2.0_wp
+        type(statistics_type) :: statistics
+
+        statistics = simulation%statistics()
+        wants_estimate = arguments%error .or. (statistics%wall_seconds <= short .and. .not. arguments%no_error)
+    end function wants_estimate
 
     !> The second run, with a model of its own, since a run may change its model.
     subroutine estimate(arguments, scene, global_error, error)

@@ -769,6 +769,11 @@ class CommandLine(Case):
             self.assertLess(attributes["local_error"], 1e-4)
             self.assertEqual(attributes["local_error_steps"], attributes["steps"])
             self.assertEqual(attributes["stiff"], 0)
+        # A short run is made twice without being asked, and never on request.
+        report = self.tandem("run", "rolling_disk", *settings, "--output", "a.h5").stdout
+        self.assertRegex(report, r"error at end +q [0-9]")
+        report = self.tandem("run", "rolling_disk", *settings, "--no-error", "--output", "a.h5").stdout
+        self.assertRegex(report, r"error at end +not estimated")
         report = self.tandem("run", "articulated_vehicle", "--set", "solver.step=1e-2", "--error", "--output", "a.h5").stdout
         self.assertRegex(report, r"by a second run with half the step")
         self.assertNotIn("WARNING", report)

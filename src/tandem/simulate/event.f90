@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Events: what happens when a function g(t, q, qd, lambda) of the motion passes through zero. A program extends `event_type`, or
+!> What happens when a function g(t, q, qd, lambda) of the motion passes through zero. A program extends `event_type`, or
 !> takes `threshold_event_type`, and gives the event to a simulation by `add_event`.
 module tandem_simulate_event
     use tandem_error, only: error_type
@@ -10,6 +10,7 @@ module tandem_simulate_event
 
     public :: event_type, event_record_type, threshold_event_type
 
+    !> A function of the motion and what its zeros mean.
     type, abstract :: event_type
         !> Its name in reports and files.
         character(len=label_length) :: name = 'event'

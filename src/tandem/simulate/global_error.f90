@@ -10,7 +10,7 @@ module tandem_simulate_global_error
     use tandem_model, only: model_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulation, only: observer_type, simulation_type
+    use tandem_simulation, only: at_step, observer_type, simulation_type
     use tandem_status, only: status_invalid_option
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper
@@ -19,11 +19,13 @@ module tandem_simulate_global_error
 
     public :: global_error_type
 
-    !> Times at which the runs are compared, equally spaced, the end among them.
-    integer, parameter :: n_times = 100
+    !> Most times at which the runs are compared: at the first step behind each hundredth of the run, so that the run that is
+    !> watched pays nothing, and at its end.
+    integer, parameter :: n_times = 102
     !> The tolerances of the second run, and the smallest that may come out.
     real(wp), parameter :: part = 0.1_wp, smallest = 1.0e-15_wp
 
+    !> Watches a run, and compares a second one with it.
     type, extends(observer_type) :: global_error_type
         !> Whether the error was estimated.
         logical :: is_known = .false.
@@ -32,15 +34,15 @@ module tandem_simulate_global_error
         !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that have them.
         real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
         integer :: worst_q = 1, worst_qd = 1
-        !> Error at the end, and the largest at `n_times` times and when, on the scale s + |y|, max-norms over q and qd.
+        !> Error at the end, and the largest at all times compared and when, on the scale s + |y|, max-norms over q and qd.
         real(wp) :: relative = 0.0_wp, largest = 0.0_wp, t_largest = 0.0_wp
         !> What the second run has cost: evaluations of the right-hand side, and wall time, s.
         integer(long) :: right_hand_sides = 0
         real(wp) :: seconds = 0.0_wp
-        real(wp), private :: t_start = 0.0_wp
-        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run.
+        real(wp), private :: t_start = 0.0_wp, t_end = 0.0_wp, due = 0.0_wp
+        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; how many there are.
         real(wp), allocatable, private :: t(:), state(:, :, :)
-        integer, private :: n_taken = 0
+        integer, private :: n_seen = 0, n_taken = 0
         !> Whether both runs could be evaluated at that time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
@@ -64,15 +66,16 @@ contains
         integer, intent(in) :: n
         !> Start and end of the run.
         real(wp), intent(in) :: t_start, t_end
-        integer :: i
 
         self%is_known = .false.
         self%is_second = .false.
         self%n_taken = 0
+        self%n_seen = 0
         self%is_there = .true.
         self%t_start = t_start
-        self%t = [(t_start + (t_end - t_start)*real(i, wp)/real(n_times, wp), i=1, n_times)]
-        self%t(n_times) = t_end
+        self%t_end = t_end
+        self%due = t_start
+        self%t = spread(t_end, 1, n_times)
         if (allocated(self%state)) deallocate (self%state, self%difference)
         allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
     end subroutine initialize
@@ -86,10 +89,23 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(error_type), allocatable :: failure
         type(statistics_type) :: statistics
-        real(wp) :: t_step
+        real(wp) :: t_step, hundredth
 
         t_step = simulation%state%t
-        do while (self%n_taken < n_times)
+        if (.not. self%is_second) then
+            statistics = simulation%statistics()
+            self%work = statistics%right_hand_sides
+            if (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end)) return
+            ! The last place is for the end.
+            if (self%n_seen >= n_times - 1 .and. t_step < self%t_end) return
+            hundredth = (self%t_end - self%t_start)/100.0_wp
+            self%due = self%t_start + hundredth*(1.0_wp + aint((t_step - self%t_start)/hundredth + 1.0e-6_wp))
+            self%n_seen = self%n_seen + 1
+            self%t(self%n_seen) = t_step
+            call self%take(simulation%state%q, simulation%state%qd)
+            return
+        end if
+        do while (self%n_taken < self%n_seen)
             if (self%t(self%n_taken + 1) > t_step) exit
             call simulation%look_at(self%t(self%n_taken + 1), failure)
             call self%take(simulation%state%q, simulation%state%qd)
@@ -97,8 +113,6 @@ contains
             if (allocated(failure)) self%is_there(self%n_taken) = .false.
             call simulation%look_back()
         end do
-        statistics = simulation%statistics()
-        if (.not. self%is_second) self%work = statistics%right_hand_sides
     end subroutine observe
 
     !> Keep a state, of the second run its difference.
@@ -136,7 +150,7 @@ contains
         class(stepper_type), allocatable :: stepper
         real(wp) :: ratio
 
-        if (self%n_taken < n_times) then
+        if (self%t(max(1, self%n_seen)) < self%t_end .or. self%n_seen == 0) then
             call set_error(error, status_invalid_option, 'the run to compare with has not reached its end', &
                 'give this object to integrate as the observer of the whole run')
             return
@@ -153,7 +167,7 @@ contains
         if (allocated(error)) return
         self%is_second = .true.
         self%n_taken = 0
-        call simulation%integrate(self%t(n_times), error, self)
+        call simulation%integrate(self%t_end, error, self)
         statistics = simulation%statistics()
         self%right_hand_sides = statistics%right_hand_sides
         self%seconds = statistics%wall_seconds
@@ -200,8 +214,8 @@ contains
         if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
         self%largest = 0.0_wp
         relative = 0.0_wp
-        self%t_largest = self%t(n_times)
-        do k = 1, n_times
+        self%t_largest = self%t_end
+        do k = 1, self%n_seen
             if (.not. self%is_there(k)) cycle
             relative = 0.0_wp
             do i = 1, 2
@@ -211,10 +225,10 @@ contains
             self%largest = max(self%largest, relative)
         end do
         self%relative = relative
-        self%worst_q = maxloc(self%difference(:, 1, n_times), dim=1)
-        self%worst_qd = maxloc(self%difference(:, 2, n_times), dim=1)
-        self%error_q = self%difference(self%worst_q, 1, n_times)
-        self%error_qd = self%difference(self%worst_qd, 2, n_times)
+        self%worst_q = maxloc(self%difference(:, 1, self%n_seen), dim=1)
+        self%worst_qd = maxloc(self%difference(:, 2, self%n_seen), dim=1)
+        self%error_q = self%difference(self%worst_q, 1, self%n_seen)
+        self%error_qd = self%difference(self%worst_qd, 2, self%n_seen)
         self%is_known = .true.
     end subroutine evaluate
 end module tandem_simulate_global_error

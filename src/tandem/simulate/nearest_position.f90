@@ -29,6 +29,7 @@ module tandem_simulate_nearest_position
         real(wp) :: error = 0.0_wp
     end type point_type
 
+    !> The search for the nearest position on the constraints.
     type :: nearest_position_type
         !> Points tried so far, and how many may be.
         integer :: trials = 0, most_trials = 200
