@@ -430,6 +430,7 @@ contains
         statistics_%is_stiff = self%stiffness%is_stiff
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
+        if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)
             if (local%steps == 0) return
             statistics_%local_error = local%largest
@@ -437,7 +438,6 @@ contains
             ! Steps in no full window count like the others.
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
-        if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
     end function statistics
 
     !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
