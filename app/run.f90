@@ -41,7 +41,7 @@ contains
 
         call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
         call integrate(arguments, scene, simulation, trajectory, global_error, error)
-        if (.not. (allocated(error) .or. simulation%is_stopped) .and. wants_estimate(arguments, simulation)) then
+        if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
             call estimate(arguments, scene, global_error, estimate_error)
         end if
         call trajectory%close(simulation, error, output_error, global_error)

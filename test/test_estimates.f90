@@ -2,6 +2,8 @@
 !> What a run says about itself: that it is stiff, and how wrong it is.
 module test_estimates
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_true
+    use event_kinds, only: shove_type
+    use model_pendulum, only: pendulum_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: get_start, new_scene, run
@@ -35,11 +37,14 @@ contains
             new_unittest('local-errors-of-fixed-steps-are-the-true-ones', test_local_errors), &
             new_unittest('local-errors-of-controlled-steps-are-the-estimates', test_controlled_errors), &
             new_unittest('a-breakpoint-spoils-no-window', test_breakpoint), &
+            new_unittest('an-action-spoils-no-window', test_action), &
             new_unittest('few-steps-give-no-estimate', test_few_steps), &
             new_unittest('the-error-of-a-run-is-found-whatever-amplifies-it', test_global_error), &
             new_unittest('a-run-that-is-watched-is-the-same', test_watched), &
             new_unittest('the-smallest-tolerance-gives-a-bound', test_bound), &
-            new_unittest('a-run-without-an-end-has-no-error-estimate', test_unfinished)]
+            new_unittest('a-run-without-an-end-has-no-error-estimate', test_unfinished), &
+            new_unittest('a-run-that-events-change-has-no-error-estimate', test_changed), &
+            new_unittest('a-run-that-an-event-stops-has-no-error-estimate', test_stopped)]
     end subroutine collect_estimates
 
     subroutine test_rule(error)
@@ -380,6 +385,39 @@ contains
         call check_below(error, after%local_error, before%local_error, 'largest error behind the kink')
     end subroutine test_breakpoint
 
+    !> A push at the end of the second step of a window. A window across it would show the jump of 0.1, from which the true errors
+    !> of some 1e-8 are far.
+    subroutine test_action(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(shove_type), target :: push
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+
+        call model%define()
+        call model%start(0.0_wp, 1.0_wp, q, qd)
+        options%step = 2.0_wp**(-6)
+        push%at = 6*options%step
+        push%changes = .true.
+        push%dqd = [0.1_wp, 0.0_wp]
+        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+        call simulation%add_event(push)
+        ! A zero at the end of a run counts there, else the next step would begin anew.
+        if (.not. allocated(failure)) call simulation%integrate(push%at, failure)
+        if (.not. allocated(failure)) call simulation%integrate(32*options%step, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, simulation%n_events == 1 .and. statistics%steps == 32, 'the push ends a step of the grid')
+        if (allocated(error)) return
+        ! The window that it cut lacks two steps, and so does the last one.
+        call check_count(error, statistics%local_error_steps, 28, 'steps in windows')
+        call check_below(error, statistics%local_error, 1.0e-6_wp, 'largest local error')
+    end subroutine test_action
+
     subroutine test_few_steps(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -538,4 +576,61 @@ contains
         if (allocated(error)) return
         call check_true(error, .not. global_error%is_known, 'no estimate')
     end subroutine test_unfinished
+
+    !> The motion behind a push is not that of the second run.
+    subroutine test_changed(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_unknown(.false., 'an event has changed the run', error)
+    end subroutine test_changed
+
+    subroutine test_stopped(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_unknown(.true., 'an event has stopped the run', error)
+    end subroutine test_stopped
+
+    !> An event at half the time makes the estimate impossible, and the error says why.
+    subroutine check_unknown(stops, words, error)
+        !> Whether it stops the run, else it changes the motion.
+        logical, intent(in) :: stops
+        character(len=*), intent(in) :: words
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model, another
+        type(shove_type), target :: push
+        type(simulation_type) :: simulation
+        type(global_error_type) :: global_error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+
+        call model%define()
+        call another%define()
+        call model%start(0.3_wp, 1.0_wp, q, qd)
+        push%at = 0.5_wp
+        push%stops = stops
+        push%changes = .not. stops
+        options%step = 1.0e-2_wp
+        call global_error%initialize(2, 0.0_wp, 1.0_wp)
+        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+        call simulation%add_event(push)
+        if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure, global_error)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call global_error%estimate(another, options, q, qd, failure)
+        call check_failure(error, failure, 'invalid_option', words)
+        if (allocated(error)) return
+        call check_true(error, .not. global_error%is_known, 'no estimate')
+        if (allocated(error)) return
+        ! What is only recorded changes nothing, and does not hinder.
+        push%stops = .false.
+        push%changes = .false.
+        call global_error%initialize(2, 0.0_wp, 1.0_wp)
+        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+        call simulation%add_event(push)
+        if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure, global_error)
+        if (.not. allocated(failure)) call global_error%estimate(another, options, q, qd, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, global_error%is_known, 'an estimate')
+    end subroutine check_unknown
 end module test_estimates

@@ -325,6 +325,15 @@ action = "stop"
             np.testing.assert_array_equal(file["events/q"][-1], last)
         self.assertIn('stopped by "far" at t = ', text)
 
+    def test_a_stop_leaves_the_error_unknown(self):
+        name = self.disk_with(self.EVENTS, end=1.0)
+        self.assertRegex(self.tandem("run", name, "--error").stdout, r"  error at end +q \S+ ")
+        name = self.disk_with('[[event]]\nname = "far"\nwatch = "ry"\nvalue = 0.3\naction = "stop"\n', end=50.0)
+        done = self.tandem("run", name, "--error", "--output", "result.h5")
+        self.assertRegex(" ".join(done.stdout.split()), "error at end not known: [^:]*: an event has stopped the run, and the second")
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertNotIn("global_error", file["report"].attrs)
+
     def test_a_scene_without_events_has_none(self):
         self.tandem("run", "rolling_disk", *SHORT, "--output", "result.h5")
         with h5py.File(self.folder / "result.h5") as file:

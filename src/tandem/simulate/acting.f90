@@ -90,6 +90,7 @@ contains
                 return
             end if
             call self%control%restart()
+            call self%local_error%restart()
             call chart%forget_model()
             call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)

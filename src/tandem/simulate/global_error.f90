@@ -10,7 +10,7 @@ module tandem_simulate_global_error
     use tandem_model, only: model_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulation, only: at_step, observer_type, simulation_type
+    use tandem_simulation, only: at_event, at_step, observer_type, simulation_type
     use tandem_status, only: status_invalid_option
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper
@@ -43,6 +43,8 @@ module tandem_simulate_global_error
         !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; how many there are.
         real(wp), allocatable, private :: t(:), state(:, :, :)
         integer, private :: n_seen = 0, n_taken = 0
+        !> What events have done to the first run: the second one does not watch them.
+        logical, private :: is_changed = .false., is_stopped = .false.
         !> Whether both runs could be evaluated at that time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
@@ -71,6 +73,8 @@ contains
         self%is_second = .false.
         self%n_taken = 0
         self%n_seen = 0
+        self%is_changed = .false.
+        self%is_stopped = .false.
         self%is_there = .true.
         self%t_start = t_start
         self%t_end = t_end
@@ -84,13 +88,15 @@ contains
     subroutine observe(self, simulation, occasion, error)
         class(global_error_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> `at_start`, `at_step` or `at_end`.
+        !> `at_start`, `at_step`, `at_end` or `at_event`.
         integer, intent(in) :: occasion
         type(error_type), allocatable, intent(out) :: error
         type(error_type), allocatable :: failure
         type(statistics_type) :: statistics
         real(wp) :: t_step, hundredth
 
+        if (occasion == at_event) self%is_changed = .true.
+        self%is_stopped = simulation%is_stopped
         t_step = simulation%state%t
         if (.not. self%is_second) then
             statistics = simulation%statistics()
@@ -141,7 +147,7 @@ contains
         type(options_type), intent(in) :: options
         !> The start of the run (n).
         real(wp), intent(in) :: q(:), qd(:)
-        !> Why the error is not known: the run has not reached its end, or the second one failed.
+        !> Why the error is not known: events have changed or stopped the run, it has not reached its end, or the second one failed.
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
@@ -150,6 +156,11 @@ contains
         class(stepper_type), allocatable :: stepper
         real(wp) :: ratio
 
+        if (self%is_changed .or. (self%is_stopped .and. self%t(max(1, self%n_seen)) < self%t_end)) then
+            call set_error(error, status_invalid_option, 'an event has '//trim(merge('changed', 'stopped', self%is_changed))// &
+                ' the run, and the second run does not watch events', 'compare with a run of smaller tolerances or steps')
+            return
+        end if
         if (self%t(max(1, self%n_seen)) < self%t_end .or. self%n_seen == 0) then
             call set_error(error, status_invalid_option, 'the run to compare with has not reached its end', &
                 'give this object to integrate as the observer of the whole run')
