@@ -69,6 +69,11 @@ contains
         if (allocated(error)) return
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
+        if (allocated(scene%assembly)) then
+            ! What was assembled is where a second run starts.
+            scene%q = simulation%state%q
+            scene%qd = simulation%state%qd
+        end if
         do i = 1, size(scene%events)
             call simulation%add_event(scene%events(i))
         end do

@@ -451,6 +451,8 @@ end = 0.1
             self.assertLess(file["diagnostics/position_error"][0], 1e-14)
             self.assertLess(file["diagnostics/velocity_error"][0], 1e-14)
             self.assertAlmostEqual(file["report"].attrs["start_moved_q"], 2.97e-3, 5)
+        done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true", *SHORT, "--error")
+        self.assertRegex(done.stdout, r"  error at end +q \S+ ")
 
     def test_check_says_what_would_move(self):
         done = self.tandem("check", self.scene(self.PRINTED), "--set", "initial.assemble=true")
