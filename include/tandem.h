@@ -39,7 +39,10 @@ enum {
     TANDEM_STEP_UNDERFLOW = -12,
     TANDEM_STEP_LIMIT = -13,
     TANDEM_OUTPUT_FAILED = -14,
-    TANDEM_NEWTON_FAILED = -15
+    TANDEM_NEWTON_FAILED = -15,
+    TANDEM_INCONSISTENT_ROWS = -16,
+    TANDEM_EVENT_LIMIT = -17,
+    TANDEM_WORK_LIMIT = -18
 };
 
 /* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */
@@ -110,10 +113,10 @@ int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
 /* --- options: they are checked and count from the next tandem_start on ------------------------------------------------ */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
- * secant_limit, start_tolerance. rtol = 0 means fixed steps. */
+ * secant_limit, start_tolerance, max_seconds. rtol = 0 means fixed steps. */
 int tandem_set_real(tandem_problem *problem, const char *name, double value);
 
-/* max_steps, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once). */
+/* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once). */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
 /* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis. */

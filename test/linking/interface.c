@@ -364,6 +364,15 @@ static void test_misuse(void)
     tandem_set_integer(p, "max_steps", 3);
     tandem_start(p, 0, bowl_q, bowl_qd);
     expect("the-limit-of-steps", p, tandem_integrate(p, 1), TANDEM_STEP_LIMIT, "3 steps");
+    tandem_set_integer(p, "max_evaluations", 6);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("the-limit-of-evaluations", p, tandem_integrate(p, 1), TANDEM_WORK_LIMIT, "max_evaluations = 6");
+    tandem_set_integer(p, "max_evaluations", 0);
+    tandem_set_real(p, "max_seconds", -1);
+    expect("no-negative-time", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "max_seconds");
+    tandem_set_real(p, "max_seconds", 0);
+    tandem_set_integer(p, "max_events", 0);
+    expect("no-limit-of-no-events", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "max_events = 0");
     tandem_set_motion_function(p, "applied_force", NULL);
     expect("a-changed-model-must-be-started", p, tandem_step(p, 2), TANDEM_INVALID_OPTION, "tandem_start");
     tandem_free(p);

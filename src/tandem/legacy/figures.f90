@@ -15,7 +15,7 @@ module tandem_legacy_figures
         'velocity_error, acceleration_error, start_moved_q, start_moved_qd, velocity_jump, wall_seconds, cpu_seconds, '// &
         'right_hand_sides, position_corrections, b_corrections, h_corrections, position_factorizations, '// &
         'constraint_factorizations, mass_factorizations, basis_factorizations, fused_calls, newton_matrices, '// &
-        'newton_corrections, implicit_stages, difference_evaluations, gamma_evaluations, gamma_noise'
+        'newton_factorizations, newton_corrections, implicit_stages, difference_evaluations, gamma_evaluations, gamma_noise'
 
 contains
 
@@ -56,6 +56,7 @@ contains
             case ('basis_factorizations'); value = real(s%basis_factorizations, wp)
             case ('fused_calls'); value = real(s%fused_calls, wp)
             case ('newton_matrices'); value = real(s%newton_matrices, wp)
+            case ('newton_factorizations'); value = real(s%newton_factorizations, wp)
             case ('newton_corrections'); value = real(s%newton_corrections, wp)
             case ('implicit_stages'); value = real(s%implicit_stages, wp)
             case ('difference_evaluations'); value = real(s%difference_evaluations, wp)

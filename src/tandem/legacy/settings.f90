@@ -11,8 +11,8 @@ module tandem_legacy_settings
     public :: set_real_option, set_integer_option, set_text_option, lower_case
 
     character(len=*), parameter :: reals = 'step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, '// &
-        'htol, intol, v_limit, w_limit, condition_limit, secant_limit, start_tolerance'
-    character(len=*), parameter :: integers = 'max_steps, iteration_limit, constant_mass'
+        'htol, intol, v_limit, w_limit, condition_limit, secant_limit, start_tolerance, max_seconds'
+    character(len=*), parameter :: integers = 'max_steps, max_evaluations, max_events, iteration_limit, constant_mass'
     character(len=*), parameter :: texts = 'stepper, chart, refresh, basis'
 
 contains
@@ -42,6 +42,7 @@ contains
         case ('condition_limit'); options%condition_limit = value
         case ('secant_limit'); options%secant_limit = value
         case ('start_tolerance'); options%start_tolerance = value
+        case ('max_seconds'); options%max_seconds = value
         case default; call refuse(name, 'a real option', reals, error)
         end select
     end subroutine set_real_option
@@ -56,6 +57,8 @@ contains
 
         select case (lower_case(name))
         case ('max_steps'); options%max_steps = value
+        case ('max_evaluations'); options%max_evaluations = value
+        case ('max_events'); options%max_events = value
         case ('iteration_limit'); options%iteration_limit = value
         case default; call refuse(name, 'an integer option', integers, error)
         end select
