@@ -75,7 +75,8 @@ contains
         if (stat /= status_ok) return
         self%error = 0.0_wp
         associate (terms => self%evaluator%terms)
-            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, q, scale, self%error, self%worst_row)
+            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, self%q, self%scale, &
+                self%error, self%worst_row)
         end associate
         call self%restore([(i, i=1, model%n_holonomic)], t, self%q, counts, stat)
         if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian + need_nu, t, self%q, qd, counts, stat)
@@ -127,7 +128,7 @@ contains
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
         integer, parameter :: most_steps = 8
-        real(wp) :: step(size(q)), error, last_error
+        real(wp) :: step(size(q)), error, last_error, place(size(q)), phi(size(rows)), jacobian(size(rows), size(q))
         integer :: k, row
 
         stat = status_ok
@@ -137,10 +138,13 @@ contains
             do k = 1, most_steps
                 call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
                 if (stat /= status_ok) return
-                call position_errors(terms%phi(rows), terms%jacobian(rows, :), q, self%scale, error, row)
+                phi = terms%phi(rows)
+                jacobian = terms%jacobian(rows, :)
+                place = q
+                call position_errors(phi, jacobian, place, self%scale, error, row)
                 if (error <= 4*epsilon(1.0_wp) .or. .not. error < 0.5_wp*last_error) return
                 last_error = error
-                call solve_least_norm(terms%jacobian(rows, :)*spread(self%scale, 1, size(rows)), -terms%phi(rows), step)
+                call solve_least_norm(jacobian*spread(self%scale, 1, size(rows)), -phi, step)
                 q = q + self%scale*step
             end do
         end associate
