@@ -64,7 +64,7 @@ check library-links-neither-hdf5-nor-toml nothing_else_linked "$prefix/lib/libta
 
 needs_only_lapack_and_blas() {
     objdump -p "$1" | awk '
-        $1 == "NEEDED" { print; if ($2 !~ /^(liblapack|libblas|libopenblas|libgfortran|libm|libc|libgcc_s|libquadmath)\.so/) bad = 1 }
+        $1 == "NEEDED" { print; if ($2 !~ /^(liblapack|libblas|libopenblas|libgfortran|libm|libmvec|libc|libgcc_s|libquadmath)\.so/) bad = 1 }
         END { exit bad }'
 }
 check library-needs-only-lapack-and-blas needs_only_lapack_and_blas "$prefix/lib/libtandem.so.1"

@@ -293,19 +293,34 @@ contains
         name = padded_name(self, row)
     end function row_name
 
+    !> The name of a coordinate with blanks behind.
+    pure function padded_label(self, i) result(name)
+        class(model_type), intent(in) :: self
+        integer, intent(in) :: i
+        character(len=label_length) :: name
+
+        if (allocated(self%coordinate_name)) then
+            name = self%coordinate_name(i)
+        else
+            write (name, '(a, i0)') 'q', i
+        end if
+    end function padded_label
+
+    !> The length of a coordinate's name.
+    pure integer function coordinate_label_length(self, i)
+        class(model_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        coordinate_label_length = len_trim(padded_label(self, i))
+    end function coordinate_label_length
+
     !> The name of a coordinate, q1, q2, ... where the model gives none.
     pure function coordinate_label(self, i) result(name)
         class(model_type), intent(in) :: self
         !> Its index.
         integer, intent(in) :: i
-        character(len=:), allocatable :: name
-        character(len=12) :: number
+        character(len=coordinate_label_length(self, i)) :: name
 
-        if (allocated(self%coordinate_name)) then
-            name = trim(self%coordinate_name(i))
-            return
-        end if
-        write (number, '(i0)') i
-        name = 'q'//trim(number)
+        name = padded_label(self, i)
     end function coordinate_label
 end module tandem_model

@@ -4,7 +4,7 @@
 module tandem_simulate_assembly
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_model, only: model_type
+    use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
     use tandem_model_evaluator, only: evaluator_type
     use tandem_simulate_nearest_position, only: nearest_position_type
@@ -91,8 +91,8 @@ contains
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
                 model%row_name(position%failed_row)//'" stays off by '// &
-                off_by(position%failed_amount, position%failed_value)//' after '//to_text(position%trials)//' iterations'// &
-                while_fixed(model, fixed_q), advice_for(fixed_q, 'coordinates', 'q0'))
+                trim(off_by(position%failed_amount, position%failed_value))//' after '//to_text(position%trials)//' iterations'// &
+                trim(while_fixed(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'q0')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
@@ -107,8 +107,8 @@ contains
         call velocity%find(evaluator, t, new_q, new_qd, request%counts, stat)
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no velocity satisfies all constraints: "'//model%row_name(velocity%failed_row)// &
-                '" stays off by '//off_by(velocity%failed_amount, velocity%failed_value)// &
-                while_fixed(model, fixed_qd), advice_for(fixed_qd, 'velocities', 'qd0'))
+                '" stays off by '//trim(off_by(velocity%failed_amount, velocity%failed_value))// &
+                trim(while_fixed(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'qd0')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the velocity was assembled', error)
         else
@@ -206,7 +206,7 @@ contains
         !> What comes before the coordinate's name.
         character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(out) :: error
-        character(len=:), allocatable :: unit
+        character(len=13) :: unit
         integer :: i, j
 
         if (.not. limit > 0.0_wp .or. size(pull, 1) == 0) return
@@ -216,7 +216,7 @@ contains
         unit = ''
         if (allocated(model%coordinate_scale)) unit = ' of its scale'
         call set_error(error, status_inconsistent_start, 'the '//what//'coordinate "'//model%coordinate_label(j)// &
-            '" would move by '//to_text(move(j))//unit//' (allowed: '//to_text(limit)// &
+            '" would move by '//to_text(move(j))//trim(unit)//' (allowed: '//to_text(limit)// &
             ') to satisfy the constraints, most of it for "'//model%row_name(i)//'"', &
             'give a start nearer to the constraints, or allow a larger move')
     end subroutine check_move
@@ -233,46 +233,45 @@ contains
         if (maxval(size_of) > 0.0_wp) strongest = maxloc(size_of, dim=1)
     end function strongest
 
-    !> A violation in words.
+    !> A violation in words, with blanks behind.
     pure function off_by(amount, value) result(text)
         !> What is left of the row, and on its natural scale.
         real(wp), intent(in) :: amount, value
-        character(len=:), allocatable :: text
+        character(len=80) :: text
         !> Above this the natural scale has vanished, and with it all that could move the row.
         real(wp), parameter :: vanished = 1.0e3_wp
 
-        text = to_text(amount)
         if (value < vanished) then
-            text = text//' ('//to_text(value)//' of its natural scale)'
+            text = to_text(amount)//' ('//to_text(value)//' of its natural scale)'
         else
-            text = text//' (and no motion changes it there)'
+            text = to_text(amount)//' (and no motion changes it there)'
         end if
     end function off_by
 
-    !> The coordinates that were fixed, in words.
+    !> The coordinates that were fixed, in words, with blanks behind.
     function while_fixed(model, is_fixed) result(text)
         class(model_type), intent(in) :: model
         logical, intent(in) :: is_fixed(:)
-        character(len=:), allocatable :: text
+        character(len=13 + (label_length + 2)*size(is_fixed)) :: text
         integer :: j
 
         text = ''
         do j = 1, size(is_fixed)
             if (.not. is_fixed(j)) cycle
-            text = text//', '//model%coordinate_label(j)
+            text = trim(text)//', '//model%coordinate_label(j)
         end do
-        if (text /= '') text = ', with fixed '//text(3:)
+        if (text /= '') text = ', with fixed '//trim(text(3:))
     end function while_fixed
 
-    !> What to do about a start that has no consistent state near.
+    !> What to do about a start that has no consistent state near, with blanks behind.
     pure function advice_for(is_fixed, things, start) result(text)
         logical, intent(in) :: is_fixed(:)
         !> What may be fixed, and what was given.
         character(len=*), intent(in) :: things, start
-        character(len=:), allocatable :: text
+        character(len=160) :: text
 
         text = 'give a '//start//' nearer to one that satisfies it, or correct the constraint'
-        if (any(is_fixed)) text = 'the fixed '//things//' may leave no solution: free some of them; or '//text
+        if (any(is_fixed)) text = 'the fixed '//things//' may leave no solution: free some of them; or '//trim(text)
     end function advice_for
 
     !> An error of the model's procedures.

@@ -40,6 +40,9 @@ module tandem_simulation
     !> where an event changes the motion with the state before its action; `at_step` follows with the state after it.
     integer, parameter :: at_start = 0, at_step = 1, at_end = 2, at_event = 3
 
+    !> Most rows that a message names: more help nobody.
+    integer, parameter :: most_names = 8
+
     !> Somebody who looks at the motion as it goes, to write it or to draw it.
     type, abstract :: observer_type
     contains
@@ -545,7 +548,7 @@ contains
         if (self%chart%failed_row > 0) then
             message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
             if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
-                message = message//self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with ')
+                message = message//trim(self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with '))
             end if
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
@@ -558,29 +561,29 @@ contains
         call set_error(error, stat, message)
     end subroutine fail
 
-    !> Other rows by name, for messages about rows that depend on each other.
+    !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
     recursive function with_rows(self, rows, row, before) result(text)
         class(simulation_type), intent(in) :: self
         !> Rows of C, and the one that is named already (0: none).
         integer, intent(in) :: rows(:), row
         !> What stands before the first.
         character(len=*), intent(in) :: before
-        character(len=:), allocatable :: text
-        !> More names help nobody.
-        integer, parameter :: most_names = 8
+        character(len=len(before) + most_names*(label_length + 4) + 11) :: text
+        character(len=:), allocatable :: list
         integer :: i, n_named
 
-        text = ''
+        list = ''
         n_named = 0
         do i = 1, size(rows)
             if (rows(i) == row) cycle
             n_named = n_named + 1
             if (n_named > most_names) exit
-            if (n_named == 1) text = before
-            if (n_named > 1) text = text//', '
-            text = text//'"'//self%model%row_name(rows(i))//'"'
+            if (n_named == 1) list = before
+            if (n_named > 1) list = list//', '
+            list = list//'"'//self%model%row_name(rows(i))//'"'
         end do
-        if (n_named > most_names) text = text//' and others'
+        if (n_named > most_names) list = list//' and others'
+        text = list
     end function with_rows
 
     !> Keep a warning, once.

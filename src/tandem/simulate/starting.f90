@@ -109,7 +109,7 @@ contains
             if (stat == status_inconsistent_rows) then
                 k = findloc(redundancy%dropped, redundancy%failed_row, dim=1)
                 call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
-                    '" depends on'//self%with_rows(redundancy%partners(k), 0, ' ')//' and contradicts it in the '// &
+                    '" depends on'//trim(self%with_rows(redundancy%partners(k), 0, ' '))//' and contradicts it in the '// &
                     trim(level_name(redundancy%failed_level))//' at the start')
                 return
             else if (stat == status_rank_deficient .or. (is_deficient .and. stat == status_ok .and. &
@@ -130,7 +130,7 @@ contains
                         '" restricts nothing and was left out')
                 else
                     call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))//'" repeats'// &
-                        self%with_rows(redundancy%partners(i), 0, ' ')// &
+                        trim(self%with_rows(redundancy%partners(i), 0, ' '))// &
                         ' and was left out; the multipliers are those of least norm')
                 end if
             end do
@@ -195,7 +195,8 @@ contains
         end do
         if (.not. together) return
         associate (nh => self%model%n_holonomic)
-            call self%warn('the nonholonomic constraints'//self%with_rows([(i, i=nh + 1, self%model%n_constraints())], 0, ' ')// &
+            call self%warn('the nonholonomic constraints'// &
+                trim(self%with_rows([(i, i=nh + 1, self%model%n_constraints())], 0, ' '))// &
                 ' are integrable together: they restrict the position, which is held only if they are given as '// &
                 'holonomic constraints')
         end associate

@@ -276,7 +276,7 @@ contains
 
         associate (evaluations => self%chart%counts%right_hand_sides)
             if (self%work%is_spent(evaluations)) call set_error(error, status_work_limit, &
-                self%work%describe(evaluations)//', t = '//to_text(self%state%t))
+                trim(self%work%describe(evaluations))//', t = '//to_text(self%state%t))
         end associate
     end subroutine check_work
 

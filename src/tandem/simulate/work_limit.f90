@@ -52,11 +52,11 @@ contains
         is_spent = is_spent .or. real(now - self%clock_start, wp) >= self%max_seconds*real(rate, wp)
     end function is_spent
 
-    !> What the run has cost, in words.
+    !> What the run has cost, in words, with blanks behind.
     function describe(self, evaluations) result(text)
         class(work_limit_type), intent(in) :: self
         integer(long), intent(in) :: evaluations
-        character(len=:), allocatable :: text
+        character(len=64) :: text
 
         if (self%max_evaluations > 0 .and. evaluations >= self%max_evaluations) then
             text = 'max_evaluations = '//to_text(int(self%max_evaluations))//' is reached'
