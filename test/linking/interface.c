@@ -151,9 +151,9 @@ static void test_names(void)
     struct bowl b = new_bowl();
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
-    check("every-statistic-is-known", takes_all(p, 2) == 29, tandem_message(p));
-    check("every-real-option-is-known", takes_all(p, 0) == 15, tandem_message(p));
-    check("every-integer-option-is-known", takes_all(p, 1) == 3, tandem_message(p));
+    check("every-statistic-is-known", takes_all(p, 2) == 30, tandem_message(p));
+    check("every-real-option-is-known", takes_all(p, 0) == 16, tandem_message(p));
+    check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
     tandem_free(p);
 }
 
