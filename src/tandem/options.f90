@@ -44,8 +44,8 @@ module tandem_options
         character(len=3) :: basis = 'qr'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
-        !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`: what is left at every
-        !> stage adds up.
+        !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every
+        !> stage adds up, and under error control, within a step, for a thousandth of `rtol` if that is larger.
         real(wp) :: utol = 0.0_wp
         !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: btol = 0.0_wp
@@ -83,6 +83,7 @@ module tandem_options
         procedure :: absolute_tolerance
         procedure :: fill_tolerances
         procedure :: position_tolerance
+        procedure :: stage_tolerance
         procedure :: b_tolerance
         procedure :: h_tolerance
         procedure :: newton_tolerance
@@ -235,6 +236,16 @@ contains
 
         position_tolerance = merge(max(0.01_wp*self%constraint_tolerance, smallest_tolerance), self%utol, is_unset(self%utol))
     end function position_tolerance
+
+    !> The tolerance of (17) within a step whose size follows an error estimate: a small part of that error, which leaves the result
+    !> as it is; 0 for that of the ends of steps. A utol that was set holds everywhere.
+    pure real(wp) function stage_tolerance(self)
+        class(options_type), intent(in) :: self
+        real(wp), parameter :: part = 1.0e-3_wp
+
+        stage_tolerance = 0.0_wp
+        if (is_unset(self%utol) .and. self%is_adaptive()) stage_tolerance = part*self%relative_tolerance()
+    end function stage_tolerance
 
     !> Btol, or what stands for it.
     pure real(wp) function b_tolerance(self)

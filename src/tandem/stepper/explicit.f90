@@ -111,7 +111,9 @@ contains
         self%dqd = state%dqd
         call add_rates(h, a, self%rate_q, self%dq)
         call add_rates(h, a, self%rate_qd, self%dqd)
+        chart%is_stage = .true.
         call chart%restore_position(t, self%dq, self%q, stat)
+        chart%is_stage = .false.
         if (stat /= 0) return
         call chart%restore_velocity(t, self%q, self%dqd, self%rate_q(:, stage), stat)
         if (stat /= 0) return

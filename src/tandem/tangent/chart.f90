@@ -35,6 +35,8 @@ module tandem_tangent_chart
         real(wp) :: failed_value = 0.0_wp
         !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
         integer, allocatable :: failed_rows(:)
+        !> Set by a stepper while it evaluates stages whose positions need be no better than its tolerance.
+        logical :: is_stage = .false.
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.

@@ -381,7 +381,7 @@ contains
         real(wp), intent(out), contiguous :: q(:)
         integer, intent(out) :: stat
 
-        call self%position%restore(self%model, t, self%q0, increment, q, self%counts, stat)
+        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, q, self%counts, stat)
         self%phi_is_current = stat == status_ok .and. self%nh > 0
         call self%blame(self%position%failed_row, self%position%failed_value)
         if (stat /= status_ok) call self%fail_term()

@@ -43,7 +43,7 @@ contains
             ! accepted must not miss the tolerance for that.
             utol = options%position_tolerance()
             if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
-            call self%position%allocate(n, nh, self%refines, utol, options%b_tolerance())
+            call self%position%allocate(n, nh, self%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
             call self%split%allocate(n, m, way, options%h_tolerance())
             call self%dynamics%allocate(n, n - m)
             call self%basis%allocate(n, nh, m)

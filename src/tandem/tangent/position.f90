@@ -25,7 +25,7 @@ module tandem_tangent_position
         integer :: most_corrections = 0
         logical, private :: refines = .false.
         integer, private :: n = 0, nh = 0
-        real(wp), private :: utol = 0.0_wp, btol = 0.0_wp
+        real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
         !> u (nh), carried from stage to stage as a start value; Phi_q U (nh, nh); natural scales of the rows (nh).
         real(wp), allocatable, private :: u(:), correction(:), phi_u(:, :), row_scale(:), errors(:), origin(:)
         !> u and B while the caller looks elsewhere.
@@ -49,17 +49,19 @@ module tandem_tangent_position
 contains
 
     !> Allocate for n coordinates and nh holonomic constraints.
-    subroutine allocate_position(self, n, nh, refines, utol, btol)
+    subroutine allocate_position(self, n, nh, refines, utol, stage_utol, btol)
         class(position_type), intent(inout) :: self
         integer, intent(in) :: n, nh
-        !> Whether B follows by the paper's refinement; tolerances of (17) on the natural scale and of (20).
+        !> Whether B follows by the paper's refinement; tolerances of (17) on the natural scale, at the ends of steps and at stages,
+        !> and of (20).
         logical, intent(in) :: refines
-        real(wp), intent(in) :: utol, btol
+        real(wp), intent(in) :: utol, stage_utol, btol
 
         self%n = n
         self%nh = nh
         self%refines = refines
         self%utol = max(utol, 2.0e-15_wp)
+        self%stage_utol = max(stage_utol, self%utol)
         self%btol = btol
         self%u = spread(0.0_wp, 1, nh)
         self%correction = self%u
@@ -127,19 +129,21 @@ contains
     end subroutine refine
 
     !> q = origin + increment - U u with Phi(t, q) = 0; leaves Phi at q in the evaluator.
-    subroutine restore(self, model, t, origin, increment, q, counts, stat)
+    subroutine restore(self, model, t, origin, increment, is_stage, q, counts, stat)
         class(position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t
         !> q0 (n) and xi (n).
         real(wp), intent(in), contiguous :: origin(:), increment(:)
+        !> Whether the tolerance of stages suffices.
+        logical, intent(in) :: is_stage
         real(wp), intent(out), contiguous :: q(:)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
         !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
         integer, parameter :: limit = 40
-        real(wp) :: error, first_error
+        real(wp) :: error, first_error, utol
         integer :: k
 
         stat = status_ok
@@ -148,6 +152,7 @@ contains
         q = self%origin
         if (self%nh == 0) return
         first_error = 0.0_wp
+        utol = merge(self%stage_utol, self%utol, is_stage)
         do k = 0, limit
             q = self%origin
             call add_product(self%u_basis, self%u, -1.0_wp, q)
@@ -156,7 +161,7 @@ contains
             if (stat /= status_ok) return
             self%errors = abs(model%terms%phi)/self%row_scale
             error = maxval(self%errors)
-            if (all(self%errors <= self%utol)) return
+            if (all(self%errors <= utol)) return
             if (.not. sum(self%errors) <= huge(1.0_wp)) then
                 model%failed_term = 'phi'
                 stat = status_not_finite
