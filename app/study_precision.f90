@@ -8,7 +8,7 @@ module tandem_app_study_precision
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
-        read_scene, reference_type, scene_type, table_type, tandem_version, to_toml, write_reference
+        read_scene, reference_type, scene_type, settle_scene, table_type, tandem_version, to_toml, write_reference
     implicit none (type, external)
     private
 
@@ -118,6 +118,7 @@ contains
             call find_scene(trim(arguments%scenes(i)), path, error)
             if (allocated(error)) return
             call read_scene(path, arguments%settings, scenes(i), error)
+            if (.not. allocated(error)) call settle_scene(scenes(i), error)
             if (allocated(error)) return
             do j = 1, i - 1
                 if (scenes(j)%name /= scenes(i)%name) cycle

@@ -9,7 +9,7 @@ module tandem_io
     use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
     use tandem_io_scene_text, only: nearest_name, to_toml
     use tandem_io_study_journal, only: journal_type
-    use tandem_io_study_measure, only: make_reference
+    use tandem_io_study_measure, only: make_reference, settle_scene
     use tandem_io_study_paper, only: paper_columns, paper_type
     use tandem_io_study_precision, only: precision_columns, precision_type
     use tandem_io_study_reference, only: read_reference, reference_type, write_reference
@@ -22,6 +22,7 @@ module tandem_io
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, brief
     public :: paper_type, paper_columns
-    public :: precision_type, precision_columns, reference_type, make_reference, read_reference, write_reference
+    public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
+        write_reference
     public :: tandem_version, format_version
 end module tandem_io

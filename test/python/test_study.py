@@ -142,6 +142,20 @@ class Precision(Case):
         self.assertEqual(rows[0]["error_q"], "")
         self.assertEqual(rows[1]["status"], "complete")
 
+    def test_an_assembled_start_is_assembled_once(self):
+        off = ["--set", "initial.q=[0, 0.01, 0, -6, 0, 0]", "--set", "initial.qd=[15, 0, 0, 15, 0, 0]",
+               "--set", "initial.assemble=true", "--set", "time.end=0.5"]
+        self.precision("articulated_vehicle", *off, "--steppers", "dop853", *FAST)
+        rows = read(self.folder / "study/precision_articulated_vehicle.csv")
+        self.assertTrue(rows)
+        self.assertEqual({row["status"] for row in rows}, {"complete"})
+
+    def test_an_event_that_stops_is_refused(self):
+        shown = subprocess.run([TANDEM, "show", "rolling_disk"], env=ENVIRONMENT, capture_output=True, text=True, timeout=60)
+        scene = self.folder / "scene.toml"
+        scene.write_text(shown.stdout + '[[event]]\nname = "low"\nwatch = "rz"\nvalue = 0.5\naction = "stop"\n')
+        self.precision(str(scene), *FAST, code=2, says=['"low"', "only whole runs compare", "time.end"])
+
     def test_a_result_file_as_reference(self):
         subprocess.run([TANDEM, "run", "articulated_vehicle", "--quiet", "--set", "time.end=1", "--set", "solver.stepper=dop853",
                         "--set", "solver.rtol=1e-12", "--set", "output.interval=0.01", "--output", "true.h5"],

@@ -91,6 +91,8 @@ contains
             end if
             call self%control%restart()
             call self%local_error%restart()
+            ! Where a loss of rank was ahead before, it need not be so now.
+            self%room = huge(1.0_wp)
             call chart%forget_model()
             call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)

@@ -6,12 +6,12 @@ module tandem_io_study_measure
     use tandem_io_scene, only: scene_type
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_reference, only: reference_type
-    use tandem_status, only: status_step_limit
+    use tandem_status, only: status_invalid_option, status_step_limit
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
-    public :: sampler_type, outcome_type, sample_run, time_run, make_reference, motion_of, over_budget
+    public :: sampler_type, outcome_type, settle_scene, sample_run, time_run, make_reference, motion_of, over_budget
 
     !> The status of a run that was stopped since it would have taken too long.
     character(len=*), parameter :: over_budget = 'over_budget'
@@ -61,6 +61,29 @@ contains
 
         is_complete = self%status == 'complete'
     end function is_complete
+
+    !> Make a scene ready to be run many times: an assembled start is assembled here, once for all, and an event that would stop
+    !> the runs is refused, since only whole runs compare. Other events do not change the motion and are not watched.
+    subroutine settle_scene(scene, error)
+        type(scene_type), intent(inout), target :: scene
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        integer :: i
+
+        do i = 1, size(scene%events)
+            if (.not. scene%events(i)%stops) cycle
+            call set_error(error, status_invalid_option, 'the event "'//trim(scene%events(i)%name)//'" of the scene "'// &
+                scene%name//'" stops the run, and only whole runs compare', &
+                'let its action be "record", and end the run by time.end')
+            return
+        end do
+        if (.not. allocated(scene%assembly)) return
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        if (allocated(error)) return
+        scene%q = simulation%state%q
+        scene%qd = simulation%state%qd
+        deallocate (scene%assembly)
+    end subroutine settle_scene
 
     !> Run a scene once and compare it with a reference. The seconds are those of this run, its samples included.
     subroutine sample_run(scene, options, t_end, reference, most_seconds, outcome)
