@@ -20,7 +20,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1000
+#define TANDEM_INTERFACE_VERSION 1001
 
 /* Outcomes. */
 enum {
@@ -42,7 +42,8 @@ enum {
     TANDEM_NEWTON_FAILED = -15,
     TANDEM_INCONSISTENT_ROWS = -16,
     TANDEM_EVENT_LIMIT = -17,
-    TANDEM_WORK_LIMIT = -18
+    TANDEM_WORK_LIMIT = -18,
+    TANDEM_INVALID_CHECKPOINT = -19
 };
 
 /* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */

@@ -5,6 +5,7 @@ program main
     use test_assembly, only: collect_assembly
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
+    use test_checkpoint, only: collect_checkpoint
     use test_constraints, only: collect_constraints
     use test_control, only: collect_control
     use test_coordinate_scale, only: collect_coordinate_scale
@@ -79,6 +80,7 @@ program main
         new_testsuite('root', collect_root), &
         new_testsuite('events', collect_events), &
         new_testsuite('event_actions', collect_event_actions), &
+        new_testsuite('checkpoint', collect_checkpoint), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
         new_testsuite('rank_models', collect_rank_models), &

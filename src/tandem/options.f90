@@ -3,6 +3,7 @@
 module tandem_options
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_invalid_option
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -87,6 +88,8 @@ module tandem_options
         procedure :: b_tolerance
         procedure :: h_tolerance
         procedure :: newton_tolerance
+        procedure :: pack_state
+        procedure :: first_difference
     end type options_type
 
 contains
@@ -269,6 +272,85 @@ contains
         if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, 1.0e-3_wp*self%relative_tolerance(), &
             smallest_tolerance)
     end function newton_tolerance
+
+    !> All that the course of a run depends on: not the limits that only end it, nor what concerns the start alone.
+    subroutine pack_state(self, pack)
+        class(options_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%stepper)
+        call pack%item(self%step)
+        call pack%item(self%rtol)
+        call pack%item(self%atol)
+        call pack%item(self%rtol_q)
+        call pack%item(self%rtol_qd)
+        call pack%item(self%atol_q)
+        call pack%item(self%atol_qd)
+        call pack%item(self%first_step)
+        call pack%item(self%max_step)
+        call pack%item(self%chart)
+        call pack%item(self%refresh)
+        call pack%item(self%basis)
+        call pack%item(self%constraint_tolerance)
+        call pack%item(self%utol)
+        call pack%item(self%btol)
+        call pack%item(self%htol)
+        call pack%item(self%intol)
+        call pack%item(self%v_limit)
+        call pack%item(self%w_limit)
+        call pack%item(self%condition_limit)
+        call pack%item(self%iteration_limit)
+        call pack%item(self%secant_limit)
+    end subroutine pack_state
+
+    !> The first of the options in `pack_state` that another set has with another value, blank where there is none.
+    pure function first_difference(self, other) result(name)
+        class(options_type), intent(in) :: self
+        type(options_type), intent(in) :: other
+        character(len=20) :: name
+
+        name = ''
+        if (is_other(self%secant_limit, other%secant_limit)) name = 'secant_limit'
+        if (self%iteration_limit /= other%iteration_limit) name = 'iteration_limit'
+        if (is_other(self%condition_limit, other%condition_limit)) name = 'condition_limit'
+        if (is_other(self%w_limit, other%w_limit)) name = 'w_limit'
+        if (is_other(self%v_limit, other%v_limit)) name = 'v_limit'
+        if (is_other(self%intol, other%intol)) name = 'intol'
+        if (is_other(self%htol, other%htol)) name = 'htol'
+        if (is_other(self%btol, other%btol)) name = 'btol'
+        if (is_other(self%utol, other%utol)) name = 'utol'
+        if (is_other(self%constraint_tolerance, other%constraint_tolerance)) name = 'constraint_tolerance'
+        if (self%basis /= other%basis) name = 'basis'
+        if (self%refresh /= other%refresh) name = 'refresh'
+        if (self%chart /= other%chart) name = 'chart'
+        if (is_other(self%max_step, other%max_step)) name = 'max_step'
+        if (is_other(self%first_step, other%first_step)) name = 'first_step'
+        if (differs(self%atol_qd, other%atol_qd)) name = 'atol_qd'
+        if (differs(self%atol_q, other%atol_q)) name = 'atol_q'
+        if (differs(self%rtol_qd, other%rtol_qd)) name = 'rtol_qd'
+        if (differs(self%rtol_q, other%rtol_q)) name = 'rtol_q'
+        if (is_other(self%atol, other%atol)) name = 'atol'
+        if (is_other(self%rtol, other%rtol)) name = 'rtol'
+        if (is_other(self%step, other%step)) name = 'step'
+        if (self%stepper /= other%stepper) name = 'stepper'
+    end function first_difference
+
+    !> Whether one list of tolerances is not the other.
+    pure logical function differs(one, other)
+        real(wp), allocatable, intent(in) :: one(:), other(:)
+
+        differs = allocated(one) .neqv. allocated(other)
+        if (.not. (allocated(one) .and. allocated(other))) return
+        differs = size(one) /= size(other)
+        if (.not. differs) differs = any(is_other(one, other))
+    end function differs
+
+    !> Whether two finite numbers are not the same.
+    pure elemental logical function is_other(one, other)
+        real(wp), intent(in) :: one, other
+
+        is_other = one < other .or. one > other
+    end function is_other
 
     !> Whether a tolerance was left at the zero that stands for another.
     pure elemental logical function is_unset(value)

@@ -7,6 +7,7 @@
 !> without a search, and the search is made anew when an entry of Y has grown too much.
 module tandem_linalg_elimination
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -39,6 +40,7 @@ module tandem_linalg_elimination
         procedure :: eliminate
         procedure :: get_right_inverse
         procedure :: get_null_space
+        procedure :: pack_state
         procedure, private :: reduce
         procedure, private :: growth
     end type elimination_type
@@ -236,4 +238,17 @@ contains
             null_space(self%free(i), i) = 1.0_wp
         end do
     end subroutine get_null_space
+
+    !> What the next elimination starts from.
+    subroutine pack_state(self, pack)
+        class(elimination_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%orientation)
+        call pack%item(self%weakness)
+        call pack%item(self%parity)
+        call pack%item(self%has_pivots)
+        call pack%item(self%pivot)
+        call pack%item(self%free)
+    end subroutine pack_state
 end module tandem_linalg_elimination

@@ -6,6 +6,7 @@
 module tandem_linalg_lu
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -29,6 +30,7 @@ module tandem_linalg_lu
         procedure :: reciprocal_condition
         procedure :: determinant_sign
         procedure :: smallest_pivot
+        procedure :: pack_state
         procedure, private :: factor_small
         procedure, private :: solve_small
         procedure, private :: solve_small_transposed
@@ -240,4 +242,14 @@ contains
         reciprocal_condition = 1.0_wp
         if (self%n > 0) call dgecon('1', self%n, self%factors, self%n, self%norm, reciprocal_condition, self%work, self%iwork, info)
     end function reciprocal_condition
+
+    !> What later solutions need.
+    subroutine pack_state(self, pack)
+        class(lu_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%norm)
+        call pack%item(self%factors)
+        call pack%item(self%pivots)
+    end subroutine pack_state
 end module tandem_linalg_lu

@@ -8,6 +8,7 @@ module tandem_model_differences
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
@@ -32,6 +33,7 @@ module tandem_model_differences
         procedure, public :: initialize
         procedure, public :: evaluate_gamma
         procedure, public :: evaluate_derivatives
+        procedure, public :: pack_state
         procedure :: add_single
         procedure :: differentiate_q
         procedure :: differentiate_qd
@@ -367,4 +369,12 @@ contains
             if (iand(missing, from_force) /= 0) self%dynamics = self%dynamics - terms%force
         end associate
     end subroutine residuals
+
+    !> What was evaluated last: a constant mass matrix is not evaluated again.
+    subroutine pack_state(self, pack)
+        class(differences_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%probe%pack_state(pack)
+    end subroutine pack_state
 end module tandem_model_differences

@@ -6,6 +6,7 @@ module tandem_model_evaluator
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
@@ -33,6 +34,7 @@ module tandem_model_evaluator
         procedure :: initialize
         procedure :: evaluate
         procedure, private :: take_kept
+        procedure :: pack_state
     end type evaluator_type
 
 contains
@@ -236,4 +238,16 @@ contains
         call model%applied_force(t, q, qd, part, stat)
         force = force + part
     end subroutine evaluate_force
+
+    !> What was evaluated last.
+    subroutine pack_state(self, pack)
+        class(evaluator_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%terms%pack_state(pack)
+        if (allocated(self%all_rows)) call self%all_rows%pack_state(pack)
+        call pack%item(self%kept)
+        call pack%item(self%mass_is_known)
+        call pack%item(self%failed_term)
+    end subroutine pack_state
 end module tandem_model_evaluator

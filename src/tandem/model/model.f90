@@ -13,6 +13,7 @@ module tandem_model
     use tandem_kinds, only: wp
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -102,6 +103,7 @@ module tandem_model
         procedure :: n_constraints
         procedure :: row_name
         procedure :: coordinate_label
+        procedure :: pack_state
     end type model_type
 
     abstract interface
@@ -323,4 +325,12 @@ contains
 
         name = padded_label(self, i)
     end function coordinate_label
+
+    !> What the model itself remembers, where its procedures, or actions of events, change something that later calls depend on:
+    !> list it by `pack%item`, and a checkpoint keeps it. Nothing unless overridden; parameters that stay need not be listed.
+    subroutine pack_state(self, pack)
+        class(model_type), intent(inout) :: self
+        !> Writes or reads.
+        type(pack_type), intent(inout) :: pack
+    end subroutine pack_state
 end module tandem_model

@@ -2,6 +2,7 @@
 !> The terms of the equations of motion at one point (t, q, qd), and the bits that name them in a need mask.
 module tandem_model_terms
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -43,6 +44,7 @@ module tandem_model_terms
         real(wp), allocatable :: force(:)
     contains
         procedure :: allocate => allocate_terms
+        procedure :: pack_state
     end type terms_type
 
 contains
@@ -64,4 +66,17 @@ contains
         if (allocated(self%mass)) deallocate (self%mass)
         allocate (self%mass(n, n), source=0.0_wp)
     end subroutine allocate_terms
+
+    !> All values.
+    subroutine pack_state(self, pack)
+        class(terms_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%phi)
+        call pack%item(self%jacobian)
+        call pack%item(self%nu)
+        call pack%item(self%gamma)
+        call pack%item(self%mass)
+        call pack%item(self%force)
+    end subroutine pack_state
 end module tandem_model_terms

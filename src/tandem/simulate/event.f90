@@ -5,6 +5,7 @@ module tandem_simulate_event
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -25,6 +26,7 @@ module tandem_simulate_event
     contains
         procedure(evaluate_interface), deferred :: evaluate
         procedure :: act
+        procedure :: pack_state
     end type event_type
 
     abstract interface
@@ -105,4 +107,12 @@ contains
         end select
         stat = 0
     end subroutine evaluate_threshold
+
+    !> What the event itself remembers, where its `evaluate` or `act` keeps something between calls: list it by `pack%item`, and a
+    !> checkpoint keeps it. Nothing unless overridden.
+    subroutine pack_state(self, pack)
+        class(event_type), intent(inout) :: self
+        !> Writes or reads.
+        type(pack_type), intent(inout) :: pack
+    end subroutine pack_state
 end module tandem_simulate_event

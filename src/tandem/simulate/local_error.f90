@@ -6,6 +6,7 @@
 !> quadrature's own error of order h^7 and a part h J of itself (theory, section 20).
 module tandem_simulate_local_error
     use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
     private
@@ -33,6 +34,7 @@ module tandem_simulate_local_error
         procedure :: add
         procedure :: extend
         procedure :: restart
+        procedure :: pack_state
     end type local_error_type
 
 contains
@@ -126,4 +128,22 @@ contains
 
         self%in_window = 0
     end subroutine restart
+
+    !> The errors so far and the window that is open.
+    subroutine pack_state(self, pack)
+        class(local_error_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%largest)
+        call pack%item(self%total)
+        call pack%item(self%steps)
+        call pack%item(self%q0)
+        call pack%item(self%qd0)
+        call pack%item(self%sum_q)
+        call pack%item(self%sum_qd)
+        call pack%item(self%t0)
+        call pack%item(self%h)
+        call pack%item(self%t_last)
+        call pack%item(self%in_window)
+    end subroutine pack_state
 end module tandem_simulate_local_error

@@ -119,6 +119,10 @@ module tandem_simulation
         type(properties_type), private :: method
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
+        !> Whether `integrate` is at work, and when the time that the tally does not have yet began: wall clock and processor time.
+        logical, private :: is_integrating = .false.
+        integer(long), private :: clock_from = 0
+        real(wp), private :: cpu_from = 0.0_wp
     contains
         procedure :: initialize
         procedure :: step
@@ -131,6 +135,8 @@ module tandem_simulation
         procedure :: potential_energy
         procedure :: warn
         procedure :: add_event
+        procedure :: save_state
+        procedure :: restore_state
         procedure, private :: advance
         procedure, private :: look_for_events
         procedure, private :: act_on_events
@@ -141,6 +147,7 @@ module tandem_simulation
         procedure, private :: measure_errors
         procedure, private :: fail
         procedure, private :: with_rows
+        procedure, private :: book_time
     end type simulation_type
 
     abstract interface
@@ -196,6 +203,27 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_values
+
+        !> All that the run remembers, as a row of numbers: a simulation that is set up alike and takes it by `restore_state` goes
+        !> on bitwise as this one does, which goes on as if nothing had been asked. Between steps; a look at another time ends.
+        module subroutine save_state(self, words, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            integer(long), allocatable, intent(inout) :: words(:)
+            !> invalid_checkpoint between an event and its action, and before `initialize`.
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine save_state
+
+        !> Take up a run where `save_state` was called. Before it, `initialize` as then, with the same model, options and start,
+        !> and `add_event` for the same events. What a model or an event of one's own remembers is kept where it overrides
+        !> `pack_state`.
+        module subroutine restore_state(self, words, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            integer(long), intent(in) :: words(:)
+            !> invalid_checkpoint: foreign, newer, damaged, or of another model or other options. Initialize again after an error.
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine restore_state
 
         !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
         module subroutine accept_start(self, error)
@@ -330,16 +358,15 @@ contains
         !> Called at the start, after every step and at the end.
         class(observer_type), intent(inout), optional :: observer
         type(error_type), allocatable :: observer_error
-        integer(long) :: clock_start, clock_end, clock_rate
-        real(wp) :: cpu_start, cpu_end
 
         if (.not. (t_end > self%state%t .and. ieee_is_finite(t_end))) then
             call set_error(error, status_invalid_option, 'the end time '//to_text(t_end)// &
                 ' must be finite and after the current time '//to_text(self%state%t), 'choose a later end')
             return
         end if
-        call system_clock(clock_start, clock_rate)
-        call cpu_time(cpu_start)
+        self%is_integrating = .true.
+        call system_clock(self%clock_from)
+        call cpu_time(self%cpu_from)
         if (present(observer)) call observer%observe(self, at_start, error)
         do while (self%state%t < t_end .and. .not. allocated(error))
             call self%advance(t_end, error)
@@ -352,15 +379,27 @@ contains
             if (present(observer)) call observer%observe(self, at_step, error)
             if (self%is_stopped) exit
         end do
-        call cpu_time(cpu_end)
-        call system_clock(clock_end)
-        self%tally%cpu_seconds = self%tally%cpu_seconds + (cpu_end - cpu_start)
-        self%tally%wall_seconds = self%tally%wall_seconds + real(clock_end - clock_start, wp)/real(clock_rate, wp)
+        call self%book_time()
+        self%is_integrating = .false.
         if (present(observer)) then
             call observer%observe(self, at_end, observer_error)
             if (allocated(observer_error) .and. .not. allocated(error)) call move_alloc(observer_error, error)
         end if
     end subroutine integrate
+
+    !> Add the time since the last call, or since the start of `integrate`, to the tally.
+    subroutine book_time(self)
+        class(simulation_type), intent(inout) :: self
+        integer(long) :: now, rate
+        real(wp) :: cpu
+
+        call system_clock(now, rate)
+        call cpu_time(cpu)
+        self%tally%cpu_seconds = self%tally%cpu_seconds + (cpu - self%cpu_from)
+        self%tally%wall_seconds = self%tally%wall_seconds + real(now - self%clock_from, wp)/real(rate, wp)
+        self%clock_from = now
+        self%cpu_from = cpu
+    end subroutine book_time
 
     !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
     !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the

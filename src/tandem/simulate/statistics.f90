@@ -2,6 +2,7 @@
 !> What a run cost and how wrong it was: the chart's counters, the steps, and the largest errors over all of them.
 module tandem_simulate_statistics
     use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
     private
@@ -50,5 +51,39 @@ module tandem_simulate_statistics
         real(wp) :: velocity_jump = 0.0_wp
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
+    contains
+        procedure :: pack_state
     end type statistics_type
+
+contains
+
+    !> All figures.
+    subroutine pack_state(self, pack)
+        class(statistics_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%counts_type%pack_state(pack)
+        call pack%item(self%steps)
+        call pack%item(self%rejected)
+        call pack%item(self%failed)
+        call pack%item(self%smallest_step)
+        call pack%item(self%largest_step)
+        call pack%item(self%charts)
+        call pack%fixed(self%charts_by)
+        call pack%item(self%position_error)
+        call pack%item(self%velocity_error)
+        call pack%item(self%acceleration_error)
+        call pack%item(self%local_error)
+        call pack%item(self%local_error_sum)
+        call pack%item(self%local_error_steps)
+        call pack%item(self%stiff_steps)
+        call pack%item(self%is_stiff)
+        call pack%item(self%stiff_from)
+        call pack%item(self%start_moved_q)
+        call pack%item(self%start_moved_qd)
+        call pack%item(self%event_evaluations)
+        call pack%item(self%velocity_jump)
+        call pack%item(self%wall_seconds)
+        call pack%item(self%cpu_seconds)
+    end subroutine pack_state
 end module tandem_simulate_statistics

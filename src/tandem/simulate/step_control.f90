@@ -6,6 +6,7 @@
 module tandem_simulate_step_control
     use tandem_kinds, only: wp
     use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -29,6 +30,7 @@ module tandem_simulate_step_control
         procedure :: fail
         procedure :: limit
         procedure :: restart
+        procedure :: pack_state
     end type step_control_type
 
     !> The next step aims at this part of the tolerance's step, and changes by no more than these factors.
@@ -130,4 +132,14 @@ contains
         self%last_norm = 1.0e-4_wp
         self%was_rejected = .false.
     end subroutine restart
+
+    !> The step to try next and the memory of the last.
+    subroutine pack_state(self, pack)
+        class(step_control_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%h)
+        call pack%item(self%last_norm)
+        call pack%item(self%was_rejected)
+    end subroutine pack_state
 end module tandem_simulate_step_control

@@ -5,6 +5,7 @@
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, automatic stiffness detection.
 module tandem_simulate_stiffness
     use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -23,6 +24,7 @@ module tandem_simulate_stiffness
         real(wp), private :: first = 0.0_wp
     contains
         procedure :: observe
+        procedure :: pack_state
     end type stiffness_type
 
 contains
@@ -48,4 +50,17 @@ contains
         self%is_stiff = .true.
         self%since = self%first
     end subroutine observe
+
+    !> What was seen so far.
+    subroutine pack_state(self, pack)
+        class(stiffness_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%is_stiff)
+        call pack%item(self%since)
+        call pack%item(self%steps)
+        call pack%item(self%in_a_row)
+        call pack%item(self%others)
+        call pack%item(self%first)
+    end subroutine pack_state
 end module tandem_simulate_stiffness

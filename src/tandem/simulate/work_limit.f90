@@ -4,6 +4,7 @@
 module tandem_simulate_work_limit
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -19,6 +20,7 @@ module tandem_simulate_work_limit
         procedure :: set
         procedure :: is_spent
         procedure :: describe
+        procedure :: pack_state
     end type work_limit_type
 
 contains
@@ -64,4 +66,19 @@ contains
             text = 'max_seconds = '//to_text(self%max_seconds)//' have passed'
         end if
     end function describe
+
+    !> The time that the run has taken; clocks of two programs have nothing in common.
+    subroutine pack_state(self, pack)
+        class(work_limit_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer(long) :: now, rate
+        real(wp) :: seconds
+
+        call system_clock(now, rate)
+        seconds = 0.0_wp
+        if (self%has_started) seconds = real(now - self%clock_start, wp)/real(rate, wp)
+        call pack%item(self%has_started)
+        call pack%item(seconds)
+        if (pack%is_reading) self%clock_start = now - nint(seconds*real(rate, wp), long)
+    end subroutine pack_state
 end module tandem_simulate_work_limit

@@ -6,6 +6,7 @@
 !> The acceleration at the end of a step is the first stage of the next one; an error estimate may use it too.
 module tandem_stepper_explicit
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper, only: stepper_type, weighted_norm
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type
@@ -35,6 +36,7 @@ module tandem_stepper_explicit
         procedure :: set_stage
         procedure :: stiffness
         procedure, private :: estimate_norm
+        procedure :: pack_state
         procedure(set_tableau_interface), deferred :: set_tableau
     end type explicit_type
 
@@ -192,4 +194,15 @@ contains
             end do
         end do
     end subroutine add_rates
+
+    !> The stages of the last step, for its dense output.
+    subroutine pack_state(self, pack)
+        class(explicit_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%rate_q)
+        call pack%item(self%rate_qd)
+        call pack%item(self%has_extra)
+        call pack%item(self%q)
+    end subroutine pack_state
 end module tandem_stepper_explicit

@@ -3,6 +3,7 @@
 !> outlive a chart.
 module tandem_stepper_history
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
     private
@@ -25,6 +26,7 @@ module tandem_stepper_history
         procedure, public :: extrapolate
         procedure, public :: drop
         procedure, public :: curvature
+        procedure, public :: pack_state
     end type history_type
 
 contains
@@ -147,4 +149,16 @@ contains
         qd = (qd - (self%qd(:, j) - self%qd(:, i))/h1)/(h1 + h2)
         qdd = (qdd - (self%qdd(:, j) - self%qdd(:, i))/h1)/(h1 + h2)
     end subroutine curvature
+
+    !> All that is kept.
+    subroutine pack_state(self, pack)
+        class(history_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%n_kept)
+        call pack%item(self%last)
+        call pack%fixed(self%t)
+        call pack%item(self%qd)
+        call pack%item(self%qdd)
+    end subroutine pack_state
 end module tandem_stepper_history

@@ -8,6 +8,7 @@
 !> this matrix do on average, the cost of the matrix included. That is the cheapest time to replace what wears out.
 module tandem_stepper_newton
     use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
     use tandem_stepper_history, only: history_type
     use tandem_stepper_prediction, only: prediction_type
     use tandem_stepper_state, only: state_type
@@ -46,6 +47,7 @@ module tandem_stepper_newton
         procedure, private :: iterate
         procedure, private :: restore
         procedure :: finish
+        procedure :: pack_state
     end type newton_type
 
 contains
@@ -264,4 +266,21 @@ contains
         self%spent = self%spent + taken
         self%is_worn = self%is_worn .or. taken*self%n_served > self%spent
     end subroutine finish
+
+    !> How the stages have contracted, and what the matrix has cost and served.
+    subroutine pack_state(self, pack)
+        class(newton_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%theta)
+        call pack%item(self%seen_change)
+        call pack%item(self%age)
+        call pack%item(self%seen_steps)
+        call pack%item(self%n_served)
+        call pack%item(self%counted)
+        call pack%item(self%spent)
+        call pack%item(self%is_fresh)
+        call pack%item(self%is_worn)
+        call self%prediction%pack_state(pack)
+    end subroutine pack_state
 end module tandem_stepper_newton

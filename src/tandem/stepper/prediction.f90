@@ -7,6 +7,7 @@
 !> the last steps is added: of whichever order would have been best in the last step, or nothing, where that was best.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper_history, only: history_type
     implicit none (type, external)
     private
@@ -37,6 +38,7 @@ module tandem_stepper_prediction
         procedure, public :: forget
         procedure, public :: predict
         procedure, public :: learn
+        procedure, public :: pack_state
     end type prediction_type
 
 contains
@@ -127,4 +129,15 @@ contains
         end associate
         self%t_start(stage) = t_start
     end subroutine learn
+
+    !> The misses.
+    subroutine pack_state(self, pack)
+        class(prediction_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%miss)
+        call pack%item(self%n_kept)
+        call pack%item(self%order)
+        call pack%item(self%t_start)
+    end subroutine pack_state
 end module tandem_stepper_prediction

@@ -4,6 +4,7 @@
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
@@ -40,6 +41,7 @@ module tandem_stepper_sdirk54
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
+        procedure :: pack_state
     end type sdirk54_type
 
 contains
@@ -124,4 +126,13 @@ contains
         call chart%filter_error(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
     end subroutine estimate
+
+    !> What the next steps start from.
+    subroutine pack_state(self, pack)
+        class(sdirk54_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%newton%pack_state(pack)
+        call self%history%pack_state(pack)
+    end subroutine pack_state
 end module tandem_stepper_sdirk54

@@ -2,6 +2,7 @@
 !> The state of the motion at one time.
 module tandem_stepper_state
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -16,6 +17,7 @@ module tandem_stepper_state
         real(wp), allocatable :: dq(:), dqd(:)
     contains
         procedure :: allocate => allocate_state
+        procedure :: pack_state
     end type state_type
 
 contains
@@ -32,4 +34,17 @@ contains
         self%dq = self%q
         self%dqd = self%q
     end subroutine allocate_state
+
+    !> All of it.
+    subroutine pack_state(self, pack)
+        class(state_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%t)
+        call pack%item(self%q)
+        call pack%item(self%qd)
+        call pack%item(self%qdd)
+        call pack%item(self%dq)
+        call pack%item(self%dqd)
+    end subroutine pack_state
 end module tandem_stepper_state

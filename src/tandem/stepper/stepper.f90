@@ -3,6 +3,7 @@
 module tandem_stepper
     use tandem_tangent_chart, only: chart_type
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
     private
@@ -35,6 +36,7 @@ module tandem_stepper
         procedure(initialize_interface), deferred :: initialize
         procedure(advance_interface), deferred :: advance
         procedure(estimate_interface), deferred :: estimate
+        procedure(pack_interface), deferred :: pack_state
         procedure :: interpolate
         procedure :: stiffness
     end type stepper_type
@@ -86,6 +88,14 @@ module tandem_stepper
             !> At most 1 where the step meets the tolerances.
             real(wp), intent(out) :: norm
         end subroutine estimate_interface
+
+        !> All that the next steps and the dense output of the last one depend on.
+        subroutine pack_interface(self, pack)
+            import :: stepper_type, pack_type
+            implicit none (type, external)
+            class(stepper_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_interface
     end interface
 
 contains

@@ -3,6 +3,7 @@
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.3; K. Atkinson 1989 in the paper.
 module tandem_stepper_trapezoid
     use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
@@ -26,6 +27,7 @@ module tandem_stepper_trapezoid
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
+        procedure :: pack_state
     end type trapezoid_type
 
 contains
@@ -91,4 +93,13 @@ contains
         call chart%filter_error(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
     end subroutine estimate
+
+    !> What the next steps start from.
+    subroutine pack_state(self, pack)
+        class(trapezoid_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%newton%pack_state(pack)
+        call self%history%pack_state(pack)
+    end subroutine pack_state
 end module tandem_stepper_trapezoid

@@ -9,6 +9,7 @@ module tandem_tangent_chart
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
     private
@@ -71,6 +72,8 @@ module tandem_tangent_chart
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
         procedure :: wants_other_rows
+        procedure(pack_interface), deferred :: pack_state
+        procedure :: pack_contract
     end type chart_type
 
     !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was.
@@ -313,6 +316,14 @@ module tandem_tangent_chart
             real(wp), intent(out) :: energy
             integer, intent(out) :: stat
         end subroutine energy_interface
+
+        !> All that the further course depends on: bases and factors as they are, never to be made again.
+        subroutine pack_interface(self, pack)
+            import :: chart_type, pack_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_interface
     end interface
 
 contains
@@ -323,4 +334,21 @@ contains
 
         wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%best_independence
     end function wants_other_rows
+
+    !> What every chart remembers, for its `pack_state`.
+    subroutine pack_contract(self, pack)
+        class(chart_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%counts%pack_state(pack)
+        call pack%item(self%failed_row)
+        call pack%item(self%failed_value)
+        call pack%item(self%failed_rows)
+        call pack%item(self%is_stage)
+        call pack%item(self%independence)
+        call pack%item(self%best_independence)
+        call pack%item(self%fallen)
+        call pack%item(self%n_dropped)
+        call pack%text(self%failed_term)
+    end subroutine pack_contract
 end module tandem_tangent_chart

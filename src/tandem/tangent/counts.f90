@@ -4,6 +4,7 @@ module tandem_tangent_counts
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: n_derivatives
     use tandem_model_terms, only: n_terms
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -31,5 +32,38 @@ module tandem_tangent_counts
         real(wp) :: gamma_noise = 0.0_wp
         !> Computations of the multipliers, of kinetic and of potential energy: only where somebody asked.
         integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
+    contains
+        procedure :: pack_state
     end type counts_type
+
+contains
+
+    !> All counters.
+    subroutine pack_state(self, pack)
+        class(counts_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%right_hand_sides)
+        call pack%item(self%position_corrections)
+        call pack%item(self%b_corrections)
+        call pack%item(self%h_corrections)
+        call pack%item(self%position_factorizations)
+        call pack%item(self%constraint_factorizations)
+        call pack%item(self%mass_factorizations)
+        call pack%item(self%basis_factorizations)
+        call pack%fixed(self%terms)
+        call pack%item(self%fused_calls)
+        call pack%item(self%start_evaluations)
+        call pack%item(self%newton_matrices)
+        call pack%item(self%newton_factorizations)
+        call pack%item(self%newton_corrections)
+        call pack%item(self%implicit_stages)
+        call pack%fixed(self%derivatives)
+        call pack%item(self%difference_evaluations)
+        call pack%item(self%gamma_evaluations)
+        call pack%item(self%gamma_noise)
+        call pack%item(self%multipliers)
+        call pack%item(self%kinetic_energies)
+        call pack%item(self%potential_energies)
+    end subroutine pack_state
 end module tandem_tangent_counts

@@ -21,6 +21,7 @@ module tandem_tangent_dense
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_dynamics, only: dynamics_type
@@ -106,6 +107,7 @@ module tandem_tangent_dense
         procedure :: loses_rank_ahead
         procedure :: measure_health
         procedure :: kinetic_energy
+        procedure :: pack_state
         procedure, private :: move_to
         procedure, private :: split_here
         procedure, private :: split_fully
@@ -138,6 +140,13 @@ module tandem_tangent_dense
             class(dense_chart_type), intent(inout) :: self
             integer, intent(out) :: stat
         end subroutine load_bases
+
+        !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
+        module subroutine pack_state(self, pack)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_state
 
         !> How many steps as the one that ends at (t, q) C is away from losing rank.
         module subroutine measure_rank(self, t, q, room, stat)

@@ -117,4 +117,38 @@ contains
             self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
         end do
     end subroutine load_bases
+
+    !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
+    module subroutine pack_state(self, pack)
+        class(dense_chart_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%pack_contract(pack)
+        call self%model%pack_state(pack)
+        call self%differences%pack_state(pack)
+        call self%position%pack_state(pack)
+        call self%split%pack_state(pack)
+        if (self%is_implicit) call self%stage%pack_state(pack)
+        call pack%item(self%q0)
+        call pack%item(self%qd0)
+        call pack%item(self%basis%q)
+        call pack%item(self%x_basis)
+        call pack%item(self%v_basis)
+        call pack%item(self%w_basis)
+        call pack%item(self%v_dual)
+        call pack%item(self%w_dual)
+        call pack%item(self%null_origin)
+        call pack%item(self%dropped)
+        call pack%item(self%origin_orientation)
+        call pack%item(self%last_weakness)
+        call pack%item(self%step_jacobian)
+        call pack%item(self%has_point)
+        call pack%item(self%is_split)
+        call pack%item(self%phi_is_current)
+        call pack%item(self%has_motion)
+        call pack%item(self%t_point)
+        call pack%item(self%q_point)
+        call pack%item(self%qd_point)
+        call pack%item(self%stage_segment)
+    end subroutine pack_state
 end submodule tandem_tangent_dense_setup

@@ -7,6 +7,7 @@ module tandem_tangent_position
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_phi
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
@@ -42,6 +43,7 @@ module tandem_tangent_position
         procedure :: get_b_phi
         procedure :: hold
         procedure :: release
+        procedure :: pack_state
         procedure, private :: set_phi_u
         procedure, private :: factor
     end type position_type
@@ -265,4 +267,19 @@ contains
             end do
         end do
     end subroutine set_phi_u
+
+    !> Bases, u, B, and what they were made with.
+    subroutine pack_state(self, pack)
+        class(position_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%u_basis)
+        call pack%item(self%failed_row)
+        call pack%item(self%failed_value)
+        call pack%item(self%most_corrections)
+        call pack%item(self%u)
+        call pack%item(self%row_scale)
+        call pack%item(self%b%inverse)
+        call self%lu%pack_state(pack)
+    end subroutine pack_state
 end module tandem_tangent_position

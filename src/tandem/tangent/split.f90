@@ -11,6 +11,7 @@ module tandem_tangent_split
     use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_product
     use tandem_linalg_lu, only: lu_type
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_ok, status_rank_deficient
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
@@ -53,6 +54,7 @@ module tandem_tangent_split
         procedure :: subtract_reaction
         procedure :: hold
         procedure :: release
+        procedure :: pack_state
         procedure, private :: invert
     end type split_type
 
@@ -223,4 +225,25 @@ contains
         if (stat == 0) self%weakness = self%c_x_lu%smallest_pivot()
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine invert
+
+    !> R, D, and what they follow from and are followed by.
+    subroutine pack_state(self, pack)
+        class(split_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%right_inverse)
+        call pack%item(self%null_space)
+        call pack%item(self%orientation)
+        call pack%item(self%weakness)
+        call pack%item(self%failed_row)
+        call pack%item(self%most_corrections)
+        call pack%item(self%is_complete)
+        call pack%item(self%c_x)
+        if (self%way == by_elimination) then
+            call self%elimination%pack_state(pack)
+        else
+            call self%c_x_lu%pack_state(pack)
+            call pack%item(self%h%inverse)
+        end if
+    end subroutine pack_state
 end module tandem_tangent_split

@@ -25,6 +25,7 @@ module tandem_tangent_stage
     use tandem_linalg_lu, only: lu_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
+    use tandem_pack, only: pack_type
     use tandem_tangent_split, only: split_type
     use tandem_status, only: status_newton_failed, status_ok
     implicit none (type, external)
@@ -58,6 +59,7 @@ module tandem_tangent_stage
         procedure :: correct
         procedure :: filter
         procedure :: reciprocal_condition
+        procedure :: pack_state
         procedure, private :: solve
         procedure, private :: set_carry
     end type stage_type
@@ -309,4 +311,24 @@ contains
 
         reciprocal_condition = self%lu%reciprocal_condition()
     end function reciprocal_condition
+
+    !> The Newton matrix, its blocks, and the way to the chart where it was formed.
+    subroutine pack_state(self, pack)
+        class(stage_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%r1_v)
+        call pack%item(self%r1_w)
+        call pack%item(self%block_wv)
+        call pack%item(self%block_ww)
+        call pack%item(self%origin_mass)
+        call pack%item(self%ha)
+        call pack%item(self%is_carried)
+        call pack%item(self%carry_is_current)
+        call pack%item(self%carry_v)
+        call pack%item(self%carry_w)
+        call pack%item(self%formed_v)
+        call pack%item(self%formed_w)
+        call self%lu%pack_state(pack)
+    end subroutine pack_state
 end module tandem_tangent_stage

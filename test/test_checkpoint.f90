@@ -1,0 +1,631 @@
+! SPDX-License-Identifier: MIT
+!> Checkpoints of a simulation: a run that is taken up goes on bitwise as the one that was not interrupted, in all that it
+!> remembers, and saving changes nothing; what is damaged or does not belong is refused.
+module test_checkpoint
+    use asserts, only: check_failure, check_no_failure, check_true
+    use event_kinds, only: bounce_type, new_time_event, time_event_type
+    use model_belt_wheel, only: belt_wheel_type
+    use model_pendulum, only: pendulum_type
+    use model_redundant, only: redundant_type
+    use model_sleigh, only: sleigh_type
+    use runs, only: get_start, new_scene
+    use tandem, only: at_event, at_step, failure_type => error_type, long, model_type, observer_type, options_type, pack_type, &
+        simulation_type, statistics_type, stepper_names, threshold_event_type, to_text, wp
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_checkpoint
+
+    character(len=14), parameter :: scenes(8) = [character(len=14) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge', &
+        'stiff_pendulum', 'motorcycle', 'belt_wheel', 'redundant']
+    !> Steps of a run, and where its state is saved.
+    integer, parameter :: n_steps = 45, n_moments = 3
+
+    !> Kicks the motion now and then, a little more each time: an event with a memory, as its model has one.
+    type, extends(time_event_type) :: kick_type
+        real(wp) :: strength = 0.1_wp
+    contains
+        procedure :: act => kick
+        procedure :: pack_state => pack_kick
+    end type kick_type
+
+    !> A pendulum whose weight an event changes.
+    type, extends(pendulum_type) :: changing_type
+    contains
+        procedure :: pack_state => pack_changing
+    end type changing_type
+
+    !> Saves the state of a run, and tries to where it cannot be.
+    type, extends(observer_type) :: saver_type
+        real(wp) :: save_from = 0.0_wp
+        integer :: n_refused = 0
+        integer(long), allocatable :: words(:), unsaved(:)
+        type(failure_type), allocatable :: refusal
+    contains
+        procedure :: observe => save_later
+    end type saver_type
+
+    !> A run with all that it needs, so that there can be several at once.
+    type :: case_type
+        type(simulation_type) :: simulation
+        class(model_type), allocatable :: model
+        class(model_type), allocatable :: inner
+        type(kick_type) :: kick
+        type(bounce_type) :: bounce
+        type(threshold_event_type) :: loaded
+        type(time_event_type) :: beat
+        real(wp), allocatable :: q(:), qd(:)
+    end type case_type
+
+contains
+
+    subroutine collect_checkpoint(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('fixed_steps', test_fixed_steps), &
+            new_unittest('controlled_steps', test_controlled_steps), &
+            new_unittest('breakpoints', test_breakpoints), &
+            new_unittest('events', test_events), &
+            new_unittest('integrate', test_integrate), &
+            new_unittest('work_limits', test_work_limits), &
+            new_unittest('refusals', test_refusals), &
+            new_unittest('damage', test_damage), &
+            new_unittest('pack', test_pack)]
+    end subroutine collect_checkpoint
+
+    !> Every scene, stepper, policy and way to R and D with fixed steps.
+    subroutine test_fixed_steps(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call try_all(0.0_wp, error)
+    end subroutine test_fixed_steps
+
+    !> The same with an error estimate.
+    subroutine test_controlled_steps(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call try_all(1.0e-7_wp, error)
+    end subroutine test_controlled_steps
+
+    !> All combinations, three moments each.
+    subroutine try_all(rtol, error)
+        real(wp), intent(in) :: rtol
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=10), parameter :: policies(4) = [character(len=10) :: 'every_step', 'adaptive', 'distance', 'effort']
+        type(options_type) :: options
+        integer :: scene, stepper, policy, way, seed
+
+        seed = 1
+        do scene = 1, size(scenes)
+            do stepper = 1, size(stepper_names)
+                if (rtol > 0.0_wp .and. stepper_names(stepper) == 'rk4') cycle
+                do policy = 1, size(policies)
+                    do way = 1, 2
+                        options = options_type()
+                        options%stepper = stepper_names(stepper)
+                        options%step = 0.004_wp
+                        if (scenes(scene) == 'stiff_pendulum') options%step = 0.0005_wp
+                        options%rtol = rtol
+                        options%refresh = merge('factor', 'refine', way == 1)
+                        options%chart = policies(policy)
+                        ! The paper's limits: on distances, and on condition and iterations.
+                        if (policy > 2) options%chart = 'paper'
+                        if (policy == 3) options%v_limit = 0.02_wp
+                        if (policy == 3) options%w_limit = 0.05_wp
+                        if (policy == 4) options%condition_limit = 1.0e4_wp
+                        if (policy == 4) options%iteration_limit = 2
+                        call try(trim(scenes(scene)), options, seed, .false., error)
+                        if (allocated(error)) return
+                    end do
+                end do
+            end do
+        end do
+    end subroutine try_all
+
+    !> A jump of nu, with charts that are kept over it.
+    subroutine test_breakpoints(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: stepper, seed
+
+        seed = 11
+        do stepper = 1, size(stepper_names)
+            options = options_type()
+            options%stepper = stepper_names(stepper)
+            options%chart = 'adaptive'
+            options%step = 0.004_wp
+            call try('sleigh', options, seed, .true., error)
+            if (stepper_names(stepper) == 'rk4') cycle
+            options%rtol = 1.0e-8_wp
+            call try('sleigh', options, seed, .true., error)
+        end do
+    end subroutine test_breakpoints
+
+    !> Recording, bouncing and kicking events with multipliers and memories, saved after every step.
+    subroutine test_events(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: stepper, seed
+
+        seed = 21
+        do stepper = 1, size(stepper_names)
+            options = options_type()
+            options%stepper = stepper_names(stepper)
+            options%step = 0.02_wp
+            call try('pendulum', options, seed, .true., error)
+            if (stepper_names(stepper) == 'rk4') cycle
+            options%rtol = 1.0e-5_wp
+            options%chart = 'adaptive'
+            call try('pendulum', options, seed, .true., error)
+        end do
+    end subroutine test_events
+
+    !> A run, and the same run taken up at some of its steps by simulations that are new, or that have gone somewhere else.
+    subroutine try(scene, options, seed, everywhere, error)
+        character(len=*), intent(in) :: scene
+        type(options_type), intent(in) :: options
+        integer, intent(inout) :: seed
+        !> Whether to save after every step.
+        logical, intent(in) :: everywhere
+        type(error_type), allocatable, intent(inout) :: error
+        type(case_type), target :: plain, saved, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: expected(:), words(:), last(:)
+        character(len=:), allocatable :: name
+        integer :: moment(n_moments), n, i, k
+
+        if (allocated(error)) return
+        n = merge(n_steps, 2*n_steps, scene /= 'pendulum')
+        name = scene//', '//trim(options%stepper)//', '//trim(options%chart)//', '//options%refresh
+        do i = 1, n_moments
+            seed = mod(1103*seed + 12345, 99991)
+            moment(i) = 1 + mod(seed, n_steps - 5)
+        end do
+        call set_up(plain, scene, options, failure)
+        call take_steps(plain, n, failure)
+        if (.not. allocated(failure)) call plain%simulation%save_state(expected, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+
+        if (scene == 'pendulum') then
+            associate (events => plain%simulation%events(:plain%simulation%n_events))
+                call check_true(error, all([(any(events%number == i), i=1, 4)]), name//': all four events until t = '// &
+                    to_text(plain%simulation%state%t))
+            end associate
+        end if
+        call set_up(saved, scene, options, failure)
+        do i = 1, n
+            call take_steps(saved, 1, failure)
+            if (.not. (everywhere .or. any(moment == i))) cycle
+            call saved%simulation%save_state(words, failure)
+            call check_no_failure(error, failure)
+            ! The first time it is a new simulation; later it is one that has gone on.
+            if (.not. associated(again%simulation%model)) call set_up(again, scene, options, failure)
+            call again%simulation%restore_state(words, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call again%simulation%save_state(last, failure)
+            call check_same(error, last, words, name//', what was restored after step '//to_text(i))
+            call take_steps(again, n - i, failure)
+            if (.not. allocated(failure)) call again%simulation%save_state(last, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_same(error, last, expected, name//', taken up after step '//to_text(i))
+            call check_statistics(again, plain, name, error)
+        end do
+        call saved%simulation%save_state(last, failure)
+        call check_same(error, last, expected, name//', saved on the way')
+        k = count([(abs(saved%simulation%state%q(i) - plain%simulation%state%q(i)) > 0.0_wp, i=1, plain%model%n)])
+        call check_true(error, k == 0, name//': saving changes nothing')
+    end subroutine try
+
+    !> Rows are equal, word by word.
+    subroutine check_same(error, found, expected, what)
+        type(error_type), allocatable, intent(inout) :: error
+        integer(long), intent(in) :: found(:), expected(:)
+        character(len=*), intent(in) :: what
+
+        call check_true(error, size(found) == size(expected), what//': equal lengths')
+        if (allocated(error)) return
+        call check_true(error, all(found == expected), what//': word '//to_text(findloc(found == expected, .false., dim=1))// &
+            ' and after it are equal')
+    end subroutine check_same
+
+    !> What users see is equal too.
+    subroutine check_statistics(one, other, name, error)
+        type(case_type), intent(in) :: one, other
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(inout) :: error
+        type(statistics_type) :: a, b
+
+        a = one%simulation%statistics()
+        b = other%simulation%statistics()
+        call check_true(error, a%right_hand_sides == b%right_hand_sides .and. a%steps == b%steps .and. a%charts == b%charts .and. &
+            a%newton_matrices == b%newton_matrices .and. abs(a%local_error_sum - b%local_error_sum) <= 0.0_wp .and. &
+            abs(a%position_error - b%position_error) <= 0.0_wp .and. one%simulation%n_events == other%simulation%n_events, &
+            name//': equal statistics')
+    end subroutine check_statistics
+
+    !> A new simulation at its start.
+    subroutine set_up(self, scene, options, failure)
+        type(case_type), intent(inout), target :: self
+        character(len=*), intent(in) :: scene
+        type(options_type), intent(in) :: options
+        type(failure_type), allocatable, intent(out) :: failure
+        type(redundant_type), allocatable :: redundant
+        type(belt_wheel_type), allocatable :: wheel
+        type(sleigh_type), allocatable :: sleigh
+        type(changing_type), allocatable :: pendulum
+        real(wp) :: qdd(2), lambda(2)
+
+        select case (scene)
+        case ('redundant')
+            ! A knife edge with its row twice: the choice between them is part of the chart.
+            call new_scene('knife_edge', self%inner)
+            call get_start('knife_edge', self%q, self%qd)
+            allocate (redundant)
+            call move_alloc(redundant, self%model)
+            select type (model => self%model)
+            class is (redundant_type)
+                call model%wrap(self%inner, [1], [2.0_wp], 'a copy')
+            end select
+        case ('belt_wheel')
+            allocate (wheel)
+            call wheel%define()
+            allocate (self%q(2), self%qd(2))
+            call wheel%solution(0.0_wp, self%q, self%qd, qdd, lambda)
+            call move_alloc(wheel, self%model)
+        case ('sleigh')
+            allocate (sleigh)
+            call sleigh%define(0.1_wp)
+            self%q = [0.0_wp, 0.0_wp, 0.3_wp]
+            self%qd = [0.0_wp, 0.0_wp, -sleigh%speed(1)/sleigh%arm]
+            call move_alloc(sleigh, self%model)
+        case ('pendulum')
+            allocate (pendulum)
+            call pendulum%define()
+            self%q = [pendulum%length, 0.0_wp]
+            self%qd = [0.0_wp, 0.0_wp]
+            call move_alloc(pendulum, self%model)
+        case default
+            call new_scene(scene, self%model)
+            call get_start(scene, self%q, self%qd)
+        end select
+        call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure)
+        if (allocated(failure) .or. scene /= 'pendulum') return
+        self%bounce%name = 'stop'
+        self%bounce%index = 1
+        self%bounce%value = 0.2_wp
+        self%bounce%direction = -1
+        self%bounce%restitution = 0.95_wp
+        self%bounce%changes = .true.
+        self%loaded%name = 'load'
+        self%loaded%quantity = 'lambda'
+        self%loaded%value = 1.0_wp
+        self%kick%name = 'kick'
+        self%kick%kind = 'sine'
+        self%kick%at = 0.07_wp
+        self%kick%changes = .true.
+        self%beat = new_time_event('square', 0.3_wp)
+        call self%simulation%add_event(self%bounce)
+        call self%simulation%add_event(self%kick)
+        call self%simulation%add_event(self%loaded)
+        call self%simulation%add_event(self%beat)
+    end subroutine set_up
+
+    !> Some steps.
+    subroutine take_steps(self, n, failure)
+        type(case_type), intent(inout) :: self
+        integer, intent(in) :: n
+        type(failure_type), allocatable, intent(inout) :: failure
+        integer :: i
+
+        do i = 1, n
+            if (.not. allocated(failure)) call self%simulation%step(100.0_wp, failure)
+        end do
+    end subroutine take_steps
+
+    !> The pendulum grows heavier, and its velocity jumps, more each time.
+    subroutine kick(self, model, t, q, qd, error)
+        class(kick_type), intent(inout) :: self
+        class(model_type), intent(inout) :: model
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:), qd(:)
+        type(failure_type), allocatable, intent(out) :: error
+
+        qd = (1.0_wp + self%strength)*qd
+        self%strength = 1.1_wp*self%strength
+        select type (model)
+        class is (changing_type)
+            model%g = 1.02_wp*model%g
+        end select
+    end subroutine kick
+
+    subroutine pack_kick(self, pack)
+        class(kick_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%strength)
+    end subroutine pack_kick
+
+    subroutine pack_changing(self, pack)
+        class(changing_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%g)
+    end subroutine pack_changing
+
+    !> Saved by an observer of `integrate`: the run that is taken up ends in the same state, with the time of both in its tally.
+    subroutine test_integrate(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type), target :: whole, again
+        type(saver_type) :: saver
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        type(statistics_type) :: before, after
+        integer(long), allocatable :: words(:)
+
+        options%stepper = 'sdirk54'
+        options%rtol = 1.0e-6_wp
+        options%chart = 'adaptive'
+        call set_up(whole, 'pendulum', options, failure)
+        saver%save_from = 0.5_wp
+        call whole%simulation%integrate(1.5_wp, failure, saver)
+        call check_no_failure(error, failure)
+        call check_true(error, saver%n_refused > 0, 'between an event and its action there is nothing to save')
+        if (allocated(error)) return
+        call check_failure(error, saver%refusal, 'invalid_checkpoint', 'has not acted yet')
+        call set_up(again, 'pendulum', options, failure)
+        call again%simulation%restore_state(saver%words, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        before = again%simulation%statistics()
+        call check_true(error, before%wall_seconds > 0.0_wp, 'the time until then is kept')
+        call check_true(error, again%simulation%state%t < 0.6_wp, 'the time of the state')
+        call again%simulation%integrate(1.5_wp, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, all(abs(again%simulation%state%q - whole%simulation%state%q) <= 0.0_wp) .and. &
+            all(abs(again%simulation%state%qd - whole%simulation%state%qd) <= 0.0_wp), 'equal ends')
+        call check_statistics(again, whole, 'integrate', error)
+        after = again%simulation%statistics()
+        call check_true(error, after%wall_seconds > before%wall_seconds, 'the time of the rest is added')
+        ! A look ends where the state is saved, and the last step has its dense output still.
+        call whole%simulation%look_at(whole%simulation%state%t - 0.5_wp*whole%simulation%last_step, failure)
+        call again%simulation%save_state(words, failure)
+        call again%simulation%restore_state(words, failure)
+        if (.not. allocated(failure)) call again%simulation%look_at(again%simulation%state%t - 0.5_wp*again%simulation%last_step, &
+            failure)
+        call check_no_failure(error, failure)
+        call check_true(error, all(abs(again%simulation%state%q - whole%simulation%state%q) <= 0.0_wp), 'equal looks')
+        call again%simulation%save_state(words, failure)
+        call check_true(error, abs(again%simulation%state%t - 1.5_wp) <= 0.0_wp, 'back at the end')
+    end subroutine test_integrate
+
+    !> Save the state of the first step from a time on.
+    subroutine save_later(self, simulation, occasion, error)
+        class(saver_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer, intent(in) :: occasion
+        type(failure_type), allocatable, intent(out) :: error
+
+        if (occasion == at_event) then
+            call simulation%save_state(self%unsaved, self%refusal)
+            if (allocated(self%refusal)) self%n_refused = self%n_refused + 1
+        end if
+        if (occasion /= at_step .or. simulation%state%t < self%save_from .or. allocated(self%words)) return
+        call simulation%save_state(self%words, error)
+    end subroutine save_later
+
+    !> Limits on work count what the first part has cost.
+    subroutine test_work_limits(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type), target :: first, second
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer(long), allocatable :: words(:)
+        integer(long) :: now, from, rate
+
+        options%max_evaluations = 100
+        call set_up(first, 'knife_edge', options, failure)
+        call take_steps(first, 15, failure)
+        call first%simulation%save_state(words, failure)
+        call set_up(second, 'knife_edge', options, failure)
+        call second%simulation%restore_state(words, failure)
+        call take_steps(first, 100, failure)
+        call check_failure(error, failure, 'work_limit', 'max_evaluations')
+        if (allocated(error)) return
+        deallocate (failure)
+        call take_steps(second, 100, failure)
+        call check_failure(error, failure, 'work_limit', 'max_evaluations')
+        call check_true(error, abs(first%simulation%state%t - second%simulation%state%t) <= 0.0_wp, 'both end at one time')
+        if (allocated(error)) return
+
+        ! Of 0.05 s at least 0.03 s are spent before the state is saved.
+        options%max_evaluations = 0
+        options%max_seconds = 0.05_wp
+        call set_up(first, 'knife_edge', options, failure)
+        call take_steps(first, 1, failure)
+        call system_clock(from, rate)
+        do
+            call system_clock(now)
+            if (real(now - from, wp) > 0.03_wp*real(rate, wp)) exit
+        end do
+        call first%simulation%save_state(words, failure)
+        call set_up(second, 'knife_edge', options, failure)
+        call second%simulation%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call system_clock(from)
+        call second%simulation%integrate(1.0e6_wp, failure)
+        call system_clock(now)
+        call check_failure(error, failure, 'work_limit', 'max_seconds')
+        call check_true(error, real(now - from, wp) < 0.045_wp*real(rate, wp), 'no more than the rest of the time is spent')
+    end subroutine test_work_limits
+
+    !> What does not belong to the simulation is refused, and it goes on as if nothing had been.
+    subroutine test_refusals(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type), target :: run, other
+        type(simulation_type) :: empty
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:), unread(:)
+        integer :: number
+
+        call empty%save_state(words, failure)
+        call check_failure(error, failure, 'invalid_checkpoint', 'there is no run to save')
+        call set_up(run, 'pendulum', options, failure)
+        call take_steps(run, 10, failure)
+        call run%simulation%save_state(words, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call empty%restore_state(words, failure)
+        call check_failure(error, failure, 'invalid_checkpoint', 'there is no simulation to restore')
+        call refused(run, words(:0), 'it is empty or cut off', error)
+        call refused(run, words(:size(words) - 1), 'it is cut off', error)
+        unread = words
+        unread(3) = unread(3) + 1
+        call refused(run, unread, 'a newer version of tandem made it', error)
+        unread(3) = 0
+        call refused(run, unread, 'an older version of tandem made it', error)
+        unread(1) = 0
+        call refused(run, unread, 'it is something else', error)
+        number = 1
+        call pack%begin_writing()
+        call pack%item(number)
+        call pack%end_writing('mine', unread)
+        call refused(run, unread, 'it is something else', error)
+
+        call set_up(other, 'disk', options, failure)
+        call refused(other, words, 'the model is "pendulum" there, not "rolling_disk"', error)
+        options%step = 2.0e-3_wp
+        call set_up(other, 'pendulum', options, failure)
+        call refused(other, words, 'it was made with another step', error)
+        options = options_type(stepper='dopri5')
+        call set_up(other, 'pendulum', options, failure)
+        call refused(other, words, 'it was made with another stepper', error)
+        options = options_type(atol_q=[1.0e-6_wp, 1.0e-6_wp])
+        call set_up(other, 'pendulum', options, failure)
+        call refused(other, words, 'it was made with another atol_q', error)
+        options = options_type()
+        call set_up(other, 'pendulum', options, failure)
+        other%kick%name = 'push'
+        call refused(other, words, 'event 2 is "kick" there, not "push"', error)
+        call other%simulation%add_event(other%beat)
+        call refused(other, words, 'it has 4 events watched, not 5', error)
+        ! Limits that only end a run may change.
+        options%max_steps = 1000
+        call set_up(other, 'pendulum', options, failure)
+        call other%simulation%restore_state(words, failure)
+        call check_no_failure(error, failure)
+    end subroutine test_refusals
+
+    subroutine refused(self, words, why, error)
+        type(case_type), intent(inout) :: self
+        integer(long), intent(in) :: words(:)
+        character(len=*), intent(in) :: why
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+
+        call self%simulation%restore_state(words, failure)
+        call check_failure(error, failure, 'invalid_checkpoint', why)
+    end subroutine refused
+
+    !> Whatever bit is flipped, the row is refused.
+    subroutine test_damage(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type), target :: run
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer(long), allocatable :: words(:)
+        integer :: i, bit
+
+        call set_up(run, 'disk', options, failure)
+        call take_steps(run, 3, failure)
+        call run%simulation%save_state(words, failure)
+        do i = 1, size(words)
+            bit = mod(7*i, 64)
+            words(i) = ieor(words(i), ishft(1_long, bit))
+            call run%simulation%restore_state(words, failure)
+            call check_true(error, allocated(failure), 'refused with a wrong bit in word '//to_text(i))
+            words(i) = ieor(words(i), ishft(1_long, bit))
+        end do
+        call run%simulation%restore_state(words, failure)
+        call check_no_failure(error, failure)
+    end subroutine test_damage
+
+    !> Items of all kinds come back with their shapes, and what is not allocated too; too much and too little is noticed.
+    subroutine test_pack(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:)
+        real(wp), allocatable :: none(:), vector(:), matrix(:, :), cube(:, :, :)
+        integer, allocatable :: numbers(:), no_numbers(:)
+        character(len=:), allocatable :: text, no_text
+        character(len=11) :: name
+        character(len=32) :: problem
+        real(wp) :: value
+        logical :: flag
+
+        allocate (vector(0))
+        allocate (matrix, source=reshape([1.0_wp, -0.0_wp, huge(1.0_wp), 4.0_wp, tiny(1.0_wp), 6.0_wp], [2, 3]))
+        allocate (cube, source=reshape([1.0_wp, 2.0_wp], [1, 2, 1]))
+        allocate (numbers, source=[3, -4])
+        text = 'longer than eight'
+        name = 'eleven char'
+        value = 0.1_wp
+        flag = .true.
+        call pack%begin_writing()
+        call list()
+        call pack%end_writing('test', words)
+        deallocate (vector, cube, numbers, text)
+        none = [1.0_wp]
+        deallocate (matrix)
+        allocate (matrix(1, 1), source=0.0_wp)
+        no_numbers = [1]
+        no_text = 'some'
+        name = ''
+        value = 0.0_wp
+        flag = .false.
+        call pack%begin_reading('test', words, problem)
+        call list()
+        call pack%end_reading()
+        call check_true(error, problem == '' .and. .not. pack%has_failed, 'read')
+        call check_true(error, .not. (allocated(none) .or. allocated(no_numbers) .or. allocated(no_text)), 'not allocated')
+        if (allocated(error)) return
+        call check_true(error, size(vector) == 0 .and. all(shape(matrix) == [2, 3]) .and. all(shape(cube) == [1, 2, 1]), 'shapes')
+        if (allocated(error)) return
+        call check_true(error, all(numbers == [3, -4]) .and. flag .and. name == 'eleven char' .and. text == 'longer than eight', &
+            'values')
+        call check_true(error, abs(value - 0.1_wp) <= 0.0_wp .and. sign(1.0_wp, matrix(2, 1)) < 0.0_wp .and. &
+            abs(matrix(1, 3) - tiny(1.0_wp)) <= 0.0_wp .and. abs(cube(1, 2, 1) - 2.0_wp) <= 0.0_wp, 'numbers')
+
+        call pack%begin_reading('test', words, problem)
+        call pack%item(value)
+        call pack%end_reading()
+        call check_true(error, pack%has_failed, 'something is left')
+        call pack%begin_reading('test', words, problem)
+        call list()
+        call pack%item(matrix)
+        call check_true(error, pack%has_failed .and. .not. allocated(matrix), 'there is no more')
+
+    contains
+
+        subroutine list()
+            call pack%item(value)
+            call pack%item(none)
+            call pack%item(vector)
+            call pack%item(matrix)
+            call pack%item(cube)
+            call pack%item(numbers)
+            call pack%item(no_numbers)
+            call pack%text(text)
+            call pack%text(no_text)
+            call pack%item(name)
+            call pack%item(flag)
+        end subroutine list
+    end subroutine test_pack
+end module test_checkpoint
