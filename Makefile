@@ -22,7 +22,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test docs plots install uninstall clean
+.PHONY: help setup build run test docs plots bench install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -36,6 +36,11 @@ test: ## all that verifies the project; the last line is "N passed, N failed" (P
 plots: build ## measure what README and doc/ show, and make their figures and tables anew (some minutes)
 	@tools/setup.sh plot
 	@tools/plots.sh
+
+bench: setup ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
+	@tools/setup.sh plot
+	@tools/setup.sh bench
+	@tools/bench.sh
 
 build: setup ## the release binary, left at build/tandem
 	@$(INSTALL_BINARY) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(INSTALL_BINARY); }

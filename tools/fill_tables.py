@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Makes the tables of a document anew from the files of studies. tools/plots.sh calls it.
+"""Makes the tables of a document anew from the files of studies, or of `make bench`. tools/plots.sh and tools/bench.sh call it.
 
 Usage: tools/fill_tables.py DOCUMENT FOLDER
 """
@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from plots.tables import fill  # noqa: E402
+from plots import performance, tables  # noqa: E402
 
 if __name__ == "__main__":
     if len(sys.argv) != 3:
         sys.exit(__doc__)
-    print(f"{sys.argv[1]}: {fill(*sys.argv[1:])} tables")
+    document, folder = sys.argv[1:]
+    kind = performance if document.endswith("performance.md") else tables
+    print(f"{document}: {tables.fill(document, kind.Tables(folder))} tables")

@@ -8,6 +8,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py run.h5 picture.png --overview     and constraint errors, energy, steps, charts
     tools/plot.py run.h5 motion.gif                 the motion
     tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
+    tools/plot.py build/bench/runs.h5 picture.png   the same of other solvers, a panel a problem (`make bench`)
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
 
 PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib: tools/setup.sh plot brings them.
@@ -18,7 +19,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from plots import animation, motion, precision  # noqa: E402
+from plots import animation, motion, performance, precision  # noqa: E402
 from plots.files import kind_of, read_result  # noqa: E402
 
 
@@ -35,6 +36,8 @@ def main():
     kinds = {kind_of(path) for path in arguments.files}
     if kinds == {"precision"}:
         return precision.draw(arguments.files, arguments.picture)
+    if kinds == {"bench"}:
+        return performance.draw(arguments.files, arguments.picture)
     if kinds != {"result"}:
         parser.error(f"there is no picture of {' and '.join(sorted(kinds))} in one")
     wanted = motion.PAPER[arguments.paper][1] if arguments.paper else 1

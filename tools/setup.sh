@@ -7,9 +7,10 @@
 #        tools/setup.sh test    and what tools/verify.py needs
 #        tools/setup.sh docs    and what `make docs` needs
 #        tools/setup.sh plot    and what tools/plot.py needs
+#        tools/setup.sh bench   and what bench/ needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
-#                            pkg-config): through apt-get
+#                            pkg-config; for bench/ SUNDIALS): through apt-get
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
@@ -61,6 +62,7 @@ missing_packages() { # prints the Debian packages that bring what is not there
     linker_finds libhdf5_serial_fortran.so && linker_finds libhdf5_serial.so &&
         { [ -f io/include/hdf5/hdf5.mod ] || hdf5_modules >/dev/null; } || echo libhdf5-dev
     venv_holds build || python3 -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
+    [ "$purpose" != bench ] || linker_finds libsundials_ida.so || echo libsundials-dev
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++
@@ -120,6 +122,8 @@ venv_holds() { # PURPOSE: are its packages in .venv?
     [ -x .venv/bin/python ] && [ -f ".venv/$1.stamp" ] && [ "$(stamp_text "$1")" = "$(<".venv/$1.stamp")" ] &&
         .venv/bin/fpm --version >/dev/null 2>&1
 }
+
+has_requirements() { [ "$purpose" != build ] && [ -f "config/requirements-$purpose.txt" ]; }
 
 fill_venv() { # PURPOSE
     local file=config/requirements-$1.txt
@@ -240,7 +244,7 @@ check_owner() { # after a `sudo make`, folders may belong to root
 
 all_is_there() {
     local name address tag
-    [ -z "$(missing_packages)" ] && venv_holds build && { [ "$purpose" = build ] || venv_holds "$purpose"; } || return 1
+    [ -z "$(missing_packages)" ] && venv_holds build && { ! has_requirements || venv_holds "$purpose"; } || return 1
     [ -f io/include/hdf5/hdf5.mod ] && [ -f build/cache.toml ] || return 1
     while read -r name address tag; do is_source "build/dependencies/$name" "$tag" || return 1; done < <(dependencies)
 }
@@ -253,7 +257,7 @@ flock 9 # one at a time
 : >"$log"
 bring_packages
 fill_venv build
-[ "$purpose" = build ] || fill_venv "$purpose"
+! has_requirements || fill_venv "$purpose"
 seed_dependencies
 link_hdf5
 say "all is there. To call fpm yourself: . .venv/bin/activate"

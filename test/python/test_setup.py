@@ -194,6 +194,14 @@ class SetUp(unittest.TestCase):
         install = next(call for call in self.calls() if call.startswith("apt-get install -y"))
         self.assertEqual(install.split()[-3:], ["g++", "pkg-config", "cmake"])
 
+    def test_sundials_comes_only_for_the_benchmark(self):
+        self.run_setup("test")
+        self.assertFalse(any("libsundials-dev" in call for call in self.calls()))
+        self.state(absent="libsundials_ida.so\n")
+        self.run_setup("bench")
+        install = next(call for call in self.calls() if call.startswith("apt-get install -y"))
+        self.assertEqual(install.split()[-1], "libsundials-dev")
+
     def test_packages_of_the_reference_come_only_for_it(self):
         self.run_setup("test")
         self.assertFalse(any("requirements-docs" in call for call in self.calls()))

@@ -178,9 +178,8 @@ class Tables:
         return lines
 
 
-def fill(document, folder):
-    """Make the tables of a document anew; their number."""
-    tables = Tables(folder)
+def fill(document, tables):
+    """Make the tables of a document anew, each by the method of its name; their number."""
     path = Path(document)
     text, count = re.subn(r"(<!-- table: (\w+) ?(\w*) -->\n).*?(<!-- end -->)", lambda found: found[1] + "\n".join(
         getattr(tables, found[2])(*([found[3]] if found[3] else []))) + "\n" + found[4], path.read_text(), flags=re.DOTALL)

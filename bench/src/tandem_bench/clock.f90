@@ -1,0 +1,60 @@
+! SPDX-License-Identifier: MIT
+!> The time of the processor, to nanoseconds: other work on the machine disturbs it least.
+module tandem_bench_clock
+    use tandem, only: wp
+    use, intrinsic :: iso_c_binding, only: c_int, c_long
+    implicit none (type, external)
+    private
+
+    public :: cpu_seconds, median
+
+    !> CLOCK_PROCESS_CPUTIME_ID of Linux.
+    integer(c_int), parameter :: of_process = 2
+
+    !> C's timespec.
+    type, bind(c) :: timespec_type
+        integer(c_long) :: seconds = 0, nanoseconds = 0
+    end type timespec_type
+
+    interface
+        !> Read a clock; 0 on success.
+        function clock_gettime(clock, time) result(stat) bind(c, name='clock_gettime')
+            import :: c_int, timespec_type
+            implicit none (type, external)
+            integer(c_int), value :: clock
+            type(timespec_type), intent(out) :: time
+            integer(c_int) :: stat
+        end function clock_gettime
+    end interface
+
+contains
+
+    !> Seconds of the processor that this process has used; differences count.
+    real(wp) function cpu_seconds()
+        type(timespec_type) :: time
+
+        cpu_seconds = 0.0_wp
+        if (clock_gettime(of_process, time) /= 0) return
+        cpu_seconds = real(time%seconds, wp) + 1.0e-9_wp*real(time%nanoseconds, wp)
+    end function cpu_seconds
+
+    !> The middle one of some values.
+    pure real(wp) function median(values)
+        real(wp), intent(in) :: values(:)
+        real(wp) :: sorted(size(values)), value
+        integer :: i, j
+
+        sorted = values
+        do i = 2, size(sorted)
+            value = sorted(i)
+            j = i - 1
+            do while (j >= 1)
+                if (sorted(j) <= value) exit
+                sorted(j + 1) = sorted(j)
+                j = j - 1
+            end do
+            sorted(j + 1) = value
+        end do
+        median = 0.5_wp*(sorted((size(sorted) + 1)/2) + sorted(size(sorted)/2 + 1))
+    end function median
+end module tandem_bench_clock

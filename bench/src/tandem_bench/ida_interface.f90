@@ -1,0 +1,208 @@
+! SPDX-License-Identifier: MIT
+!> Interfaces to the C functions of SUNDIALS (6.x) that solve a differential-algebraic system by IDA with dense matrices.
+!> Source: Hindmarsh et al., User Documentation for IDA.
+module tandem_bench_ida_interface
+    use, intrinsic :: iso_c_binding, only: c_double, c_funptr, c_int, c_int64_t, c_long, c_ptr
+    implicit none (type, external)
+    public
+
+    interface
+        function suncontext_create(comm, context) result(stat) bind(c, name='SUNContext_Create')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: comm
+            type(c_ptr), intent(out) :: context
+            integer(c_int) :: stat
+        end function suncontext_create
+
+        function suncontext_free(context) result(stat) bind(c, name='SUNContext_Free')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), intent(inout) :: context
+            integer(c_int) :: stat
+        end function suncontext_free
+
+        !> A vector around values of ours.
+        function make_vector(length, values, context) result(vector) bind(c, name='N_VMake_Serial')
+            import :: c_double, c_int64_t, c_ptr
+            implicit none (type, external)
+            integer(c_int64_t), value :: length
+            real(c_double), intent(in) :: values(*)
+            type(c_ptr), value :: context
+            type(c_ptr) :: vector
+        end function make_vector
+
+        function vector_values(vector) result(values) bind(c, name='N_VGetArrayPointer')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: vector
+            type(c_ptr) :: values
+        end function vector_values
+
+        subroutine destroy_vector(vector) bind(c, name='N_VDestroy')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: vector
+        end subroutine destroy_vector
+
+        function dense_matrix(rows, columns, context) result(matrix) bind(c, name='SUNDenseMatrix')
+            import :: c_int64_t, c_ptr
+            implicit none (type, external)
+            integer(c_int64_t), value :: rows, columns
+            type(c_ptr), value :: context
+            type(c_ptr) :: matrix
+        end function dense_matrix
+
+        function matrix_values(matrix) result(values) bind(c, name='SUNDenseMatrix_Data')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: matrix
+            type(c_ptr) :: values
+        end function matrix_values
+
+        subroutine destroy_matrix(matrix) bind(c, name='SUNMatDestroy')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: matrix
+        end subroutine destroy_matrix
+
+        function dense_solver(vector, matrix, context) result(solver) bind(c, name='SUNLinSol_Dense')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: vector, matrix, context
+            type(c_ptr) :: solver
+        end function dense_solver
+
+        function free_solver(solver) result(stat) bind(c, name='SUNLinSolFree')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: solver
+            integer(c_int) :: stat
+        end function free_solver
+
+        function ida_create(context) result(memory) bind(c, name='IDACreate')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: context
+            type(c_ptr) :: memory
+        end function ida_create
+
+        subroutine ida_free(memory) bind(c, name='IDAFree')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), intent(inout) :: memory
+        end subroutine ida_free
+
+        function ida_init(memory, residual, t, y, yd) result(stat) bind(c, name='IDAInit')
+            import :: c_double, c_funptr, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, y, yd
+            type(c_funptr), value :: residual
+            real(c_double), value :: t
+            integer(c_int) :: stat
+        end function ida_init
+
+        function ida_reinit(memory, t, y, yd) result(stat) bind(c, name='IDAReInit')
+            import :: c_double, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, y, yd
+            real(c_double), value :: t
+            integer(c_int) :: stat
+        end function ida_reinit
+
+        function ida_tolerances(memory, rtol, atol) result(stat) bind(c, name='IDASVtolerances')
+            import :: c_double, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, atol
+            real(c_double), value :: rtol
+            integer(c_int) :: stat
+        end function ida_tolerances
+
+        function ida_set_user_data(memory, data) result(stat) bind(c, name='IDASetUserData')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, data
+            integer(c_int) :: stat
+        end function ida_set_user_data
+
+        function ida_set_linear_solver(memory, solver, matrix) result(stat) bind(c, name='IDASetLinearSolver')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, solver, matrix
+            integer(c_int) :: stat
+        end function ida_set_linear_solver
+
+        function ida_set_jacobian(memory, jacobian) result(stat) bind(c, name='IDASetJacFn')
+            import :: c_funptr, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            type(c_funptr), value :: jacobian
+            integer(c_int) :: stat
+        end function ida_set_jacobian
+
+        function ida_set_id(memory, id) result(stat) bind(c, name='IDASetId')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, id
+            integer(c_int) :: stat
+        end function ida_set_id
+
+        function ida_suppress_algebraic(memory, suppress) result(stat) bind(c, name='IDASetSuppressAlg')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            integer(c_int), value :: suppress
+            integer(c_int) :: stat
+        end function ida_suppress_algebraic
+
+        function ida_set_max_steps(memory, most) result(stat) bind(c, name='IDASetMaxNumSteps')
+            import :: c_int, c_long, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            integer(c_long), value :: most
+            integer(c_int) :: stat
+        end function ida_set_max_steps
+
+        function ida_set_stop(memory, t) result(stat) bind(c, name='IDASetStopTime')
+            import :: c_double, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            real(c_double), value :: t
+            integer(c_int) :: stat
+        end function ida_set_stop
+
+        !> Where messages go; a null pointer for nowhere.
+        function ida_set_messages(memory, file) result(stat) bind(c, name='IDASetErrFile')
+            import :: c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, file
+            integer(c_int) :: stat
+        end function ida_set_messages
+
+        function ida_solve(memory, t_wanted, t, y, yd, task) result(stat) bind(c, name='IDASolve')
+            import :: c_double, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory, y, yd
+            real(c_double), value :: t_wanted
+            real(c_double), intent(out) :: t
+            integer(c_int), value :: task
+            integer(c_int) :: stat
+        end function ida_solve
+
+        function ida_steps(memory, number) result(stat) bind(c, name='IDAGetNumSteps')
+            import :: c_int, c_long, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            integer(c_long), intent(out) :: number
+            integer(c_int) :: stat
+        end function ida_steps
+
+        function ida_failed_tests(memory, number) result(stat) bind(c, name='IDAGetNumErrTestFails')
+            import :: c_int, c_long, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: memory
+            integer(c_long), intent(out) :: number
+            integer(c_int) :: stat
+        end function ida_failed_tests
+    end interface
+end module tandem_bench_ida_interface

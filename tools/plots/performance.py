@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""Error against run time of tandem and of other solvers, from what `make bench` measured; the tables of doc/performance.md."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from .files import read_study
+from .style import GREY, RED, STEPPERS, plt, save
+from .tables import brief, head, row
+
+# Colour, marker and line of the solvers that are not tandem's.
+OTHERS = {"index-1 LU": (RED, "x", "-"), "index-1 sweeps": (RED, "+", "--"), "index-1 LAPACK": (GREY, "x", "-"),
+          "IDA": ("black", "*", "-"), "minimal coordinates": (GREY, "", ":")}
+EXPONENTS = (4, 6, 8, 10)
+
+
+def style_of(solver):
+    if solver in OTHERS:
+        return OTHERS[solver]
+    return *STEPPERS[solver.removeprefix("tandem ")], "-"
+
+
+def draw(paths, picture):
+    """A panel a problem."""
+    c = read_study(paths[0]).columns
+    scenes = list(dict.fromkeys(c["scene"]))
+    columns = 2
+    figure, grid = plt.subplots(-(-len(scenes) // columns), columns, figsize=(10, 3.6 * -(-len(scenes) // columns)),
+                                layout="constrained", squeeze=False)
+    solvers = list(dict.fromkeys(c["solver"]))
+    for axes, scene in zip(grid.flat, scenes, strict=False):
+        for solver in solvers:
+            rows = (c["scene"] == scene) & (c["solver"] == solver) & (c["error_q"] > 0)
+            colour, marker, line = style_of(solver)
+            axes.loglog(c["cpu_seconds"][rows], c["error_q"][rows], line, color=colour, marker=marker, markersize=4, linewidth=1)
+        axes.set_title(scene.replace("_", " "))
+        axes.set_ylim(1e-13, 10)
+    for axes in grid[-1]:
+        axes.set_xlabel("run time [s]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("error at t = 10 s")
+    spare = list(grid.flat[len(scenes):])
+    for axes in spare:
+        axes.set_visible(False)
+    entries = [Line2D([], [], color=style_of(solver)[0], marker=style_of(solver)[1], linestyle=style_of(solver)[2], label=solver)
+               for solver in solvers]
+    figure.legend(handles=entries, loc="outside lower center", ncols=5)
+    save(figure, picture)
+
+
+def number(value, factor=1.0, digits=2):
+    """A few digits without an exponent, a dash for what does not exist."""
+    if not np.isfinite(value):
+        return "-"
+    value *= factor
+    decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value))))) if value else 0
+    return f"{value:.{decimals}f}"
+
+
+class Tables:
+    """The tables, from the files in a folder."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        self.summary = read_study(self.folder / "summary.h5").columns
+        self.runs = read_study(self.folder / "runs.h5").columns
+
+    def times(self, scene):
+        """Milliseconds to errors, and their ratios."""
+        c = self.summary
+        lines = head("solver", *(f"1e-{k}" for k in EXPONENTS), *(f"ratio at 1e-{k}" for k in EXPONENTS))
+        for k in np.flatnonzero(c["scene"] == scene):
+            lines.append(row(str(c["solver"][k]), *(number(c[f"seconds_{e}"][k], 1e3) for e in EXPONENTS),
+                             *(number(c[f"ratio_{e}"][k]) for e in EXPONENTS)))
+        return lines
+
+    def evaluations(self):
+        """Microseconds a step and an evaluation."""
+        c = self.summary
+        lines = head("scene", "solver", "a step [us]", "an evaluation [us]", "ratio", "ratio to the better index-1 solver")
+        for k in range(len(c["scene"])):
+            if "minimal" in c["solver"][k] and not np.isfinite(c["evaluation_ratio"][k]):
+                continue
+            lines.append(row(str(c["scene"][k]), str(c["solver"][k]), number(c["step_seconds"][k], 1e6, 3),
+                             number(c["evaluation_seconds"][k], 1e6, 3), number(c["evaluation_ratio"][k]),
+                             number(c["best_ratio"][k])))
+        return lines
+
+    def tolerances(self):
+        """Times of dop853 over those of the index-1 solver with the same tolerance, and both errors."""
+        c = self.runs
+        lines = head("scene", "rtol", "time ratio", "error of tandem", "error of index-1")
+        for k in np.flatnonzero((c["solver"] == "tandem dop853") & np.isfinite(c["ratio"])):
+            exponent = -np.log10(c["value"][k])
+            if abs(exponent - round(exponent)) > 1e-6 or round(exponent) not in EXPONENTS:
+                continue
+            same = (c["scene"] == c["scene"][k]) & (c["solver"] == "index-1 LU") & (c["value"] == c["value"][k])
+            lines.append(row(str(c["scene"][k]), f"1e-{round(exponent)}", number(c["ratio"][k]), brief(c["error_q"][k]),
+                             brief(c["error_q"][same][0])))
+        return lines
+
+    def agreement(self):
+        """How far the references are apart."""
+        c = self.runs
+        lines = head("scene", "two solutions differ by")
+        for scene in dict.fromkeys(c["scene"]):
+            value = c["agreement"][c["scene"] == scene][0]
+            if value > 0:
+                lines.append(row(scene, brief(value)))
+        return lines
