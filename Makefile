@@ -25,8 +25,8 @@ unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJE
 .PHONY: help setup build run test docs plots bench install uninstall clean
 .DEFAULT_GOAL := help
 
-run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
-	@build/tandem run $(SCENE) $(ARGS)
+run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
+	@build/tandem run $(SCENE) --force $(ARGS)
 
 test: ## all that verifies the project; the last line is "N passed, N failed" (PARTS='lint python' for some)
 	@tools/setup.sh test

@@ -36,7 +36,7 @@ module tandem_app_help
         '  --no-error              never do that (default: where the run took at most 2 s)', &
         'Options of run and study:', &
         '  --quiet                 no progress on stderr', &
-        '  --force                 overwrite a file even if it is no result of tandem; a study: start anew', &
+        '  --force                 overwrite a file that exists; a study: start anew', &
         'Options of study precision:', &
         '  --steppers NAME,NAME    only these steppers', &
         '  --reference FILE        the true motion: a result file or a text table (default: it makes its own)', &
@@ -46,7 +46,7 @@ module tandem_app_help
         '  --quick                 --repeats 1 --budget 0.5', &
         'A study that was interrupted continues when it is called again.', &
         '', &
-        'Exit codes: 0 done, 1 the run failed, 2 the input was wrong.', &
+        'Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.', &
         '', &
         'Examples:', &
         '  tandem run rolling_disk --set time.end=10 --set solver.step=2e-3 --output disk.h5', &

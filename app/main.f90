@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> tandem on the command line: finds the subcommand and leaves the rest to it.
-!> Exit codes: 0 done, 1 the run failed, 2 the input was wrong.
+!> Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n signal n has ended the run.
 program tandem_program
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem_app_arguments, only: arguments_type, read_arguments

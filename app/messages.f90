@@ -5,10 +5,10 @@ module tandem_app_messages
     implicit none (type, external)
     private
 
-    public :: complain, done, run_failed, input_wrong
+    public :: complain, done, run_failed, input_wrong, signalled
 
-    !> Exit codes.
-    integer, parameter :: done = 0, run_failed = 1, input_wrong = 2
+    !> Exit codes; where a signal has ended the run, its number is added to `signalled`, as shells do.
+    integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
 
 contains
 

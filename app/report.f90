@@ -6,6 +6,7 @@ module tandem_app_report
         options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
     use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
+    use tandem_status, only: status_interrupted
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
     private
@@ -32,7 +33,7 @@ contains
         !> How the run failed, if it did.
         type(error_type), allocatable, intent(in) :: error
         !> The error of the whole run, where it was asked for and found.
-        type(global_error_type), intent(in) :: global_error
+        class(global_error_type), intent(in) :: global_error
         !> Why it was not found.
         type(error_type), allocatable, intent(in) :: estimate_error
         type(statistics_type) :: s
@@ -48,7 +49,8 @@ contains
         end associate
         if (allocated(error)) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
-                to_toml(scene%t_end)//' s: FAILED after '//counted(s%steps, 'step'))
+                to_toml(scene%t_end)//' s: '//trim(merge('INTERRUPTED', 'FAILED     ', error%stat == status_interrupted))// &
+                ' after '//counted(s%steps, 'step'))
         else if (simulation%is_stopped) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
                 to_toml(scene%t_end)//' s in '//counted(s%steps, 'step')//', stopped by "'//trim(simulation%stopped_by)// &
@@ -92,7 +94,7 @@ contains
 
     !> The estimated error of the whole run.
     function error_at_end(global_error, scene) result(text)
-        type(global_error_type), intent(in) :: global_error
+        class(global_error_type), intent(in) :: global_error
         type(scene_type), intent(in) :: scene
         character(len=:), allocatable :: text
 
@@ -123,7 +125,7 @@ contains
     subroutine print_warnings(simulation, global_error)
         type(simulation_type), intent(in) :: simulation
         !> The error of the whole run; without it only what is said before a run.
-        type(global_error_type), intent(in), optional :: global_error
+        class(global_error_type), intent(in), optional :: global_error
         type(statistics_type) :: s
         integer :: i
 
@@ -141,7 +143,7 @@ contains
     subroutine warn_of_errors(s, options, global_error)
         type(statistics_type), intent(in) :: s
         type(options_type), intent(in) :: options
-        type(global_error_type), intent(in) :: global_error
+        class(global_error_type), intent(in) :: global_error
         !> Errors above these parts of the state, and above so many times the tolerance, are worth a warning.
         real(wp), parameter :: large = 1.0e-2_wp, times = 100.0_wp
         character(len=:), allocatable :: advice

@@ -1,13 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: error_type, global_error_type, simulation_type, statistics_type, wp
+    use tandem, only: error_type, simulation_type, statistics_type, status_output_failed, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed, signalled
     use tandem_app_progress, only: progress_type
     use tandem_app_report, only: print_report
+    use tandem_app_rescue, only: save_last_state
     use tandem_io, only: find_scene, observer_list_type, read_scene, scene_type, trajectory_type
+    use tandem_status, only: status_interrupted
     implicit none (type, external)
     private
 
@@ -23,9 +26,10 @@ contains
         type(scene_type), target :: scene
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory
-        type(global_error_type), target :: global_error
+        type(interruptible_error_type), target :: global_error
         type(error_type), allocatable :: error, output_error, estimate_error
 
+        call watch_signals()
         call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--quiet', &
             '--force', '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
@@ -41,17 +45,30 @@ contains
 
         call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
         call integrate(arguments, scene, simulation, trajectory, global_error, error)
+        ! The file is complete before the second run begins, which may be ended or killed.
+        call trajectory%close(simulation, error, output_error)
+        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
             call estimate(arguments, scene, global_error, estimate_error)
+            call trajectory%add_error(global_error, error)
         end if
-        call trajectory%close(simulation, error, output_error, global_error)
-        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
         code = done
+        if (is_interruption(estimate_error)) code = signalled + caught_signal()
         if (.not. allocated(error)) return
         call complain(error%message)
         code = run_failed
+        if (is_interruption(error)) code = signalled + caught_signal()
+        if (error%stat == status_output_failed) call save_last_state(scene, simulation)
     end subroutine run
+
+    !> Whether a signal has ended a run.
+    pure logical function is_interruption(error)
+        type(error_type), allocatable, intent(in) :: error
+
+        is_interruption = .false.
+        if (allocated(error)) is_interruption = error%stat == status_interrupted
+    end function is_interruption
 
     !> Everything up to the first step. The result file is made last, so that an error of the input leaves nothing behind.
     subroutine prepare(arguments, scene, simulation, trajectory, error)
@@ -92,13 +109,15 @@ contains
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
         !> Watches what it costs nothing to watch.
-        type(global_error_type), intent(inout), target :: global_error
+        type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(progress_type), target :: progress
+        type(interruption_type), target :: interruption
         type(observer_list_type) :: observers
 
         call observers%add(trajectory)
         call observers%add(global_error)
+        call observers%add(interruption)
         progress = progress_type(t_start=scene%t_start, t_end=scene%t_end)
         if (.not. arguments%quiet) call observers%add(progress)
         call simulation%integrate(scene%t_end, error, observers)
@@ -120,7 +139,7 @@ contains
     subroutine estimate(arguments, scene, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
-        type(global_error_type), intent(inout) :: global_error
+        type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: again
         character(len=:), allocatable :: path

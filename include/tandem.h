@@ -43,7 +43,8 @@ enum {
     TANDEM_INCONSISTENT_ROWS = -16,
     TANDEM_EVENT_LIMIT = -17,
     TANDEM_WORK_LIMIT = -18,
-    TANDEM_INVALID_CHECKPOINT = -19
+    TANDEM_INVALID_CHECKPOINT = -19,
+    TANDEM_INTERRUPTED = -20
 };
 
 /* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */

@@ -30,9 +30,9 @@ measure() {
     $tandem study precision rolling_disk --set time.end=10 --reference test/reference/disk.txt --output "$out/file" --quick --quiet >>"$out/log.txt"
     $tandem study precision articulated_vehicle --reference test/reference/vehicle.txt --output "$out/file" --quick --quiet >>"$out/log.txt"
     for scene in "${scenes[@]}"; do
-        $tandem run "$scene" --output "$out/runs/$scene.h5" --quiet >>"$out/log.txt"
+        $tandem run "$scene" --force --output "$out/runs/$scene.h5" --quiet >>"$out/log.txt"
     done
-    $tandem run rolling_disk --set solver.stepper=dop853 --set solver.rtol=1e-10 --set output.interval=0.02 --set "$all" \
+    $tandem run rolling_disk --force --set solver.stepper=dop853 --set solver.rtol=1e-10 --set output.interval=0.02 --set "$all" \
         --output "$out/runs/overview.h5" --quiet >>"$out/log.txt"
 }
 

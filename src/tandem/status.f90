@@ -11,7 +11,7 @@ module tandem_status
     public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
     public :: status_step_underflow, status_step_limit, status_output_failed, status_newton_failed
     public :: status_inconsistent_rows, status_event_limit
-    public :: status_work_limit, status_invalid_checkpoint
+    public :: status_work_limit, status_invalid_checkpoint, status_interrupted
 
     !> The codes; the table below says what each means and what to do.
     integer, parameter :: status_ok = 0
@@ -34,6 +34,7 @@ module tandem_status
     integer, parameter :: status_event_limit = -17
     integer, parameter :: status_work_limit = -18
     integer, parameter :: status_invalid_checkpoint = -19
+    integer, parameter :: status_interrupted = -20
 
     !> One row of the table.
     type :: status_type
@@ -49,7 +50,7 @@ module tandem_status
         character(len=128) :: advice
     end type status_type
 
-    type(status_type), parameter :: table(20) = [ &
+    type(status_type), parameter :: table(21) = [ &
         status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
         status_type(status_invalid_option, 'invalid_option', .true., &
             'an option has a value that cannot be', 'correct the option that the message names'), &
@@ -97,7 +98,9 @@ module tandem_status
             'max_evaluations or max_seconds were spent before the end', &
             'raise the limit that the message names, loosen the tolerances, or choose another stepper'), &
         status_type(status_invalid_checkpoint, 'invalid_checkpoint', .true., &
-            'a run cannot be taken up from this checkpoint', 'start the run anew')]
+            'a run cannot be taken up from this checkpoint', 'start the run anew'), &
+        status_type(status_interrupted, 'interrupted', .false., &
+            'somebody asked the run to end', 'run it again, or go on from its last state')]
 
 contains
 

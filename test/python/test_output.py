@@ -87,7 +87,7 @@ class Check(Case):
 
 class ResultFile(Case):
     def result(self, *arguments, scene="rolling_disk"):
-        self.tandem("run", scene, "--output", "result.h5", *arguments)
+        self.tandem("run", scene, "--output", "result.h5", "--force", *arguments)
         return h5py.File(self.folder / "result.h5")
 
     def test_interval_by_dense_output(self):
@@ -395,7 +395,7 @@ class Outcome(Case):
         for words in "nu", "force", "multipliers", "energies", "derivatives":
             self.assertIn(words, left_out)
         fields = 'output.fields=["lambda", "kinetic_energy"]'
-        report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", fields).stdout
+        report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", fields, "--force").stdout
         self.assertIn("kinetic 337500.0 J at the start", report)
         self.assertNotIn("multipliers", report[report.index("left out"):])
 
@@ -451,7 +451,7 @@ end = 0.1
             self.assertLess(file["diagnostics/position_error"][0], 1e-14)
             self.assertLess(file["diagnostics/velocity_error"][0], 1e-14)
             self.assertAlmostEqual(file["report"].attrs["start_moved_q"], 2.97e-3, 5)
-        done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true", *SHORT, "--error")
+        done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true", *SHORT, "--error", "--force")
         self.assertRegex(done.stdout, r"  error at end +q \S+ ")
 
     def test_check_says_what_would_move(self):
@@ -508,31 +508,20 @@ class Target(Case):
         self.tandem("run", "scene.toml")
         self.assertTrue((self.folder / "scene.h5").exists())
 
-    def test_a_result_is_overwritten(self):
-        for end in "0.1", "0.05":
-            self.tandem("run", "rolling_disk", "--set", "time.end=" + end)
-        with h5py.File(self.folder / "rolling_disk.h5") as file:
-            self.assertEqual(file["trajectory/time"][-1], 0.05)
-
-    def test_another_file_is_not(self):
+    def test_a_file_that_exists_is_kept(self):
+        self.tandem("run", "rolling_disk", *SHORT)
         (self.folder / "text.h5").write_text("not HDF5\n")
         with h5py.File(self.folder / "other.h5", "w") as file:
             file["x"] = 1
-        for name in "text.h5", "other.h5":
-            self.refused("run", "rolling_disk", *SHORT, "--output", name, says=[name, "no result of tandem", "--force"])
-            self.tandem("run", "rolling_disk", *SHORT, "--output", name, "--force")
+        for name in "rolling_disk.h5", "text.h5", "other.h5":
+            self.refused("run", "rolling_disk", *SHORT, "--output", name, says=[name + " exists", "--force"])
+            self.tandem("run", "rolling_disk", "--set", "time.end=0.05", "--output", name, "--force")
             with h5py.File(self.folder / name) as file:
                 self.assertEqual(file.attrs["status"], "complete")
+                self.assertEqual(file["trajectory/time"][-1], 0.05)
 
     def test_the_scene_itself_is_not(self):
         self.refused("run", self.disk(), "--output", "scene.toml", "--force", says="is the scene itself")
-
-    def test_a_file_that_another_run_writes_is_not(self):
-        with h5py.File(self.folder / "busy.h5", "w") as file:
-            file.attrs["tandem_version"] = "0"
-            file.flush()
-            done = self.tandem("run", "rolling_disk", *SHORT, "--output", "busy.h5", code=2)
-            self.assertIn("another run is writing it", done.stderr)
 
     def test_no_such_folder(self):
         self.refused("run", "rolling_disk", "--output", "no/such/a.h5", says="there is no folder no/such/")
@@ -781,11 +770,12 @@ class CommandLine(Case):
             self.assertEqual(attributes["local_error_steps"], attributes["steps"])
             self.assertEqual(attributes["stiff"], 0)
         # A short run is made twice without being asked, and never on request.
-        report = self.tandem("run", "rolling_disk", *settings, "--output", "a.h5").stdout
+        report = self.tandem("run", "rolling_disk", *settings, "--output", "a.h5", "--force").stdout
         self.assertRegex(report, r"error at end +q [0-9]")
-        report = self.tandem("run", "rolling_disk", *settings, "--no-error", "--output", "a.h5").stdout
+        report = self.tandem("run", "rolling_disk", *settings, "--no-error", "--output", "a.h5", "--force").stdout
         self.assertRegex(report, r"error at end +not estimated")
-        report = self.tandem("run", "articulated_vehicle", "--set", "solver.step=1e-2", "--error", "--output", "a.h5").stdout
+        report = self.tandem("run", "articulated_vehicle", "--set", "solver.step=1e-2", "--error", "--output", "a.h5",
+                             "--force").stdout
         self.assertRegex(report, r"by a second run with half the step")
         self.assertNotIn("WARNING", report)
         self.tandem("run", "rolling_disk", *SHORT, "--no-error", "--output", "b.h5")

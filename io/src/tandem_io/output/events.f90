@@ -14,10 +14,10 @@ module tandem_io_output_events
     integer, parameter :: chunk = 64
 
     type :: event_output_type
-        private
-        integer(hid_t) :: time = -1_hid_t, name = -1_hid_t, number = -1_hid_t, direction = -1_hid_t, q = -1_hid_t, qd = -1_hid_t
+        integer(hid_t), private :: time = -1_hid_t, name = -1_hid_t, number = -1_hid_t, direction = -1_hid_t
+        integer(hid_t), private :: q = -1_hid_t, qd = -1_hid_t
         !> Whether there is anything to write, and the rows in the file.
-        logical :: is_open = .false.
+        logical, private :: is_open = .false.
         integer(long) :: rows = 0
     contains
         procedure :: open
@@ -42,7 +42,7 @@ contains
         call file%add_dataset(place//'/time', 0, chunk, .false., self%time)
         call file%attach(place//'/time', 'unit', 's')
         call file%attach(place//'/time', 'meaning', 'the time of each event')
-        call file%add_dataset(place//'/name', 0, chunk, .false., self%name, self%time, .true.)
+        call file%add_dataset(place//'/name', 0, chunk, .false., self%name, self%time, label_length)
         call file%attach(place//'/name', 'meaning', 'the name of the event')
         call file%add_dataset(place//'/number', 0, chunk, .true., self%number, self%time)
         call file%attach(place//'/number', 'meaning', 'its number in the scene, from 1')

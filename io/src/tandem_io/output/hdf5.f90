@@ -8,25 +8,32 @@
 module tandem_io_output_hdf5
     use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, h5dclose_f, &
         h5dcreate_f, h5dget_space_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, &
-        h5f_acc_trunc_f, &
-        h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fis_hdf5_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
-        h5kind_to_type, h5oclose_f, h5oopen_f, h5open_f, h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
-        h5s_scalar_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
-        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5t_cset_utf8_f, &
-        h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, hid_t, hsize_t
+        h5f_acc_rdwr_f, h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, &
+        h5fopen_f, h5gclose_f, h5gcreate_f, h5kind_to_type, h5oclose_f, h5oopen_f, h5open_f, &
+        h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
+        h5s_scalar_f, h5s_select_set_f, &
+        h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
+        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_fortran_s1, &
+        h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, &
+        h5tset_size_f, h5tset_strpad_f, hid_t, hsize_t, size_t
     use tandem, only: long, wp
+    use tandem_io_output_access, only: end_of, make_access, start_swmr
+    use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
     private
 
-    public :: hdf5_type, holds_attribute
+    public :: hdf5_type, start_library
 
     type :: hdf5_type
         !> The first failure; not allocated while all is well.
         character(len=:), allocatable :: problem
         integer(hid_t), private :: file = -1_hid_t
+        type(guard_type), private :: guard
     contains
         procedure :: create
+        procedure :: start_appending
+        procedure :: reopen
         procedure :: flush
         procedure :: close
         procedure :: add_group
@@ -74,17 +81,58 @@ module tandem_io_output_hdf5
 contains
 
     !> Create a file; one of this name is lost.
-    subroutine create(self, path)
+    subroutine create(self, path, grows)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
+        !> Whether `start_appending` will be called; default false.
+        logical, intent(in), optional :: grows
+        logical :: grows_
+        integer(hid_t) :: access
         integer :: stat
 
         call start_library(stat)
         call self%note(stat, 'start HDF5')
         if (allocated(self%problem)) return
-        call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat)
+        grows_ = .false.
+        if (present(grows)) grows_ = grows
+        call make_access(access, grows_)
+        call forget_reason()
+        call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, access_prp=access)
         call self%note(stat, 'create '//path)
+        call h5pclose_f(access, stat)
     end subroutine create
+
+    !> From now on only rows are appended, and whatever ends the program leaves a file that holds what the last flush has brought
+    !> to it (HDF5's "single writer, multiple readers"). Groups, datasets and attributes must be there before.
+    subroutine start_appending(self, path)
+        class(hdf5_type), intent(inout) :: self
+        !> Where the file stands.
+        character(len=*), intent(in) :: path
+
+        if (allocated(self%problem)) return
+        call self%guard%take(path)
+        call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
+        call self%guard%mend(0_c_int64_t)
+    end subroutine start_appending
+
+    !> Open a file again that `close` has closed, to attach and to make what one likes.
+    subroutine reopen(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t) :: access
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call make_access(access, .true.)
+        call forget_reason()
+        call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
+        call self%note(stat, 'open '//path//' again')
+        if (stat /= 0) self%file = -1_hid_t
+        call h5pclose_f(access, stat)
+        ! HDF5 marks it again.
+        call self%guard%take(path)
+        call self%guard%mend(0_c_int64_t)
+    end subroutine reopen
 
     !> Bring everything to the disk.
     subroutine flush(self)
@@ -92,19 +140,28 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
+        call self%guard%mend(end_of(self%file))
+        call forget_reason()
         call h5fflush_f(self%file, h5f_scope_global_f, stat)
         call self%note(stat, 'bring the rows to the disk')
+        call self%guard%mend(0_c_int64_t)
+        if (self%guard%is_there() .or. allocated(self%problem)) return
+        self%problem = 'the file was removed or replaced while the run wrote it'
     end subroutine flush
 
-    !> Close the file, if it is open.
+    !> Close the file, if it is open. After a failure HDF5 is not asked again: what it still held back would spoil what is there.
     subroutine close(self)
         class(hdf5_type), intent(inout) :: self
         integer :: stat
 
-        if (self%file < 0) return
-        call h5fclose_f(self%file, stat)
-        call self%note(stat, 'bring the rows to the disk')
+        if (self%file >= 0 .and. .not. allocated(self%problem)) then
+            call forget_reason()
+            call h5fclose_f(self%file, stat)
+            call self%note(stat, 'bring the rows to the disk')
+        end if
         self%file = -1_hid_t
+        call self%guard%mend(0_c_int64_t)
+        call self%guard%release()
     end subroutine close
 
     !> Make a group.
@@ -134,8 +191,8 @@ contains
         integer(hid_t), intent(out) :: dataset
         !> The dataset whose values belong to the rows; itself where absent.
         integer(hid_t), intent(in), optional :: scale
-        !> Whether texts of variable length are stored; default false.
-        logical, intent(in), optional :: texts
+        !> Length of the texts that are stored; none where absent.
+        integer, intent(in), optional :: texts
         integer(hid_t) :: space, properties, stored
         integer :: stat, rank
 
@@ -153,13 +210,12 @@ contains
         if (allocated(self%problem)) return
         stored = merge(h5t_std_i64le, h5t_ieee_f64le, counts)
         if (present(texts)) then
-            if (texts) call make_text_type(stored)
+            call make_fixed_type(texts, stored)
+            call h5tset_strpad_f(stored, h5t_str_nullpad_f, stat)
         end if
         call h5dcreate_f(self%file, path, stored, space, dataset, stat, properties)
         call self%note(stat, 'make '//path)
-        if (present(texts)) then
-            if (texts) call h5tclose_f(stored, stat)
-        end if
+        if (present(texts)) call h5tclose_f(stored, stat)
         call h5pclose_f(properties, stat)
         call h5sclose_f(space, stat)
         if (allocated(self%problem)) return
@@ -197,15 +253,18 @@ contains
         !> Rows that it has.
         integer(long), intent(in) :: before
         character(len=*), intent(in) :: values(:)
-        character(kind=c_char), allocatable, target :: letters(:)
-        type(c_ptr), target :: starts(size(values))
+        character(kind=c_char), target :: letters(len(values), size(values))
         integer(hid_t) :: text_type
-        integer :: stat
+        integer :: i, j, stat
 
         if (allocated(self%problem) .or. size(values) == 0) return
-        call set_letters(values, letters, starts)
-        call make_text_type(text_type)
-        call append_values(self, dataset, path, 0, before, size(values), text_type, c_loc(starts))
+        do i = 1, size(values)
+            do j = 1, len(values)
+                letters(j, i) = values(i) (j:j)
+            end do
+        end do
+        call make_fixed_type(len(values), text_type)
+        call append_values(self, dataset, path, 0, before, size(values), text_type, c_loc(letters))
         call h5tclose_f(text_type, stat)
     end subroutine append_texts
 
@@ -221,6 +280,7 @@ contains
         integer :: stat, rank
 
         if (allocated(self%problem) .or. rows == 0) return
+        call forget_reason()
         rank = merge(1, 2, width == 0)
         associate (sizes => [int(width, hsize_t), int(before + rows, hsize_t)], start => [0_hsize_t, int(before, hsize_t)], &
             block => [int(width, hsize_t), int(rows, hsize_t)], first => 3 - rank)
@@ -244,7 +304,7 @@ contains
         integer(hid_t), intent(inout) :: dataset
         integer :: stat
 
-        if (dataset >= 0) then
+        if (dataset >= 0 .and. .not. allocated(self%problem)) then
             call h5dclose_f(dataset, stat)
             call self%note(stat, 'bring the rows to the disk')
         end if
@@ -320,6 +380,17 @@ contains
         call h5tcopy_f(h5t_string, text_type, stat)
         call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
     end subroutine make_text_type
+
+    !> The type of texts of one length in UTF-8, as Fortran has them. Only such may be appended.
+    subroutine make_fixed_type(length, text_type)
+        integer, intent(in) :: length
+        integer(hid_t), intent(out) :: text_type
+        integer :: stat
+
+        call h5tcopy_f(h5t_fortran_s1, text_type, stat)
+        call h5tset_size_f(text_type, int(length, size_t), stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+    end subroutine make_fixed_type
 
     !> Texts as C has them: letters that end in a null, and where they start.
     subroutine set_letters(values, letters, starts)
@@ -401,20 +472,13 @@ contains
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
         character(len=*), intent(in) :: values(:)
-        character(kind=c_char), target :: letters(len(values) + 1, size(values))
+        character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: starts(size(values))
         integer(hid_t) :: text_type
-        integer :: i, j, stat
+        integer :: stat
 
-        do i = 1, size(values)
-            starts(i) = c_loc(letters(1, i))
-            do j = 1, len_trim(values(i))
-                letters(j, i) = values(i) (j:j)
-            end do
-            letters(len_trim(values(i)) + 1, i) = c_null_char
-        end do
-        call h5tcopy_f(h5t_string, text_type, stat)
-        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+        call set_letters(values, letters, starts)
+        call make_text_type(text_type)
         call put_values(self, path, text_type, text_type, c_loc(starts), size(values))
         call h5tclose_f(text_type, stat)
     end subroutine put_strings
@@ -495,31 +559,13 @@ contains
         !> What was tried, an infinitive.
         character(len=*), intent(in) :: action
 
-        if (stat < 0 .and. .not. allocated(self%problem)) self%problem = 'HDF5 could not '//action
+        character(len=:), allocatable :: reason
+
+        if (stat >= 0 .or. allocated(self%problem)) return
+        reason = trim(system_reason())
+        self%problem = 'HDF5 could not '//action
+        if (reason /= '') self%problem = self%problem//' ('//reason//')'
     end subroutine note
-
-    !> Whether a file is HDF5 and its root has an attribute.
-    subroutine holds_attribute(path, name, is_hdf5, can_be_opened, holds)
-        character(len=*), intent(in) :: path, name
-        logical, intent(out) :: is_hdf5, can_be_opened, holds
-        integer(hid_t) :: file
-        integer :: stat
-
-        is_hdf5 = .false.
-        can_be_opened = .false.
-        holds = .false.
-        call start_library(stat)
-        if (stat /= 0) return
-        call h5fis_hdf5_f(path, is_hdf5, stat)
-        is_hdf5 = is_hdf5 .and. stat == 0
-        if (.not. is_hdf5) return
-        call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
-        can_be_opened = stat == 0
-        if (.not. can_be_opened) return
-        call h5aexists_f(file, name, holds, stat)
-        holds = holds .and. stat == 0
-        call h5fclose_f(file, stat)
-    end subroutine holds_attribute
 
     !> Start the library, as often as one likes, and keep it from printing: failures are told in words here.
     subroutine start_library(stat)

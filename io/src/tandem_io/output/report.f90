@@ -77,13 +77,12 @@ contains
         if (allocated(simulation%warnings)) call file%attach(place, 'warnings', texts_of(simulation%warnings))
     end subroutine write_report
 
-    !> Write the error of the run, where it is known.
+    !> Write the error of the run, which is known.
     subroutine write_global_error(file, global_error)
         type(hdf5_type), intent(inout) :: file
-        type(global_error_type), intent(in) :: global_error
+        class(global_error_type), intent(in) :: global_error
 
         associate (g => global_error)
-            if (.not. g%is_known) return
             call file%attach(place, 'global_error_q', g%error_q)
             call file%attach(place, 'global_error_qd', g%error_qd)
             call file%attach(place, 'global_error', g%relative)

@@ -1,21 +1,24 @@
 ! SPDX-License-Identifier: MIT
 !> Whether a result may be written to a path.
 module tandem_io_output_target
+    use hdf5, only: h5aexists_f, h5f_acc_rdonly_f, h5fclose_f, h5fis_hdf5_f, h5fopen_f, hid_t
     use tandem, only: error_type, set_error
     use tandem_status, only: status_output_failed
-    use tandem_io_output_hdf5, only: holds_attribute
+    use tandem_io_output_guard, only: is_taken
+    use tandem_io_output_hdf5, only: start_library
     implicit none (type, external)
     private
 
-    public :: check_target, is_hdf5, remove_file
+    public :: check_target, is_result, is_hdf5, remove_file
 
 contains
 
-    !> Refuse a path that cannot be written, and a file that is no result of tandem. A file that is not there yet is made, empty.
+    !> Refuse a path that cannot be written, a file that exists, and one that somebody is writing. A file that is not there yet is
+    !> made, empty.
     subroutine check_target(path, force, is_new, error)
         !> The result file.
         character(len=*), intent(in) :: path
-        !> Whether a file may be lost that is no result of tandem.
+        !> Whether a file that exists may be lost.
         logical, intent(in) :: force
         !> Whether there was no such file.
         logical, intent(out) :: is_new
@@ -41,7 +44,7 @@ contains
             return
         end if
         inquire (file=path, exist=exists)
-        if (exists .and. .not. force) call check_result(path, error)
+        if (exists) call check_existing(path, force, error)
         if (allocated(error)) return
         ! The system says in its own words what stands in the way.
         message = ''
@@ -58,29 +61,45 @@ contains
         is_new = .not. exists
     end subroutine check_target
 
-    !> Refuse to lose a file that tandem did not write.
-    subroutine check_result(path, error)
+    !> Refuse to lose a file, unless that was asked for, and always one that is in use.
+    subroutine check_existing(path, force, error)
         character(len=*), intent(in) :: path
+        logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
-        logical :: is_file, can_be_opened, is_result
 
-        call holds_attribute(path, 'tandem_version', is_file, can_be_opened, is_result)
-        if (is_result) return
-        if (is_file .and. .not. can_be_opened) then
-            call set_error(error, status_output_failed, path//' is damaged, or another run is writing it', &
-                'choose another file, or overwrite it with --force')
-        else
-            call set_error(error, status_output_failed, path//' exists and is no result of tandem', &
-                'choose another file, or overwrite it with --force')
+        if (is_taken(path)) then
+            call set_error(error, status_output_failed, path//' is in use: another run is writing it, or somebody reads it', &
+                'choose another file')
+        else if (.not. force) then
+            call set_error(error, status_output_failed, path//' exists', 'choose another file, or overwrite it with --force')
         end if
-    end subroutine check_result
+    end subroutine check_existing
+
+    !> Whether a file is there and tandem has written it.
+    logical function is_result(path)
+        character(len=*), intent(in) :: path
+        integer(hid_t) :: file
+        integer :: stat
+
+        is_result = .false.
+        if (.not. is_hdf5(path)) return
+        call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
+        if (stat /= 0) return
+        call h5aexists_f(file, 'tandem_version', is_result, stat)
+        is_result = is_result .and. stat == 0
+        call h5fclose_f(file, stat)
+    end function is_result
 
     !> Whether a file is there and is HDF5.
     logical function is_hdf5(path)
         character(len=*), intent(in) :: path
-        logical :: can_be_opened, holds
+        integer :: stat
 
-        call holds_attribute(path, 'tandem_version', is_hdf5, can_be_opened, holds)
+        is_hdf5 = .false.
+        call start_library(stat)
+        if (stat /= 0) return
+        call h5fis_hdf5_f(path, is_hdf5, stat)
+        is_hdf5 = is_hdf5 .and. stat == 0
     end function is_hdf5
 
     !> Remove a file, if it can be removed.

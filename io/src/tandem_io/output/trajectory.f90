@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The observer that writes a result file: /trajectory and /diagnostics row by row, /report at the end (see doc/output.md).
 !>
-!> Rows are gathered in memory and written in blocks, at the latest a few seconds later. A field that was not asked for is
-!> neither computed nor written.
+!> Rows are gathered in memory and brought to the disk in blocks, at the latest a second later. What is there survives whatever
+!> ends the program. A field that was not asked for is neither computed nor written.
 module tandem_io_output_trajectory
     use hdf5, only: hid_t
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, model_type, &
@@ -15,7 +15,7 @@ module tandem_io_output_trajectory
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
-    use tandem_status, only: status_callback_failed, status_invalid_option
+    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_option
     implicit none (type, external)
     private
 
@@ -23,8 +23,8 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows.
     integer, parameter :: largest_buffer = 2**17, most_rows = 512
-    !> Seconds between two flushes; steps between two looks at the clock.
-    integer, parameter :: seconds_unflushed = 3, steps_unwatched = 16
+    !> Seconds between two flushes.
+    integer, parameter :: seconds_unflushed = 1
 
     !> A dataset and the rows that it does not have yet.
     type :: series_type
@@ -53,7 +53,7 @@ module tandem_io_output_trajectory
         type(hdf5_type), private :: file
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
-        integer, private :: every = 1, capacity = 1, gathered = 0, unwatched = 0
+        integer, private :: every = 1, capacity = 1, gathered = 0
         integer(long), private :: flushed_at = 0
         real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
         !> Rows that the interval has asked for so far.
@@ -63,10 +63,12 @@ module tandem_io_output_trajectory
         procedure :: open
         procedure :: observe
         procedure :: close
+        procedure :: add_error
         procedure, private :: add_series
         procedure, private :: gather
         procedure, private :: gather_between
         procedure, private :: write_rows
+        procedure, private :: bring
         procedure, private :: watch
         procedure, private :: fail
     end type trajectory_type
@@ -100,7 +102,7 @@ contains
         self%interval = output%interval
         self%first_time = simulation%state%t
         self%intervals = 0
-        call self%file%create(self%path)
+        call self%file%create(self%path, grows=.true.)
         call attach_head(self%file, scene, command)
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
@@ -120,7 +122,7 @@ contains
         call open_events(self, simulation)
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)
-        call self%file%flush()
+        call self%file%start_appending(self%path)
         call system_clock(self%flushed_at)
         if (allocated(self%file%problem)) then
             call self%fail(error)
@@ -158,42 +160,24 @@ contains
         if (is_due) then
             call self%gather(simulation, error)
             if (allocated(error)) return
-            if (self%gathered == self%capacity) call self%write_rows()
+            if (self%gathered == self%capacity) call self%bring(simulation)
         end if
-        if (occasion == at_step) then
-            self%unwatched = self%unwatched + 1
-            if (self%unwatched >= steps_unwatched) call self%watch(simulation)
-        end if
+        if (occasion == at_step) call self%watch(simulation)
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine observe
 
     !> Write what is left, the report and the outcome, and close the file.
-    subroutine close(self, simulation, run_error, error, global_error)
+    subroutine close(self, simulation, run_error, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         !> The error of the run, not allocated where it was complete.
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
-        !> The error of the run, where it was estimated.
-        type(global_error_type), intent(in), optional :: global_error
         integer :: i
 
-        call self%write_rows()
-        call self%events%append(self%file, simulation)
+        call self%bring(simulation)
         call self%events%close(self%file)
-        call write_report(self%file, simulation)
-        if (present(global_error)) call write_global_error(self%file, global_error)
-        if (allocated(run_error)) then
-            call self%file%attach('/', 'status', 'failed')
-            call self%file%attach('/', 'status_message', run_error%message)
-            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
-        else
-            call self%file%attach('/', 'status', 'complete')
-            if (simulation%is_stopped) call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)// &
-                '" at t = '//to_text(simulation%state%t))
-            call self%file%attach('/report', 'status_code', 0_long)
-        end if
         if (allocated(self%series)) then
             do i = lbound(self%series, 1), ubound(self%series, 1)
                 call self%file%close_dataset(self%series(i)%dataset)
@@ -201,8 +185,36 @@ contains
             deallocate (self%series)
         end if
         call self%file%close()
+        ! The rows are safe now. The outcome comes last, so that it is never said too early.
+        call self%file%reopen(self%path)
+        call write_report(self%file, simulation)
+        call self%file%flush()
+        if (allocated(run_error)) then
+            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
+            call self%file%attach('/', 'status_message', run_error%message)
+            call self%file%attach('/', 'status', trim(merge('interrupted', 'failed     ', run_error%stat == status_interrupted)))
+        else
+            call self%file%attach('/report', 'status_code', 0_long)
+            if (simulation%is_stopped) call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)// &
+                '" at t = '//to_text(simulation%state%t))
+            call self%file%attach('/', 'status', 'complete')
+        end if
+        call self%file%close()
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine close
+
+    !> Write how wrong the run was into the file that `close` has closed.
+    subroutine add_error(self, global_error, error)
+        class(trajectory_type), intent(inout) :: self
+        class(global_error_type), intent(in) :: global_error
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. global_error%is_known) return
+        call self%file%reopen(self%path)
+        call write_global_error(self%file, global_error)
+        call self%file%close()
+        if (allocated(self%file%problem)) call self%fail(error)
+    end subroutine add_error
 
     !> Make the group of events.
     subroutine open_events(self, simulation)
@@ -321,7 +333,7 @@ contains
             call simulation%look_back()
             if (allocated(error)) return
             self%intervals = self%intervals + 1
-            if (self%gathered == self%capacity) call self%write_rows()
+            if (self%gathered == self%capacity) call self%bring(simulation)
         end do
     end subroutine gather_between
 
@@ -341,19 +353,25 @@ contains
         self%gathered = 0
     end subroutine write_rows
 
-    !> Bring the rows to the disk if that was not done for some seconds.
+    !> Bring rows and events to the disk.
+    subroutine bring(self, simulation)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+
+        call self%write_rows()
+        call self%events%append(self%file, simulation)
+        call self%file%flush()
+        call system_clock(self%flushed_at)
+    end subroutine bring
+
+    !> Do that if it was not done for a second.
     subroutine watch(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         integer(long) :: now, rate
 
-        self%unwatched = 0
         call system_clock(now, rate)
-        if (now - self%flushed_at < seconds_unflushed*rate) return
-        call self%write_rows()
-        call self%events%append(self%file, simulation)
-        call self%file%flush()
-        self%flushed_at = now
+        if (now - self%flushed_at >= seconds_unflushed*rate) call self%bring(simulation)
     end subroutine watch
 
     !> The file's problem as an error.

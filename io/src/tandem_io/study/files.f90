@@ -65,13 +65,21 @@ contains
         character(len=*), intent(in) :: path, text
         type(error_type), allocatable, intent(out) :: error
         character(len=256) :: message
-        integer :: unit, stat
+        integer :: unit, stat, size
 
         message = ''
         open (newunit=unit, file=path//'.new', status='replace', action='write', access='stream', iostat=stat, iomsg=message)
         if (stat == 0) then
             write (unit, iostat=stat, iomsg=message) text
             close (unit)
+            ! A full disk may show only in what is there.
+            inquire (file=path//'.new', size=size)
+            if (stat == 0 .and. size /= len(text)) stat = 1
+            if (stat /= 0) then
+                if (message == '') message = 'is the disk full?'
+                open (newunit=unit, file=path//'.new', status='old')
+                close (unit, status='delete')
+            end if
         end if
         if (stat /= 0) then
             call set_error(error, status_output_failed, 'cannot write '//path//': '//trim(message))

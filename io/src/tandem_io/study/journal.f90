@@ -6,7 +6,7 @@
 module tandem_io_study_journal
     use tandem, only: error_type, long, set_error, status_output_failed, wp
     use tandem_io_output_hdf5, only: hdf5_type
-    use tandem_io_output_target, only: check_target
+    use tandem_io_output_target, only: check_target, is_result
     use tandem_io_study_csv, only: csv_line, split_csv_line
     use tandem_io_study_files, only: make_folder, read_whole, replace_file, write_whole
     use tandem_io_study_table, only: cell_length, column_type, count_column, table_type, text_column
@@ -61,7 +61,8 @@ contains
         call make_folder(folder, error)
         if (allocated(error)) return
         inquire (file=self%path//'.h5', exist=exists)
-        if (exists) call check_target(self%path//'.h5', force, is_new, error)
+        ! A table of an earlier study is made anew from the rows.
+        if (exists) call check_target(self%path//'.h5', force .or. is_result(self%path//'.h5'), is_new, error)
         if (allocated(error)) return
         inquire (file=self%path//'.csv', exist=exists)
         call read_whole(self%path//'.toml', found)

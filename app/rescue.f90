@@ -1,0 +1,81 @@
+! SPDX-License-Identifier: MIT
+!> Where the results cannot be written, the last state of a run still is: as a scene that starts from it, beside the result, else
+!> in the folder for temporary files, else on stderr.
+module tandem_app_rescue
+    use, intrinsic :: iso_fortran_env, only: error_unit
+    use tandem, only: error_type, simulation_type, to_text
+    use tandem_app_messages, only: complain
+    use tandem_io, only: scene_type, to_toml
+    use tandem_io_study_files, only: write_whole
+    implicit none (type, external)
+    private
+
+    public :: save_last_state
+
+contains
+
+    !> Save the state and say where.
+    subroutine save_last_state(scene, simulation)
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
+        character(len=:), allocatable :: text, name, path
+        type(error_type), allocatable :: error
+        character(len=256) :: folder
+        integer :: start, stat
+
+        associate (file => scene%output%file)
+            start = index(file, '/', back=.true.)
+            name = file(start + 1:)
+            if (index(name, '.', back=.true.) > 1) name = name(:index(name, '.', back=.true.) - 1)
+            call get_environment_variable('TMPDIR', folder, status=stat)
+            if (stat /= 0 .or. folder == '') folder = '/tmp'
+            text = scene_from(scene, simulation)
+            call write_new(file(:start)//name, text, path, error)
+            if (allocated(error)) call write_new(trim(folder)//'/'//name, text, path, error)
+        end associate
+        if (allocated(error)) then
+            call complain('the last state cannot be saved in a file either; this scene starts from it:')
+            write (error_unit, '(a)') text
+        else
+            call complain('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
+                ' goes on from there')
+        end if
+    end subroutine save_last_state
+
+    !> Write a file that was not there before.
+    subroutine write_new(stem, text, path, error)
+        !> Its path up to the ending.
+        character(len=*), intent(in) :: stem, text
+        !> Its path.
+        character(len=:), allocatable, intent(out) :: path
+        type(error_type), allocatable, intent(out) :: error
+        logical :: exists
+        integer :: number
+
+        path = stem//'.last.toml'
+        do number = 2, huge(1)
+            inquire (file=path, exist=exists)
+            if (.not. exists) exit
+            path = stem//'.last-'//to_text(number)//'.toml'
+        end do
+        call write_whole(path, text, error)
+    end subroutine write_new
+
+    !> The complete scene, but for its start, which is the state.
+    function scene_from(scene, simulation) result(text)
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
+        character(len=:), allocatable :: text
+        character(len=*), parameter :: newline = new_line('a')
+        integer :: initial, time, start, rest
+
+        initial = index(scene%text, newline//'[initial]'//newline)
+        time = index(scene%text, newline//'[time]'//newline)
+        start = time + index(scene%text(time + 1:), newline//'start = ')
+        rest = start + index(scene%text(start + 1:), newline)
+        associate (state => simulation%state)
+            text = scene%text(:initial)//'[initial]'//newline//'q = '//to_toml(state%q)//newline//'qd = '//to_toml(state%qd)// &
+                newline//scene%text(time:start)//'start = '//to_toml(state%t)//scene%text(rest:)
+        end associate
+    end function scene_from
+end module tandem_app_rescue

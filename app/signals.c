@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT */
+/* Signals that ask the program to end. The first one is noted, and the run looks for it; the second one ends the program as if
+   nobody had caught it. */
+#include <signal.h>
+#include <string.h>
+
+static volatile sig_atomic_t caught = 0;
+
+static void note(int number)
+{
+    if (caught != 0) {
+        signal(number, SIG_DFL);
+        raise(number);
+    }
+    caught = number;
+}
+
+void tandem_watch_signals(void)
+{
+    static const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    struct sigaction action, before;
+
+    memset(&action, 0, sizeof action);
+    sigemptyset(&action.sa_mask);
+    action.sa_handler = note;
+    action.sa_flags = SA_RESTART;
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        /* What the caller ignores, such as nohup a hangup, stays ignored. */
+        if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)
+            sigaction(numbers[i], &action, NULL);
+    }
+    /* Beyond the largest size of a file, writing fails with a reason instead of ending the program. */
+    signal(SIGXFSZ, SIG_IGN);
+}
+
+int tandem_caught_signal(void)
+{
+    return (int)caught;
+}

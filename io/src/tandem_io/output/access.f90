@@ -1,0 +1,75 @@
+! SPDX-License-Identifier: MIT
+!> How HDF5 treats a file that must be whole whatever ends the program: the mode "single writer, multiple readers" (SWMR).
+module tandem_io_output_access
+    use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pcreate_f, h5pset_cache_f, h5pset_libver_bounds_f, &
+        h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
+    use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
+    implicit none (type, external)
+    private
+
+    public :: make_access, start_swmr, end_of
+
+    interface
+        !> From now on, bring metadata to the disk in an order in which the file is whole at every moment.
+        function h5f_start_swmr_write(file) result(stat) bind(c, name='H5Fstart_swmr_write')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: file
+            integer(c_int) :: stat
+        end function h5f_start_swmr_write
+
+        !> Where the last piece of the file ends that has been given away.
+        function h5f_get_eoa(file, address) result(stat) bind(c, name='H5Fget_eoa')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: file
+            integer(c_int64_t), intent(out) :: address
+            integer(c_int) :: stat
+        end function h5f_get_eoa
+
+        !> Whether HDF5 locks files.
+        function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
+            import :: c_bool, c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: access
+            logical(c_bool), value :: use, ignore_where_disabled
+            integer(c_int) :: stat
+        end function h5p_set_file_locking
+    end interface
+
+contains
+
+    !> Make the properties with which a file is opened; the caller closes them. Those of a file that grows: the format of HDF5
+    !> 1.10; no locks, since a guard locks the file, and readers may be there when it is opened again at the end of a run; and room
+    !> taken in large pieces, so that the end of the file that the superblock states, which plain readers believe, seldom changes
+    !> and is ahead of the rows. What is left of the room is given back when the file is closed. Rows go to the disk past HDF5's
+    !> cache: a failure then shows before anything on the disk says that they are there.
+    subroutine make_access(access, grows)
+        integer(hid_t), intent(out) :: access
+        logical, intent(in) :: grows
+        integer(hsize_t), parameter :: piece = 2**20
+        integer :: stat
+
+        call h5pcreate_f(h5p_file_access_f, access, stat)
+        if (.not. grows) return
+        call h5pset_libver_bounds_f(access, h5f_libver_v110_f, h5f_libver_v110_f, stat)
+        stat = int(h5p_set_file_locking(int(access, c_int64_t), .false._c_bool, .true._c_bool))
+        call h5pset_cache_f(access, 0, 1_size_t, 0_size_t, 0.75, stat)
+        call h5pset_small_data_block_size_f(access, piece, stat)
+        call h5pset_meta_block_size_f(access, piece/16, stat)
+    end subroutine make_access
+
+    !> Let only rows be appended to an open file from now on; 0 on success.
+    integer function start_swmr(file)
+        integer(hid_t), intent(in) :: file
+
+        start_swmr = int(h5f_start_swmr_write(int(file, c_int64_t)))
+    end function start_swmr
+
+    !> Where an open file will end after the next flush; 0 where that is not known.
+    integer(c_int64_t) function end_of(file)
+        integer(hid_t), intent(in) :: file
+
+        if (h5f_get_eoa(int(file, c_int64_t), end_of) < 0) end_of = 0
+    end function end_of
+end module tandem_io_output_access

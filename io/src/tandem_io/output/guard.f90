@@ -1,0 +1,126 @@
+! SPDX-License-Identifier: MIT
+!> Keeps a result file safe while it is written: other writers out, readers in, and the mark "open for writing" off, with which
+!> HDF5 would refuse the file once its writer was killed. The work is done in guard.c.
+module tandem_io_output_guard
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: guard_type, is_taken, system_reason, forget_reason
+
+    !> The guard of one file.
+    type :: guard_type
+        integer(c_int), private :: file = -1_c_int
+        character(len=:), allocatable, private :: path
+    contains
+        procedure :: take
+        procedure :: mend
+        procedure :: is_there
+        procedure :: release
+    end type guard_type
+
+    interface
+        function c_take(path) result(file) bind(c, name='tandem_guard_take')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: file
+        end function c_take
+
+        subroutine c_mend(file, end) bind(c, name='tandem_guard_mend')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int64_t), value :: end
+        end subroutine c_mend
+
+        subroutine c_release(file) bind(c, name='tandem_guard_release')
+            import :: c_int
+            implicit none (type, external)
+            integer(c_int), value :: file
+        end subroutine c_release
+
+        function c_is_there(file, path) result(answer) bind(c, name='tandem_guard_is_there')
+            import :: c_char, c_int
+            implicit none (type, external)
+            integer(c_int), value :: file
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: answer
+        end function c_is_there
+
+        function c_is_taken(path) result(answer) bind(c, name='tandem_guard_is_taken')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: answer
+        end function c_is_taken
+
+        function c_reason(text, size) result(length) bind(c, name='tandem_guard_reason')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(inout) :: text(*)
+            integer(c_int), value :: size
+            integer(c_int) :: length
+        end function c_reason
+
+        !> So that an old refusal is not taken for a new one.
+        subroutine forget_reason() bind(c, name='tandem_guard_forget_reason')
+        end subroutine forget_reason
+    end interface
+
+contains
+
+    !> Lock a file against other writers; readers may come.
+    subroutine take(self, path)
+        class(guard_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+
+        call self%release()
+        self%path = path//c_null_char
+        self%file = c_take(self%path)
+    end subroutine take
+
+    !> Make the superblock one that plain readers accept.
+    subroutine mend(self, end)
+        class(guard_type), intent(in) :: self
+        !> Where the file will end at the earliest; 0 for where it does.
+        integer(c_int64_t), intent(in) :: end
+
+        if (self%file >= 0) call c_mend(self%file, end)
+    end subroutine mend
+
+    !> Whether the file still stands where it was made; true where there is no guard.
+    logical function is_there(self)
+        class(guard_type), intent(in) :: self
+
+        is_there = .true.
+        if (self%file >= 0) is_there = c_is_there(self%file, self%path) /= 0
+    end function is_there
+
+    !> Let the file go.
+    subroutine release(self)
+        class(guard_type), intent(inout) :: self
+
+        if (self%file >= 0) call c_release(self%file)
+        self%file = -1_c_int
+    end subroutine release
+
+    !> Whether another process has locked a file.
+    logical function is_taken(path)
+        character(len=*), intent(in) :: path
+
+        is_taken = c_is_taken(path//c_null_char) /= 0
+    end function is_taken
+
+    !> Why the system has just refused to write, in its words, where it has; else blank.
+    function system_reason() result(text)
+        character(len=80) :: text
+        character(kind=c_char) :: letters(len(text))
+        integer :: i
+
+        text = ''
+        do i = 1, int(c_reason(letters, int(len(text), c_int)))
+            text(i:i) = letters(i)
+        end do
+    end function system_reason
+end module tandem_io_output_guard

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: MIT
+"""Runs that end before their end: killed, interrupted, without a disk. Nothing that was written may be lost, and no file may lie.
+
+Runs build/tandem, or what the environment variable TANDEM names.
+"""
+
+import fcntl
+import os
+import random
+import resource
+import signal
+import subprocess
+import time
+import tomllib
+import unittest
+from pathlib import Path
+
+import h5py
+import numpy as np
+from test_output import TANDEM, Case
+
+LONG = ["--set", "time.end=1000", "--no-error", "--quiet"]
+MOMENTS = 20
+
+
+class Running(Case):
+    """Cases with a run in the background."""
+
+    def start(self, *arguments, limit=None):
+        def prepare():
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            if limit:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+        process = subprocess.Popen([TANDEM, "run", *arguments], cwd=self.folder, stdout=subprocess.PIPE,
+                                   env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "TMPDIR": str(self.folder / "temporary")},
+                                   stderr=subprocess.PIPE, text=True, preexec_fn=prepare)
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+        return process
+
+    def wait_for(self, condition, process, seconds=30):
+        """Until the condition holds; the process must not end before."""
+        end = time.monotonic() + seconds
+        while not condition():
+            self.assertIsNone(process.poll(), "the run has ended too early")
+            self.assertLess(time.monotonic(), end, "waited in vain")
+            time.sleep(0.002)
+
+    def end(self, process, code):
+        out, err = process.communicate(timeout=30)
+        self.assertEqual(process.returncode, code, out + err)
+        self.assertNotIn("Backtrace", err)
+        return out, err
+
+    def rows(self, name, swmr=False):
+        """Rows in a file that is being written or was left; None while it cannot be opened yet."""
+        try:
+            with h5py.File(self.folder / name, swmr=swmr) as file:
+                return len(file["trajectory/time"])
+        except (OSError, KeyError):
+            return None
+
+    def has_rows(self, name, least=1):
+        return lambda: (self.rows(name, swmr=True) or 0) >= least
+
+
+class Killed(Running):
+    def test_at_twenty_random_moments(self):
+        self.tandem("run", "rolling_disk", "--set", "time.end=60", "--set", "output.every=1", "--no-error", "--output", "whole.h5",
+                    "--quiet")
+        with h5py.File(self.folder / "whole.h5") as file:
+            whole = {path: file[path][:] for path in ("trajectory/time", "trajectory/q", "trajectory/qd", "diagnostics/chart")}
+        chance = random.Random(1)
+        seen = []
+        for moment in range(MOMENTS):
+            name = f"{moment}.h5"
+            process = self.start("rolling_disk", *LONG, "--set", "output.every=1", "--output", name)
+            self.wait_for(lambda name=name: self.rows(name) is not None, process)
+            time.sleep(chance.uniform(0, 0.6))
+            process.kill()
+            process.wait()
+            # Plainly, as if nothing had happened.
+            with h5py.File(self.folder / name) as file:
+                self.assertEqual(file.attrs["status"], "running")
+                self.assertIn("[model]", file.attrs["scene"])
+                n = min(len(file[path]) for path in whole)
+                seen.append(n)
+                for path, values in whole.items():
+                    np.testing.assert_array_equal(file[path][:n], values[:n])
+            (self.folder / name).unlink()
+        self.assertGreater(max(seen), 512)
+        self.assertGreater(len(set(seen)), 2)
+
+    def test_a_killed_result_is_kept_like_any_other(self):
+        process = self.start("rolling_disk", *LONG, "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        process.kill()
+        process.wait()
+        self.refused("run", "rolling_disk", "--output", "a.h5", says="a.h5 exists")
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
+
+    def test_rows_come_every_second(self):
+        # So few rows that no block of them is full in that time.
+        process = self.start("rolling_disk", *LONG, "--set", "output.every=1000", "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process, 10)
+        first = time.monotonic()
+        count = self.rows("a.h5", swmr=True)
+        self.assertLess(count, 512)
+        self.wait_for(self.has_rows("a.h5", count + 1), process, 10)
+        self.assertLess(time.monotonic() - first, 3)
+
+
+class Readers(Running):
+    def test_may_come_and_stay(self):
+        process = self.start("rolling_disk", "--set", "time.end=20", "--no-error", "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        with h5py.File(self.folder / "a.h5", swmr=True) as follower, h5py.File(self.folder / "a.h5") as plain:
+            first = len(plain["trajectory/time"])
+            self.end(process, 0)
+            follower["trajectory/time"].refresh()
+            self.assertEqual(len(follower["trajectory/time"]), 2001)
+            self.assertLess(first, 2001)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+
+
+class Signals(Running):
+    def test_the_run_ends_with_a_complete_file(self):
+        for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+            with self.subTest(number.name):
+                name = f"{number.name}.h5"
+                process = self.start("rolling_disk", *LONG, "--output", name)
+                self.wait_for(self.has_rows(name), process)
+                process.send_signal(number)
+                out, err = self.end(process, 128 + number)
+                self.assertIn("INTERRUPTED after", out)
+                self.assertRegex(err, rf"^tandem: interrupted: {number.name} came at t = ")
+                with h5py.File(self.folder / name) as file:
+                    self.assertEqual(file.attrs["status"], "interrupted")
+                    self.assertIn(number.name, file.attrs["status_message"])
+                    report = file["report"].attrs
+                    self.assertEqual(report["status_code"], -20)
+                    self.assertAlmostEqual(file["trajectory/time"][-1], 1e-3 * report["steps"], delta=1e-9)
+                    self.assertEqual({len(file[path]) for path in ("trajectory/q", "diagnostics/step")},
+                                     {len(file["trajectory/time"])})
+
+    def test_a_second_one_ends_it_at_once(self):
+        process = self.start("rolling_disk", *LONG, "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        process.send_signal(signal.SIGSTOP)
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGCONT)
+        process.wait(30)
+        self.assertIn(process.returncode, (-signal.SIGINT, -signal.SIGTERM))
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "running")
+
+    def test_a_second_run_for_the_error_is_ended_too_and_the_file_is_complete(self):
+        process = self.start("rolling_disk", "--set", "time.end=20", "--set", "solver.step=1e-3", "--error", "--quiet",
+                             "--output", "a.h5")
+
+        def is_complete():
+            try:
+                with h5py.File(self.folder / "a.h5") as file:
+                    return file.attrs["status"] == "complete"
+            except (OSError, KeyError):
+                return False
+
+        self.wait_for(is_complete, process)
+        process.send_signal(signal.SIGTERM)
+        out, _ = self.end(process, 128 + signal.SIGTERM)
+        self.assertRegex(out, "error at end +not known: interrupted: SIGTERM")
+        self.assertIn("in 20000 steps", out)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual((file.attrs["status"], file["report"].attrs["status_code"]), ("complete", 0))
+            self.assertNotIn("global_error", file["report"].attrs)
+
+    def test_what_is_ignored_stays_ignored(self):
+        process = subprocess.Popen(["nohup", TANDEM, "run", "rolling_disk", "--set", "time.end=20", "--no-error", "--output",
+                                    "a.h5"], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self.addCleanup(process.communicate)
+        self.wait_for(self.has_rows("a.h5"), process)
+        process.send_signal(signal.SIGHUP)
+        self.assertEqual(process.wait(60), 0)
+
+
+class Disk(Running):
+    def check_rescue(self, err, folder=None):
+        """The last state was saved as a scene, which goes on from there."""
+        self.assertIn("output_failed", err)
+        self.assertIn("is saved: tandem run ", err)
+        saved = Path(self.folder, err.split("is saved: tandem run ")[1].split(" goes on")[0])
+        self.assertEqual(saved.parent.resolve(), (folder or self.folder).resolve())
+        start = tomllib.loads(saved.read_text())
+        t = start["time"]["start"]
+        self.assertGreater(t, 0)
+        self.tandem("run", str(saved), "--set", f"time.end={t + 0.01}", "--output", "on.h5", "--force")
+        with h5py.File(self.folder / "on.h5") as file:
+            self.assertEqual(file["trajectory/time"][0], t)
+            np.testing.assert_allclose(file["trajectory/q"][0], start["initial"]["q"], rtol=0, atol=1e-13)
+        return start
+
+    def check_left(self, path):
+        """Rows that were written before the failure can be read."""
+        with h5py.File(path) as file:
+            self.assertEqual(file.attrs["status"], "running")
+            n = min(len(file["trajectory"][name]) for name in ("time", "q", "qd"))
+            self.assertGreater(n, 100)
+            np.testing.assert_allclose(np.linalg.norm(file["trajectory/q"][:n, 3:7], axis=1), 1, atol=1e-12)
+
+    def test_a_limit_on_the_size_of_files(self):
+        process = self.start("rolling_disk", *LONG, "--output", "a.h5", limit=2_000_000)
+        _, err = self.end(process, 1)
+        self.assertIn("File too large", err)
+        self.check_left(self.folder / "a.h5")
+        self.check_rescue(err)
+
+    def test_a_full_disk(self):
+        small, temporary = self.folder / "small", self.folder / "temporary"
+        small.mkdir()
+        temporary.mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", small], capture_output=True).returncode != 0:
+            self.skipTest("only root may mount a small disk")
+        try:
+            out, err = self.end(self.start("rolling_disk", *LONG, "--output", "small/a.h5"), 1)
+            self.assertIn("No space left on device", err)
+            self.assertIn("INCOMPLETE", out)
+            self.check_left(small / "a.h5")
+            # Beside the result there is no room.
+            self.check_rescue(err, temporary)
+        finally:
+            subprocess.run(["umount", small], check=True)
+
+    def test_nowhere_to_save_the_state(self):
+        out, err = self.end(self.start("rolling_disk", *LONG, "--output", "a.h5", limit=300), 2)
+        self.assertIn("File too large", err)
+        self.assertEqual(out, "")
+        # Beside the result stands a folder in the way, and there is no folder for temporary files.
+        (self.folder / "a.last.toml.new").mkdir()
+        process = self.start("rolling_disk", *LONG, "--output", "a.h5", "--force", limit=2_000_000)
+        _, err = self.end(process, 1)
+        self.assertIn("cannot be saved in a file either", err)
+        start = tomllib.loads(err[err.index("[scene]"):])
+        self.assertEqual(len(start["initial"]["qd"]), 9)
+        self.assertGreater(start["time"]["start"], 0)
+
+    def test_a_file_that_vanishes(self):
+        for way in "removed", "replaced":
+            with self.subTest(way):
+                name = f"{way}.h5"
+                process = self.start("rolling_disk", *LONG, "--output", name)
+                self.wait_for(self.has_rows(name), process)
+                (self.folder / name).unlink()
+                if way == "replaced":
+                    (self.folder / name).write_text("mine\n")
+                _, err = self.end(process, 1)
+                self.assertIn("was removed or replaced while the run wrote it", err)
+                self.check_rescue(err)
+                if way == "replaced":
+                    self.assertEqual((self.folder / name).read_text(), "mine\n")
+
+    def test_a_file_that_is_no_disk(self):
+        self.refused("run", "rolling_disk", "--output", "/dev/full", "--force", says="/dev/full")
+
+
+class InUse(Running):
+    def test_by_another_run(self):
+        process = self.start("rolling_disk", *LONG, "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        for force in [], ["--force"]:
+            done = self.tandem("run", "rolling_disk", "--output", "a.h5", *force, code=2)
+            self.assertIn("a.h5 is in use", done.stderr)
+        process.send_signal(signal.SIGTERM)
+        self.end(process, 128 + signal.SIGTERM)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "interrupted")
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
+
+    def test_by_somebody_else(self):
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5")
+        with open(self.folder / "a.h5", "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)
+            self.refused("run", "rolling_disk", "--output", "a.h5", "--force", says="a.h5 is in use")
+
+
+if __name__ == "__main__":
+    unittest.main()
