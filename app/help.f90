@@ -10,8 +10,8 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=16), parameter :: commands(7) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
-        'study precision', 'study tables']
+    character(len=16), parameter :: commands(8) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
+        'statuses', 'study precision', 'study tables']
 
     character(len=112), parameter :: text(*) = [character(len=112) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
@@ -23,6 +23,7 @@ module tandem_app_help
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
         '  tandem study tables          the tables and figures of the paper beside ours', &
+        '  tandem statuses              how runs can end, what that means, and what to do', &
         '  tandem help, tandem --version  this text, the version', &
         '', &
         'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &

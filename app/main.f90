@@ -9,6 +9,7 @@ program tandem_program
     use tandem_app_list, only: list
     use tandem_app_run, only: run
     use tandem_app_show, only: show
+    use tandem_app_statuses, only: statuses
     use tandem_app_study_precision, only: study_precision
     use tandem_app_study_tables, only: study_tables
     use tandem_io, only: tandem_version
@@ -29,6 +30,8 @@ program tandem_program
         call show(arguments, code)
     case ('check')
         call check(arguments, code)
+    case ('statuses')
+        call statuses(arguments, code)
     case ('run')
         call run(arguments, code)
     case ('study precision')

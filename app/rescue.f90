@@ -12,6 +12,9 @@ module tandem_app_rescue
 
     public :: save_last_state
 
+    !> Names that are tried; the last one is overwritten.
+    integer, parameter :: most_numbers = 1000
+
 contains
 
     !> Save the state and say where.
@@ -53,7 +56,7 @@ contains
         integer :: number
 
         path = stem//'.last.toml'
-        do number = 2, huge(1)
+        do number = 2, most_numbers
             inquire (file=path, exist=exists)
             if (.not. exists) exit
             path = stem//'.last-'//to_text(number)//'.toml'

@@ -21,7 +21,7 @@ PAGES = ROOT / "build" / "docs-pages"
 OUTPUT = ROOT / "build" / "docs"
 FORD = ROOT / ".venv" / "bin" / "ford"
 # In the order of the contents.
-ORDER = ["scene.md", "theory.md", "output.md", "linking.md"]
+ORDER = ["scene.md", "theory.md", "output.md", "statuses.md", "linking.md"]
 
 failures = 0
 

@@ -11,7 +11,7 @@ module tandem_status
     public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
     public :: status_step_underflow, status_step_limit, status_output_failed, status_newton_failed
     public :: status_inconsistent_rows, status_event_limit
-    public :: status_work_limit, status_invalid_checkpoint, status_interrupted
+    public :: status_work_limit, status_invalid_checkpoint, status_interrupted, last_status
 
     !> The codes; the table below says what each means and what to do.
     integer, parameter :: status_ok = 0
@@ -36,6 +36,9 @@ module tandem_status
     integer, parameter :: status_invalid_checkpoint = -19
     integer, parameter :: status_interrupted = -20
 
+    !> The codes go from `status_ok` down to this one.
+    integer, parameter :: last_status = status_interrupted
+
     !> One row of the table.
     type :: status_type
         !> The code that procedures return.
@@ -50,7 +53,7 @@ module tandem_status
         character(len=128) :: advice
     end type status_type
 
-    type(status_type), parameter :: table(21) = [ &
+    type(status_type), parameter :: table(1 - last_status) = [ &
         status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
         status_type(status_invalid_option, 'invalid_option', .true., &
             'an option has a value that cannot be', 'correct the option that the message names'), &

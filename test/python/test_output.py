@@ -688,6 +688,17 @@ class CommandLine(Case):
             self.assertNotIn("error", line)
         self.assertTrue(any(re.match(r"rk4 +4, 4 +explicit", line) for line in lines))
 
+    def test_statuses_are_those_of_the_documents(self):
+        shown = self.tandem("statuses").stdout
+        self.assertTrue((ROOT / "doc" / "statuses.md").read_text().endswith("\n\n" + shown))
+        rows = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in shown.splitlines()[2:]]
+        self.assertEqual([int(code) for _, code, _, _ in rows], list(range(0, -len(rows), -1)))
+        self.assertEqual(len({name for name, _, _, _ in rows}), len(rows))
+        header = (ROOT / "include" / "tandem.h").read_text()
+        for name, code, meaning, advice in rows:
+            self.assertIn(f"TANDEM_{name.upper()} = {code}", header)
+            self.assertTrue(meaning and advice)
+
     def test_words_that_do_not_exist(self):
         self.refused("runn", "rolling_disk", says=['no subcommand "runn"', 'Did you mean "run"?'])
         self.refused("run", "rolling_disk", "--quite", says=["no option --quite", "did you mean --quiet?"])
