@@ -25,7 +25,7 @@ module tandem_app_arguments
     type :: arguments_type
         !> The subcommand, empty where there is none; of `study`, two words.
         character(len=:), allocatable :: command
-        !> The scene, not allocated where there is none; where several are allowed, all of them are in `scenes`.
+        !> The scene, or the file of `resume`, not allocated where there is none; where several are allowed, all are in `scenes`.
         character(len=:), allocatable :: scene
         character(len=:), allocatable :: scenes(:)
         !> The settings `table.key=value`, blanks at their ends dropped.
@@ -87,7 +87,9 @@ contains
             end if
         end do
         if (allocated(error) .or. self%help) return
-        if (takes_scene .and. .not. allocated(self%scene)) then
+        if (self%command == 'resume' .and. .not. allocated(self%scene)) then
+            call set_usage_error(error, self%command, 'needs a FILE: the result of a run that was interrupted')
+        else if (takes_scene .and. .not. allocated(self%scene)) then
             call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
         end if
     end subroutine parse

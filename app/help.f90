@@ -10,7 +10,7 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=16), parameter :: commands(8) = [character(len=16) :: 'check', 'help', 'list', 'run', 'show', &
+    character(len=16), parameter :: commands(9) = [character(len=16) :: 'check', 'help', 'list', 'resume', 'run', 'show', &
         'statuses', 'study precision', 'study tables']
 
     character(len=112), parameter :: text(*) = [character(len=112) :: &
@@ -20,6 +20,7 @@ module tandem_app_help
         '  tandem list                  scenes and steppers, a line each', &
         '  tandem show SCENE [OPTIONS]  the complete scene as TOML, every default filled in', &
         '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
+        '  tandem resume FILE [OPTIONS] goes on with a run that was interrupted, in its result file', &
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
         '  tandem study tables          the tables and figures of the paper beside ours', &
@@ -32,10 +33,11 @@ module tandem_app_help
         'Options of run, show, check and study:', &
         '  --set table.key=value   override a key of the scene, as often as you like', &
         '  --output FILE           the result file, as --set output.file=FILE; a study: its folder (study)', &
-        'Options of run:', &
+        'resume takes --set for time.end and the limits solver.max_steps, max_evaluations, max_seconds, max_events only.', &
+        'Options of run and resume:', &
         '  --error                 estimate the error at the end by a second, more accurate run, however long it takes', &
         '  --no-error              never do that (default: where the run took at most 2 s)', &
-        'Options of run and study:', &
+        'Options of run, resume and study:', &
         '  --quiet                 no progress on stderr', &
         '  --force                 overwrite a file that exists; a study: start anew', &
         'Options of study precision:', &

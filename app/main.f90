@@ -7,6 +7,7 @@ program tandem_program
     use tandem_app_check, only: check
     use tandem_app_help, only: help, refuse_command
     use tandem_app_list, only: list
+    use tandem_app_resume, only: resume
     use tandem_app_run, only: run
     use tandem_app_show, only: show
     use tandem_app_statuses, only: statuses
@@ -34,6 +35,8 @@ program tandem_program
         call statuses(arguments, code)
     case ('run')
         call run(arguments, code)
+    case ('resume')
+        call resume(arguments, code)
     case ('study precision')
         call study_precision(arguments, code)
     case ('study tables')

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: error_type, simulation_type, statistics_type, status_output_failed, wp
+    use tandem, only: at_end, error_type, simulation_type, statistics_type, status_output_failed, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
@@ -14,7 +14,7 @@ module tandem_app_run
     implicit none (type, external)
     private
 
-    public :: run
+    public :: run, carry_out, set_up
 
 contains
 
@@ -27,7 +27,7 @@ contains
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory
         type(interruptible_error_type), target :: global_error
-        type(error_type), allocatable :: error, output_error, estimate_error
+        type(error_type), allocatable :: error
 
         call watch_signals()
         call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--quiet', &
@@ -36,20 +36,34 @@ contains
             call help(code)
             return
         end if
-        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, error)
+        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
             call complain(error%message)
             code = input_wrong
             return
         end if
 
-        call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
+        call carry_out(arguments, scene, simulation, trajectory, global_error, code)
+    end subroutine run
+
+    !> The run itself, or the rest of one, and what comes after it.
+    subroutine carry_out(arguments, scene, simulation, trajectory, global_error, code)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(trajectory_type), intent(inout), target :: trajectory
+        !> Watches what it costs nothing to watch.
+        type(interruptible_error_type), intent(inout), target :: global_error
+        !> Exit code.
+        integer, intent(out) :: code
+        type(error_type), allocatable :: error, output_error, estimate_error
+
         call integrate(arguments, scene, simulation, trajectory, global_error, error)
         ! The file is complete before the second run begins, which may be ended or killed.
         call trajectory%close(simulation, error, output_error)
         if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
-            call estimate(arguments, scene, global_error, estimate_error)
+            call estimate(scene, global_error, estimate_error)
             call trajectory%add_error(global_error, error)
         end if
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
@@ -60,7 +74,7 @@ contains
         code = run_failed
         if (is_interruption(error)) code = signalled + caught_signal()
         if (error%stat == status_output_failed) call save_last_state(scene, simulation)
-    end subroutine run
+    end subroutine carry_out
 
     !> Whether a signal has ended a run.
     pure logical function is_interruption(error)
@@ -71,19 +85,37 @@ contains
     end function is_interruption
 
     !> Everything up to the first step. The result file is made last, so that an error of the input leaves nothing behind.
-    subroutine prepare(arguments, scene, simulation, trajectory, error)
+    subroutine prepare(arguments, scene, simulation, trajectory, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout) :: trajectory
+        type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: path
-        integer :: i
 
         call find_scene(arguments%scene, path, error)
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error)
         if (allocated(error)) return
+        call set_up(scene, simulation, global_error, error)
+        if (allocated(error)) return
+        if (scene%output%file == path) then
+            allocate (error)
+            error%message = 'the result file '//path//' is the scene itself; choose another'
+            return
+        end if
+        call trajectory%open(scene%output, simulation, error, scene%text, command_line(), arguments%force, global_error)
+    end subroutine prepare
+
+    !> A simulation at the start of its scene, and what watches it.
+    subroutine set_up(scene, simulation, global_error, error)
+        type(scene_type), intent(inout), target :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(interruptible_error_type), intent(inout) :: global_error
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
         if (allocated(scene%assembly)) then
@@ -94,13 +126,8 @@ contains
         do i = 1, size(scene%events)
             call simulation%add_event(scene%events(i))
         end do
-        if (scene%output%file == path) then
-            allocate (error)
-            error%message = 'the result file '//path//' is the scene itself; choose another'
-            return
-        end if
-        call trajectory%open(scene%output, simulation, error, scene%text, command_line(), arguments%force)
-    end subroutine prepare
+        call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
+    end subroutine set_up
 
     !> The run, watched by the result file and by the progress.
     subroutine integrate(arguments, scene, simulation, trajectory, global_error, error)
@@ -115,12 +142,18 @@ contains
         type(interruption_type), target :: interruption
         type(observer_list_type) :: observers
 
-        call observers%add(trajectory)
         call observers%add(global_error)
         call observers%add(interruption)
-        progress = progress_type(t_start=scene%t_start, t_end=scene%t_end)
+        progress = progress_type(t_start=simulation%state%t, t_end=scene%t_end)
         if (.not. arguments%quiet) call observers%add(progress)
-        call simulation%integrate(scene%t_end, error, observers)
+        ! Last, because it saves what the others have seen.
+        call observers%add(trajectory)
+        if (simulation%is_stopped .or. simulation%state%t >= scene%t_end) then
+            ! The run was killed between its end and its report.
+            call observers%observe(simulation, at_end, error)
+        else
+            call simulation%integrate(scene%t_end, error, observers)
+        end if
     end subroutine integrate
 
     !> Whether to make a second run: on request, and for a short run without it.
@@ -136,16 +169,14 @@ contains
     end function wants_estimate
 
     !> The second run, with a model of its own, since a run may change its model.
-    subroutine estimate(arguments, scene, global_error, error)
-        type(arguments_type), intent(in) :: arguments
+    subroutine estimate(scene, global_error, error)
         type(scene_type), intent(in) :: scene
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: again
-        character(len=:), allocatable :: path
+        character(len=1) :: no_settings(0)
 
-        call find_scene(arguments%scene, path, error)
-        if (.not. allocated(error)) call read_scene(path, arguments%settings, again, error)
+        call read_scene('the scene', no_settings, again, error, scene%text)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
     end subroutine estimate
 

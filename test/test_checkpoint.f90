@@ -170,7 +170,7 @@ contains
         !> Whether to save after every step.
         logical, intent(in) :: everywhere
         type(error_type), allocatable, intent(inout) :: error
-        type(case_type), target :: plain, saved, again
+        type(case_type), target :: plain, saved, again, late
         type(failure_type), allocatable :: failure
         integer(long), allocatable :: expected(:), words(:), last(:)
         character(len=:), allocatable :: name
@@ -217,9 +217,40 @@ contains
         end do
         call saved%simulation%save_state(last, failure)
         call check_same(error, last, expected, name//', saved on the way')
+        call set_up(late, scene, options, failure)
+        if (.not. allocated(failure)) call late%simulation%restore_state(last, failure)
+        call check_no_failure(error, failure)
+        if (.not. allocated(error)) call check_public(late%simulation, saved%simulation, name, error)
         k = count([(abs(saved%simulation%state%q(i) - plain%simulation%state%q(i)) > 0.0_wp, i=1, plain%model%n)])
         call check_true(error, k == 0, name//': saving changes nothing')
     end subroutine try
+
+    !> What users see of a simulation that was restored, dense output of a step that another one has taken among it.
+    subroutine check_public(one, other, name, error)
+        type(simulation_type), intent(inout) :: one, other
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        real(wp) :: t, end_of_step
+        integer :: k
+
+        call check_true(error, all(abs(one%errors - other%errors) <= 0.0_wp) .and. abs(one%last_step - other%last_step) <= 0.0_wp, &
+            name//': equal errors and last step')
+        call check_true(error, (one%on_grid .eqv. other%on_grid) .and. one%grid_steps == other%grid_steps .and. &
+            (one%is_stopped .eqv. other%is_stopped) .and. one%n_redundant == other%n_redundant, name//': equal figures')
+        end_of_step = other%state%t
+        do k = 1, 3
+            t = end_of_step - 0.25_wp*k*other%last_step
+            call one%look_at(t, failure)
+            if (.not. allocated(failure)) call other%look_at(t, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_true(error, all(abs(one%state%q - other%state%q) <= 0.0_wp) .and. &
+                all(abs(one%state%qdd - other%state%qdd) <= 0.0_wp), name//': equal looks into the last step')
+        end do
+        call one%look_back()
+        call other%look_back()
+    end subroutine check_public
 
     !> Rows are equal, word by word.
     subroutine check_same(error, found, expected, what)

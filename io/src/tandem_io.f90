@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The public face of tandem-io: re-exports only.
 module tandem_io
+    use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_output_trajectory, only: energy_type, trajectory_type
@@ -19,6 +20,7 @@ module tandem_io
     private
 
     public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, nearest_name, to_toml
+    public :: snapshot_type, read_snapshot
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, brief
     public :: paper_type, paper_columns

@@ -6,7 +6,7 @@ module tandem_io_scene
     use tandem_io_scene_assembly, only: read_assembly
     use tandem_io_scene_events, only: read_events
     use tandem_io_scene_ledger, only: key_length
-    use tandem_io_scene_reader, only: positive, reader_type
+    use tandem_io_scene_reader, only: not_negative, positive, reader_type
     use tandem_io_scene_registry, only: build_model, model_names
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_text, only: listed, to_toml
@@ -49,16 +49,18 @@ module tandem_io_scene
 contains
 
     !> Read a scene. The message of an error shows the file, the line, and what may stand there.
-    subroutine read_scene(path, settings, scene, error)
-        !> Path of a TOML file.
+    subroutine read_scene(path, settings, scene, error, text)
+        !> Path of a TOML file, or how messages call the text.
         character(len=*), intent(in) :: path
         !> `table.key=value`, which override the file; later ones win.
         character(len=*), intent(in) :: settings(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
+        !> The scene itself, in the stead of a file.
+        character(len=*), intent(in), optional :: text
         type(reader_type) :: reader
 
-        call reader%open_sources(path, settings)
+        call reader%open_sources(path, settings, text)
         call reader%check_tables(tables, arrays)
         call read_names(reader, path, scene)
         if (.not. reader%failed()) call build_model(trim(scene%model_name), reader, scene%model, scene%q, scene%qd)
@@ -150,6 +152,8 @@ contains
         call reader%get('interval', scene%output%interval, unit='s', &
             help='between rows instead, by dense output; 0 for rows at steps')
         if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
+        call reader%get('flush', scene%output%flush, not_negative, 's', &
+            'of wall time at most until rows, and the state for tandem resume, are safe on the disk')
         call reader%get('fields', scene%output%fields, field_names, 'besides the time')
         problem = scene%output%problem(scene%model)
         if (problem /= '') call reader%refuse('fields', problem)

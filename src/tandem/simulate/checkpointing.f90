@@ -208,23 +208,20 @@ contains
         end do
     end subroutine pack_events
 
-    !> One event.
+    !> One event; the rest serves within a step.
     subroutine pack_watched(watched, pack)
         type(watched_type), intent(inout) :: watched
         type(pack_type), intent(inout) :: pack
 
         call watched%event%pack_state(pack)
         call pack%item(watched%value)
-        call pack%item(watched%largest)
         call pack%item(watched%sign_before)
         call pack%item(watched%is_open)
         call pack%item(watched%rests)
         call pack%item(watched%direction)
         call pack%item(watched%noise)
-        call pack%item(watched%is_due)
         call pack%item(watched%is_sent_back)
         call pack%item(watched%judged_until)
         call pack%item(watched%reach)
-        call pack%item(watched%value_before)
     end subroutine pack_watched
 end submodule tandem_simulate_checkpointing

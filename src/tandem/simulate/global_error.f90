@@ -8,6 +8,7 @@ module tandem_simulate_global_error
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: long, wp
     use tandem_model, only: model_type
+    use tandem_pack, only: pack_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
     use tandem_simulation, only: at_event, at_step, observer_type, simulation_type
@@ -55,6 +56,7 @@ module tandem_simulate_global_error
         procedure :: initialize
         procedure :: observe
         procedure :: estimate
+        procedure :: pack_state
         procedure, private :: take
         procedure, private :: evaluate
     end type global_error_type
@@ -213,6 +215,25 @@ contains
         ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p.
         ratio = factor**(real(method%order, wp)/real(method%estimate_order + 1, wp))
     end subroutine choose_second
+
+    !> What it has seen of the first run, so that it can go on to watch a run that is taken up. The end of the run may be another.
+    subroutine pack_state(self, pack)
+        class(global_error_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%t_start)
+        call pack%item(self%due)
+        call pack%item(self%t)
+        call pack%item(self%state)
+        call pack%item(self%n_seen)
+        call pack%item(self%is_changed)
+        call pack%item(self%is_stopped)
+        call pack%item(self%work)
+        if (.not. pack%is_reading) return
+        ! The last place is for the end.
+        self%n_seen = min(self%n_seen, n_times - 1)
+        self%n_taken = self%n_seen
+    end subroutine pack_state
 
     !> Norms of the differences.
     subroutine evaluate(self, model)

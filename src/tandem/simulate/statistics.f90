@@ -57,12 +57,11 @@ module tandem_simulate_statistics
 
 contains
 
-    !> All figures.
+    !> What a simulation keeps here; it takes the other figures from where they are made.
     subroutine pack_state(self, pack)
         class(statistics_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call self%counts_type%pack_state(pack)
         call pack%item(self%steps)
         call pack%item(self%rejected)
         call pack%item(self%failed)
@@ -73,12 +72,6 @@ contains
         call pack%item(self%position_error)
         call pack%item(self%velocity_error)
         call pack%item(self%acceleration_error)
-        call pack%item(self%local_error)
-        call pack%item(self%local_error_sum)
-        call pack%item(self%local_error_steps)
-        call pack%item(self%stiff_steps)
-        call pack%item(self%is_stiff)
-        call pack%item(self%stiff_from)
         call pack%item(self%start_moved_q)
         call pack%item(self%start_moved_qd)
         call pack%item(self%event_evaluations)

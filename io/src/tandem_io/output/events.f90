@@ -21,6 +21,8 @@ module tandem_io_output_events
         integer(long) :: rows = 0
     contains
         procedure :: open
+        procedure :: take_up
+        procedure :: cut
         procedure :: append
         procedure :: close
     end type event_output_type
@@ -60,6 +62,40 @@ contains
             call file%attach(place//'/qd', 'units', qd_units)
         end associate
     end subroutine open
+
+    !> Go on in a file that has the group.
+    subroutine take_up(self, file, simulation)
+        class(event_output_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        class(simulation_type), intent(in) :: simulation
+
+        self%is_open = allocated(simulation%events)
+        if (.not. self%is_open) return
+        call file%open_dataset(place//'/time', self%time)
+        call file%open_dataset(place//'/name', self%name)
+        call file%open_dataset(place//'/number', self%number)
+        call file%open_dataset(place//'/direction', self%direction)
+        call file%open_dataset(place//'/q', self%q)
+        call file%open_dataset(place//'/qd', self%qd)
+    end subroutine take_up
+
+    !> Cut off the rows behind the first ones. What is missing is written again by `append`.
+    subroutine cut(self, file, n, rows)
+        class(event_output_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        !> Number of coordinates, and rows.
+        integer, intent(in) :: n
+        integer(long), intent(in) :: rows
+
+        if (.not. self%is_open) return
+        call file%cut(self%time, place//'/time', 0, rows)
+        call file%cut(self%name, place//'/name', 0, rows)
+        call file%cut(self%number, place//'/number', 0, rows)
+        call file%cut(self%direction, place//'/direction', 0, rows)
+        call file%cut(self%q, place//'/q', n, rows)
+        call file%cut(self%qd, place//'/qd', n, rows)
+        self%rows = rows
+    end subroutine cut
 
     !> Write what has happened since the last call.
     subroutine append(self, file, simulation)

@@ -68,6 +68,8 @@ module tandem_io_output_fields
         integer :: every = 1
         !> Time between rows, which dense output gives between the steps; 0 means rows at steps, as `every` says.
         real(wp) :: interval = 0.0_wp
+        !> Seconds of wall time after which rows and the state of the run are brought to the disk; 0 means at every step.
+        real(wp) :: flush = 1.0_wp
         !> Names of the fields.
         character(len=field_length), allocatable :: fields(:)
     contains

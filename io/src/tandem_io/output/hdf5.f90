@@ -6,12 +6,11 @@
 !> HDF5 is one for the whole process. For every user of it there, this module turns the printing of its error stack off, and
 !> the closing of what is open when the program ends.
 module tandem_io_output_hdf5
-    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, h5dclose_f, &
-        h5dcreate_f, h5dget_space_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdonly_f, &
-        h5f_acc_rdwr_f, h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, &
-        h5fopen_f, h5gclose_f, h5gcreate_f, h5kind_to_type, h5oclose_f, h5oopen_f, h5open_f, &
-        h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, &
-        h5s_scalar_f, h5s_select_set_f, &
+    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, &
+        h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, &
+        h5f_acc_rdonly_f, h5f_acc_rdwr_f, h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, &
+        h5fopen_f, h5gclose_f, h5gcreate_f, h5kind_to_type, h5ldelete_f, h5oclose_f, h5oopen_f, h5open_f, &
+        h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5s_scalar_f, h5s_select_set_f, &
         h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_fortran_s1, &
         h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, &
@@ -34,6 +33,13 @@ module tandem_io_output_hdf5
         procedure :: create
         procedure :: start_appending
         procedure :: reopen
+        procedure :: open_to_append
+        procedure :: open_dataset
+        procedure :: rows_of
+        procedure :: cut
+        procedure :: remove
+        procedure :: add_words
+        procedure :: write_words
         procedure :: flush
         procedure :: close
         procedure :: add_group
@@ -49,6 +55,8 @@ module tandem_io_output_hdf5
         procedure, private :: put_integers, put_reals, put_strings
         procedure :: open_to_read
         procedure :: get
+        procedure :: get_words
+        procedure :: get_attribute
     end type hdf5_type
 
     interface
@@ -76,6 +84,87 @@ module tandem_io_output_hdf5
             integer(c_int), value :: dimension
             integer(c_int) :: stat
         end function h5ds_attach_scale
+    end interface
+
+    interface
+        !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
+        !> killed is freed of its mark before.
+        module subroutine open_to_append(self, path)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+        end subroutine open_to_append
+
+        !> Open a dataset that is there.
+        module subroutine open_dataset(self, path, dataset)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            integer(hid_t), intent(out) :: dataset
+        end subroutine open_dataset
+
+        !> How many rows a dataset has; 0 where that cannot be told.
+        module function rows_of(self, dataset) result(rows)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            integer(long) :: rows
+        end function rows_of
+
+        !> Make a series of whole numbers that are no rows of the result, empty, and leave it open.
+        module subroutine add_words(self, path, chunk, dataset)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> Numbers in a chunk.
+            integer, intent(in) :: chunk
+            integer(hid_t), intent(out) :: dataset
+        end subroutine add_words
+
+        !> Write over the beginning of such a series, which grows where it is too short.
+        module subroutine write_words(self, dataset, path, words)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            character(len=*), intent(in) :: path
+            integer(long), intent(in), contiguous, target :: words(:)
+        end subroutine write_words
+
+        !> Read such a series.
+        module subroutine get_words(self, path, words)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            integer(long), allocatable, target, intent(out) :: words(:)
+        end subroutine get_words
+
+        !> Read an attribute that is a whole number; 0 where there is none.
+        module subroutine get_attribute(self, path, name, value, is_there)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Path of the object, and the attribute's name.
+            character(len=*), intent(in) :: path, name
+            integer(long), target, intent(out) :: value
+            logical, intent(out) :: is_there
+        end subroutine get_attribute
+
+        !> Cut a dataset back to its first rows.
+        module subroutine cut(self, dataset, path, width, rows)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            character(len=*), intent(in) :: path
+            !> Numbers in a row, 0 for a series of single numbers.
+            integer, intent(in) :: width
+            integer(long), intent(in) :: rows
+        end subroutine cut
+
+        !> Remove a group with all that it holds.
+        module subroutine remove(self, path)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+        end subroutine remove
     end interface
 
 contains

@@ -3,13 +3,14 @@
 module tandem_io_output_target
     use hdf5, only: h5aexists_f, h5f_acc_rdonly_f, h5fclose_f, h5fis_hdf5_f, h5fopen_f, hid_t
     use tandem, only: error_type, set_error
-    use tandem_status, only: status_output_failed
-    use tandem_io_output_guard, only: is_taken
+    use tandem_status, only: status_invalid_checkpoint, status_output_failed
+    use tandem_io_output_guard, only: guard_type, is_taken
     use tandem_io_output_hdf5, only: start_library
+    use, intrinsic :: iso_c_binding, only: c_int64_t
     implicit none (type, external)
     private
 
-    public :: check_target, is_result, is_hdf5, remove_file
+    public :: check_source, check_target, is_result, is_hdf5, remove_file
 
 contains
 
@@ -74,6 +75,73 @@ contains
             call set_error(error, status_output_failed, path//' exists', 'choose another file, or overwrite it with --force')
         end if
     end subroutine check_existing
+
+    !> Refuse a file that is no result of tandem, and one that somebody is writing. A mark that a killed writer has left is removed.
+    subroutine check_source(path, error)
+        character(len=*), intent(in) :: path
+        type(error_type), allocatable, intent(out) :: error
+        type(guard_type) :: guard
+        logical :: exists
+
+        inquire (file=path, exist=exists)
+        if (.not. exists) then
+            call refuse('there is no such file')
+            return
+        end if
+        if (is_taken(path)) then
+            call refuse('it is in use: another run is writing it, or somebody reads it')
+            return
+        end if
+        if (is_marked(path)) then
+            call guard%take(path)
+            call guard%mend(0_c_int64_t)
+            call guard%release()
+        end if
+        if (.not. is_hdf5(path)) then
+            call refuse('it is no result of tandem, which is HDF5')
+        else if (.not. can_be_opened(path)) then
+            call refuse('it is damaged: HDF5 cannot open it')
+        else if (.not. is_result(path)) then
+            call refuse('it is no result of tandem')
+        end if
+
+    contains
+
+        subroutine refuse(reason)
+            character(len=*), intent(in) :: reason
+
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, 'give the result of a run')
+        end subroutine refuse
+    end subroutine check_source
+
+    !> Whether HDF5 has marked a file as one that is being written: its writer was killed at a bad moment, if nobody does.
+    logical function is_marked(path)
+        character(len=*), intent(in) :: path
+        !> Places, from 1, of the superblock's version and of the marks, and the version that has them (HDF5 File Format
+        !> Specification, III.A).
+        integer, parameter :: version_at = 9, marks_at = 12, version_with_marks = 3
+        character :: version, marks
+        integer :: unit, stat
+
+        is_marked = .false.
+        open (newunit=unit, file=path, status='old', action='read', access='stream', iostat=stat)
+        if (stat /= 0) return
+        read (unit, pos=version_at, iostat=stat) version
+        if (stat == 0) read (unit, pos=marks_at, iostat=stat) marks
+        if (stat == 0) is_marked = ichar(version) == version_with_marks .and. ichar(marks) /= 0
+        close (unit)
+    end function is_marked
+
+    !> Whether HDF5 can open a file.
+    logical function can_be_opened(path)
+        character(len=*), intent(in) :: path
+        integer(hid_t) :: file
+        integer :: stat
+
+        call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
+        can_be_opened = stat == 0
+        if (can_be_opened) call h5fclose_f(file, stat)
+    end function can_be_opened
 
     !> Whether a file is there and tandem has written it.
     logical function is_result(path)

@@ -6,7 +6,8 @@
 module tandem_io_output_trajectory
     use hdf5, only: hid_t
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, model_type, &
-        observer_type, set_error, simulation_type, status_output_failed, to_text, wp
+        observer_type, pack_type, set_error, simulation_type, status_output_failed, to_text, wp
+    use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_events, only: event_output_type
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_acceleration_error, field_chart, &
         field_kinetic_energy, field_lambda, field_length, field_names, field_position_error, field_potential_energy, &
@@ -15,7 +16,8 @@ module tandem_io_output_trajectory
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
-    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_option
+    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, &
+        status_invalid_option
     implicit none (type, external)
     private
 
@@ -23,8 +25,6 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows.
     integer, parameter :: largest_buffer = 2**17, most_rows = 512
-    !> Seconds between two flushes.
-    integer, parameter :: seconds_unflushed = 1
 
     !> A dataset and the rows that it does not have yet.
     type :: series_type
@@ -51,6 +51,15 @@ module tandem_io_output_trajectory
         !> Rows in the file.
         integer(long) :: rows = 0
         type(hdf5_type), private :: file
+        !> Where and what the run would go on from, and when that was written last; what watches the run besides.
+        type(checkpoint_type), private :: checkpoint
+        type(snapshot_type), private :: snapshot
+        type(pack_type), private :: pack
+        integer(long), private :: saved_at = 0
+        real(wp), private :: seconds_unflushed = 1.0_wp
+        class(global_error_type), pointer, private :: watcher => null()
+        !> Whether the next start is that of a run that goes on, whose first row is there.
+        logical, private :: goes_on = .false.
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
@@ -61,6 +70,7 @@ module tandem_io_output_trajectory
         character(len=:), allocatable, private :: path
     contains
         procedure :: open
+        procedure :: go_on
         procedure :: observe
         procedure :: close
         procedure :: add_error
@@ -70,13 +80,16 @@ module tandem_io_output_trajectory
         procedure, private :: write_rows
         procedure, private :: bring
         procedure, private :: watch
+        procedure, private :: save
+        procedure, private :: close_datasets
+        procedure, private :: prepare
         procedure, private :: fail
     end type trajectory_type
 
 contains
 
     !> Make the file for a simulation that is initialized. On an error nothing is left behind.
-    subroutine open(self, output, simulation, error, scene, command, force)
+    subroutine open(self, output, simulation, error, scene, command, force, watcher)
         class(trajectory_type), intent(inout) :: self
         !> What to write where.
         type(output_type), intent(in) :: output
@@ -86,8 +99,9 @@ contains
         character(len=*), intent(in), optional :: scene, command
         !> Whether a file may be lost that is no result of tandem.
         logical, intent(in), optional :: force
+        !> What watches the run too, for the checkpoint; it must outlive the run.
+        class(global_error_type), intent(inout), optional, target :: watcher
         logical :: is_new, force_
-        integer :: i, width
 
         force_ = .false.
         if (present(force)) force_ = force
@@ -98,15 +112,93 @@ contains
         call check_target(output%file, force_, is_new, error)
         if (allocated(error)) return
         self%path = output%file
-        self%every = output%every
-        self%interval = output%interval
         self%first_time = simulation%state%t
-        self%intervals = 0
+        self%snapshot = snapshot_type()
+        if (present(scene)) self%snapshot%scene = scene
+        nullify (self%watcher)
+        if (present(watcher)) self%watcher => watcher
         call self%file%create(self%path, grows=.true.)
         call attach_head(self%file, scene, command)
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
         call self%file%add_group('/report')
+        call self%checkpoint%make(self%file)
+        call self%prepare(output, simulation)
+        call open_events(self, simulation)
+        call self%file%start_appending(self%path)
+        call system_clock(self%flushed_at)
+        if (allocated(self%file%problem)) then
+            call self%fail(error)
+            call self%file%close()
+            if (is_new) call remove_file(self%path)
+        end if
+    end subroutine open
+
+    !> Go on in the file of a run that was interrupted, for a simulation that was restored from the same snapshot. Rows that came
+    !> after it are cut off.
+    subroutine go_on(self, output, simulation, snapshot, scene, error, watcher)
+        class(trajectory_type), intent(inout) :: self
+        !> As when the file was made, with its path as it is now.
+        type(output_type), intent(in) :: output
+        class(simulation_type), intent(in) :: simulation
+        type(snapshot_type), intent(in) :: snapshot
+        !> The complete scene, which may have another end.
+        character(len=*), intent(in) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        !> As for `open`; restored too.
+        class(global_error_type), intent(inout), target :: watcher
+        integer :: i
+
+        self%path = output%file
+        self%snapshot = snapshot
+        self%snapshot%scene = scene
+        self%snapshot%times_resumed = snapshot%times_resumed + 1
+        self%watcher => watcher
+        self%goes_on = .true.
+        call self%file%open_to_append(self%path)
+        call self%checkpoint%take_up(self%file, snapshot)
+        call self%prepare(output, simulation)
+        call self%events%take_up(self%file, simulation)
+        do i = 0, ubound(self%series, 1)
+            if (self%file%rows_of(self%series(i)%dataset) >= snapshot%rows .or. allocated(self%file%problem)) cycle
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//self%path//': rows of '//self%series(i)%path// &
+                ' are missing')
+            call self%close_datasets()
+            call self%file%close()
+            return
+        end do
+        if (snapshot%scene /= scene) call self%file%attach('/', 'scene', scene)
+        if (snapshot%has_report) call remove_report(self%file)
+        call self%file%start_appending(self%path)
+        do i = 0, ubound(self%series, 1)
+            call self%file%cut(self%series(i)%dataset, self%series(i)%path, self%series(i)%width, snapshot%rows)
+        end do
+        call self%events%cut(self%file, simulation%model%n, snapshot%events)
+        call self%file%flush()
+        call system_clock(self%saved_at)
+        self%flushed_at = self%saved_at
+        self%rows = snapshot%rows
+        self%first_time = snapshot%first_time
+        self%last_time = snapshot%last_time
+        self%intervals = snapshot%intervals
+        self%energy%at_start = snapshot%energy(1)
+        self%energy%deviation = snapshot%energy(2)
+        if (.not. allocated(self%file%problem)) return
+        call self%fail(error)
+        call self%file%close()
+    end subroutine go_on
+
+    !> What `open` and `go_on` have in common: the datasets of the rows and their buffers.
+    subroutine prepare(self, output, simulation)
+        class(trajectory_type), intent(inout) :: self
+        type(output_type), intent(in) :: output
+        class(simulation_type), intent(in) :: simulation
+        integer :: i, width
+
+        self%every = output%every
+        self%interval = output%interval
+        self%intervals = 0
+        self%seconds_unflushed = output%flush
         associate (model => simulation%model)
             width = 1
             do i = 1, size(output%fields)
@@ -119,17 +211,9 @@ contains
                 call self%add_series(i, index_of(output%fields(i)), model)
             end do
         end associate
-        call open_events(self, simulation)
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)
-        call self%file%start_appending(self%path)
-        call system_clock(self%flushed_at)
-        if (allocated(self%file%problem)) then
-            call self%fail(error)
-            call self%file%close()
-            if (is_new) call remove_file(self%path)
-        end if
-    end subroutine open
+    end subroutine prepare
 
     !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end. Before an event
     !> changes the motion, rows of the interval up to there.
@@ -144,8 +228,11 @@ contains
         if (allocated(self%file%problem)) return
         select case (occasion)
         case (at_start)
-            is_due = .true.
+            is_due = .not. self%goes_on
+            self%goes_on = .false.
         case (at_end)
+            ! A row that is there only because the run ends is none of a run that goes on.
+            call self%save(simulation)
             is_due = simulation%state%t > self%last_time
         case (at_event)
             is_due = .false.
@@ -162,6 +249,7 @@ contains
             if (allocated(error)) return
             if (self%gathered == self%capacity) call self%bring(simulation)
         end if
+        if (occasion == at_start) call self%save(simulation)
         if (occasion == at_step) call self%watch(simulation)
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine observe
@@ -174,30 +262,24 @@ contains
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
-        integer :: i
 
         call self%bring(simulation)
-        call self%events%close(self%file)
-        if (allocated(self%series)) then
-            do i = lbound(self%series, 1), ubound(self%series, 1)
-                call self%file%close_dataset(self%series(i)%dataset)
-            end do
-            deallocate (self%series)
-        end if
+        call self%close_datasets()
         call self%file%close()
         ! The rows are safe now. The outcome comes last, so that it is never said too early.
         call self%file%reopen(self%path)
         call write_report(self%file, simulation)
+        if (self%snapshot%times_resumed > 0) call self%file%attach('/', 'resumed', int(self%snapshot%times_resumed, long))
         call self%file%flush()
         if (allocated(run_error)) then
-            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
             call self%file%attach('/', 'status_message', run_error%message)
             call self%file%attach('/', 'status', trim(merge('interrupted', 'failed     ', run_error%stat == status_interrupted)))
+            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
         else
-            call self%file%attach('/report', 'status_code', 0_long)
             if (simulation%is_stopped) call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)// &
                 '" at t = '//to_text(simulation%state%t))
             call self%file%attach('/', 'status', 'complete')
+            call self%file%attach('/report', 'status_code', 0_long)
         end if
         call self%file%close()
         if (allocated(self%file%problem)) call self%fail(error)
@@ -216,6 +298,20 @@ contains
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
 
+    !> Close all datasets.
+    subroutine close_datasets(self)
+        class(trajectory_type), intent(inout) :: self
+        integer :: i
+
+        call self%events%close(self%file)
+        call self%checkpoint%close(self%file)
+        if (.not. allocated(self%series)) return
+        do i = lbound(self%series, 1), ubound(self%series, 1)
+            call self%file%close_dataset(self%series(i)%dataset)
+        end do
+        deallocate (self%series)
+    end subroutine close_datasets
+
     !> Make the group of events.
     subroutine open_events(self, simulation)
         class(trajectory_type), intent(inout) :: self
@@ -227,7 +323,7 @@ contains
         call self%events%open(self%file, simulation, names, q_units, qd_units)
     end subroutine open_events
 
-    !> Make a dataset and its buffer.
+    !> Make a dataset, or open it where the run goes on, and its buffer.
     subroutine add_series(self, place, field, model)
         class(trajectory_type), intent(inout) :: self
         !> Index of the series, and of the field: 0 for the time.
@@ -240,6 +336,8 @@ contains
             allocate (series%rows(max(1, width_of(field, model)), self%capacity))
             if (field == 0) then
                 series%path = '/trajectory/time'
+                if (self%goes_on) call self%file%open_dataset(series%path, series%dataset)
+                if (self%goes_on) return
                 call self%file%add_dataset(series%path, 0, self%capacity, .false., series%dataset)
                 call self%file%attach(series%path, 'unit', 's')
                 call self%file%attach(series%path, 'meaning', 'the time of each row')
@@ -247,6 +345,8 @@ contains
             end if
             series%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
             if (fields(field)%width /= one) series%width = width_of(field, model)
+            if (self%goes_on) call self%file%open_dataset(series%path, series%dataset)
+            if (self%goes_on) return
             call self%file%add_dataset(series%path, series%width, self%capacity, fields(field)%counts, series%dataset, &
                 self%series(0)%dataset)
             call self%file%attach(series%path, 'meaning', fields(field)%meaning)
@@ -367,12 +467,38 @@ contains
     !> Do that if it was not done for a second.
     subroutine watch(self, simulation)
         class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(in) :: simulation
+        class(simulation_type), intent(inout) :: simulation
         integer(long) :: now, rate
 
         call system_clock(now, rate)
-        if (now - self%flushed_at >= seconds_unflushed*rate) call self%bring(simulation)
+        if (real(now - self%saved_at, wp) >= self%seconds_unflushed*real(rate, wp)) call self%save(simulation)
     end subroutine watch
+
+    !> Bring the rows to the disk, and then the state that belongs to them.
+    subroutine save(self, simulation)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable :: error
+
+        call system_clock(self%saved_at)
+        call self%bring(simulation)
+        ! Between an event and its action there is no state to go on from; the last one serves.
+        call simulation%save_state(self%snapshot%simulation, error)
+        if (allocated(error)) return
+        self%snapshot%rows = self%rows
+        self%snapshot%events = self%events%rows
+        self%snapshot%intervals = self%intervals
+        self%snapshot%first_time = self%first_time
+        self%snapshot%last_time = self%last_time
+        self%snapshot%energy = [self%energy%at_start, self%energy%deviation]
+        if (associated(self%watcher)) then
+            call self%pack%begin_writing()
+            call self%watcher%pack_state(self%pack)
+            call self%pack%end_writing('watcher', self%snapshot%watcher)
+        end if
+        call self%checkpoint%write(self%file, self%snapshot)
+        call self%file%flush()
+    end subroutine save
 
     !> The file's problem as an error.
     subroutine fail(self, error)
@@ -397,6 +523,16 @@ contains
         if (present(command)) call file%attach('/', 'command', command)
         if (present(scene)) call file%attach('/', 'scene', scene)
     end subroutine attach_head
+
+    !> Take back the outcome of a run that goes on; the report will be made anew.
+    subroutine remove_report(file)
+        type(hdf5_type), intent(inout) :: file
+
+        call file%attach('/', 'status', 'running')
+        call file%attach('/', 'status_message', '')
+        call file%remove('/report')
+        call file%add_group('/report')
+    end subroutine remove_report
 
     !> Names and units of a field's columns.
     subroutine label_columns(model, field, names, units)

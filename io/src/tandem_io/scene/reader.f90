@@ -55,16 +55,22 @@ module tandem_io_scene_reader
 contains
 
     !> Take the scene file and the settings of the command line.
-    subroutine open_sources(self, path, settings)
+    subroutine open_sources(self, path, settings, text)
         class(reader_type), intent(inout) :: self
-        !> Path of the scene file.
+        !> Path of the scene file, or how messages call the text.
         character(len=*), intent(in) :: path
         !> `table.key=value`, blanks at the end dropped.
         character(len=*), intent(in) :: settings(:)
+        !> The scene itself, in the stead of a file.
+        character(len=*), intent(in), optional :: text
         integer :: i
 
         allocate (self%sources(0:size(settings)))
-        call self%sources(0)%load_file(path, self%error)
+        if (present(text)) then
+            call self%sources(0)%load_text(path, text, self%error)
+        else
+            call self%sources(0)%load_file(path, self%error)
+        end if
         do i = 1, size(settings)
             if (allocated(self%error)) return
             call self%sources(i)%load_argument(trim(settings(i)), self%error)

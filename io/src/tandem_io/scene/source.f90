@@ -27,6 +27,7 @@ module tandem_io_scene_source
         character(len=:), allocatable :: argument
     contains
         procedure :: load_file
+        procedure :: load_text
         procedure :: load_argument
         procedure :: describe
     end type source_type
@@ -45,6 +46,17 @@ contains
         if (allocated(error)) return
         call parse_text(text, path, self, error)
     end subroutine load_file
+
+    !> Parse a scene that is at hand.
+    subroutine load_text(self, name, text, error)
+        class(source_type), intent(inout) :: self
+        !> How messages call it, and the text.
+        character(len=*), intent(in) :: name, text
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_text(name, text, error)
+        if (.not. allocated(error)) call parse_text(text, name, self, error)
+    end subroutine load_text
 
     !> Take `table.key=value`. The value is TOML; a bare word that is no TOML stands for itself as text.
     subroutine load_argument(self, argument, error)

@@ -1,0 +1,122 @@
+! SPDX-License-Identifier: MIT
+!> tandem resume: goes on with a run that was interrupted, from the checkpoint in its result file, and in that file.
+module tandem_app_resume
+    use tandem, only: error_type, pack_type, set_error, simulation_type, to_text
+    use tandem_app_arguments, only: arguments_type
+    use tandem_app_help, only: help
+    use tandem_app_interruption, only: interruptible_error_type, watch_signals
+    use tandem_app_messages, only: complain, input_wrong
+    use tandem_app_run, only: carry_out, set_up
+    use tandem_io, only: read_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
+    use tandem_status, only: status_invalid_checkpoint, status_invalid_option
+    implicit none (type, external)
+    private
+
+    public :: resume
+
+    !> What may change: where the run ends.
+    character(len=*), parameter :: may_change(5) = [character(len=22) :: 'time.end', 'solver.max_steps', &
+        'solver.max_evaluations', 'solver.max_seconds', 'solver.max_events']
+
+contains
+
+    !> Go on with a run.
+    subroutine resume(arguments, code)
+        type(arguments_type), intent(inout) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(scene_type), target :: scene
+        type(simulation_type) :: simulation
+        type(trajectory_type), target :: trajectory
+        type(interruptible_error_type), target :: global_error
+        type(error_type), allocatable :: error
+
+        call watch_signals()
+        call arguments%parse([character(len=10) :: '--set', '--error', '--no-error', '--quiet', '--help'], .true., error)
+        if (.not. allocated(error) .and. arguments%help) then
+            call help(code)
+            return
+        end if
+        if (.not. allocated(error)) call check_settings(arguments%settings, error)
+        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+            return
+        end if
+        call carry_out(arguments, scene, simulation, trajectory, global_error, code)
+    end subroutine resume
+
+    !> Refuse settings that would make another run of it.
+    subroutine check_settings(settings, error)
+        character(len=*), intent(in) :: settings(:)
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, length
+
+        do i = 1, size(settings)
+            length = max(0, index(settings(i), '=') - 1)
+            if (any(settings(i) (:length) == may_change)) cycle
+            call set_error(error, status_invalid_option, 'resume cannot set '//settings(i) (:length)// &
+                ', which would make another run of it', 'set '//listed(may_change)//' only')
+            return
+        end do
+    end subroutine check_settings
+
+    !> Everything up to the first step: the scene and the state out of the file, which stays as it is on an error.
+    subroutine prepare(arguments, scene, simulation, trajectory, global_error, error)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(inout), target :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(trajectory_type), intent(inout) :: trajectory
+        type(interruptible_error_type), intent(inout), target :: global_error
+        type(error_type), allocatable, intent(out) :: error
+        type(snapshot_type) :: snapshot
+        type(pack_type) :: pack
+        character(len=64) :: problem
+
+        call read_snapshot(arguments%scene, snapshot, error)
+        if (.not. allocated(error)) call read_scene('the scene in '//arguments%scene, arguments%settings, scene, error, &
+            snapshot%scene)
+        if (.not. allocated(error)) call set_up(scene, simulation, global_error, error)
+        if (.not. allocated(error)) call simulation%restore_state(snapshot%simulation, error)
+        if (allocated(error)) return
+        call pack%begin_reading('watcher', snapshot%watcher, problem)
+        if (problem == '') call global_error%pack_state(pack)
+        if (problem /= '' .or. pack%has_failed) then
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//arguments%scene//': its checkpoint is damaged')
+            return
+        end if
+        if (snapshot%is_complete) call check_end(arguments%scene, scene, simulation, error)
+        if (allocated(error)) return
+        scene%output%file = arguments%scene
+        call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
+    end subroutine prepare
+
+    !> Refuse to go on with a run that is complete, unless it has got a later end.
+    subroutine check_end(path, scene, simulation, error)
+        character(len=*), intent(in) :: path
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+
+        if (simulation%is_stopped) then
+            call set_error(error, status_invalid_option, 'the run in '//path//' is complete: "'//trim(simulation%stopped_by)// &
+                '" has stopped it at t = '//to_text(simulation%state%t), 'there is nothing to go on with')
+        else if (simulation%state%t >= scene%t_end) then
+            call set_error(error, status_invalid_option, 'the run in '//path//' is complete: t = '// &
+                to_text(simulation%state%t), 'give it a later end by --set time.end=TIME')
+        end if
+    end subroutine check_end
+
+    !> Words joined by commas.
+    pure function listed(words) result(text)
+        character(len=*), intent(in) :: words(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = trim(words(1))
+        do i = 2, size(words)
+            text = text//', '//trim(words(i))
+        end do
+    end function listed
+end module tandem_app_resume

@@ -1,0 +1,202 @@
+! SPDX-License-Identifier: MIT
+!> The group /checkpoint of a result file: from where a run that was interrupted goes on.
+!>
+!> Two places are written in turn, each with a running number and a checksum, and only after the rows that they count are on the
+!> disk: whatever ends the program leaves at least one of them whole, and the rows of it.
+module tandem_io_output_checkpoint
+    use hdf5, only: hid_t
+    use tandem, only: error_type, long, pack_type, set_error, to_text, wp
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_target, only: check_source
+    use tandem_io_version, only: format_version, tandem_version
+    use tandem_status, only: status_invalid_checkpoint
+    implicit none (type, external)
+    private
+
+    public :: checkpoint_type, snapshot_type, read_snapshot
+
+    !> The places, and how many numbers a chunk of the file has.
+    character(len=*), parameter :: place = '/checkpoint', paths(2) = [character(len=19) :: place//'/first', place//'/second']
+    integer, parameter :: chunk = 4096
+    character(len=*), parameter :: kind_of_row = 'result'
+
+    !> What a run goes on from.
+    type :: snapshot_type
+        !> The complete scene as TOML.
+        character(len=:), allocatable :: scene
+        !> The state of the simulation, and of what watches it besides the file.
+        integer(long), allocatable :: simulation(:), watcher(:)
+        !> Rows and events in the file then, how many rows the interval had asked for, and the times of the first and the last row.
+        integer(long) :: rows = 0, events = 0, intervals = 0
+        real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
+        !> Energy at the start and its largest deviation.
+        real(wp) :: energy(2) = 0.0_wp
+        !> Whether the file has a report, and whether that says that the run has reached its end.
+        logical :: has_report = .false., is_complete = .false.
+        !> How often the run was taken up before.
+        integer :: times_resumed = 0
+        !> Running number.
+        integer(long), private :: number = 0
+    contains
+        procedure, private :: pack_state => pack_snapshot
+    end type snapshot_type
+
+    !> Where snapshots are written.
+    type :: checkpoint_type
+        private
+        integer(hid_t) :: datasets(2) = -1_hid_t
+        integer(long) :: number = 0
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:)
+    contains
+        procedure :: make
+        procedure :: take_up
+        procedure :: write => write_snapshot
+        procedure :: close
+    end type checkpoint_type
+
+contains
+
+    !> Make the group.
+    subroutine make(self, file)
+        class(checkpoint_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        integer :: i
+
+        call file%add_group(place)
+        call file%attach(place, 'meaning', 'what "tandem resume" goes on from; only the same version of tandem can read it')
+        do i = 1, size(paths)
+            call file%add_words(trim(paths(i)), chunk, self%datasets(i))
+        end do
+        self%number = 0
+    end subroutine make
+
+    !> Go on in a file that has the group.
+    subroutine take_up(self, file, snapshot)
+        class(checkpoint_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        !> What was read from it.
+        type(snapshot_type), intent(in) :: snapshot
+        integer :: i
+
+        do i = 1, size(paths)
+            call file%open_dataset(trim(paths(i)), self%datasets(i))
+        end do
+        ! It stays until the next one is there.
+        self%number = snapshot%number
+    end subroutine take_up
+
+    !> Write a snapshot in the place of the older one; the rows that it counts must be on the disk.
+    subroutine write_snapshot(self, file, snapshot)
+        class(checkpoint_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        type(snapshot_type), intent(inout) :: snapshot
+        character(len=96) :: problem
+
+        self%number = self%number + 1
+        snapshot%number = self%number
+        call self%pack%begin_writing()
+        call snapshot%pack_state(self%pack, problem)
+        call self%pack%end_writing(kind_of_row, self%words)
+        associate (i => 1 + mod(self%number, size(paths, kind=long)))
+            call file%write_words(self%datasets(i), trim(paths(i)), self%words)
+        end associate
+    end subroutine write_snapshot
+
+    !> Close the datasets.
+    subroutine close(self, file)
+        class(checkpoint_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        integer :: i
+
+        do i = 1, size(paths)
+            call file%close_dataset(self%datasets(i))
+        end do
+    end subroutine close
+
+    !> Read the last whole snapshot of a result file, or say why there is none.
+    subroutine read_snapshot(path, snapshot, error)
+        character(len=*), intent(in) :: path
+        type(snapshot_type), intent(out) :: snapshot
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+        type(snapshot_type) :: candidate
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:)
+        integer(long) :: format, outcome
+        logical :: is_there
+        character(len=96) :: problem, first_problem
+        character(len=64) :: reason
+        integer :: i
+
+        call check_source(path, error)
+        if (allocated(error)) return
+        call file%open_to_read(path)
+        call file%get_attribute('/', 'format_version', format, is_there)
+        if (is_there .and. format > format_version) then
+            call refuse('a newer version of tandem wrote it')
+            call file%close()
+            return
+        end if
+        first_problem = ''
+        do i = 1, size(paths)
+            if (allocated(file%problem)) exit
+            call file%get_words(trim(paths(i)), words)
+            if (allocated(file%problem)) exit
+            call pack%begin_reading(kind_of_row, words, reason)
+            problem = ''
+            if (reason /= '') problem = 'its checkpoint cannot be read: '//reason
+            if (problem == '') call candidate%pack_state(pack, problem)
+            ! A place that was never written says least.
+            if (size(words) > 0 .or. first_problem == '') first_problem = problem
+            if (problem == '' .and. candidate%number > snapshot%number) snapshot = candidate
+        end do
+        call file%get_attribute('/report', 'status_code', outcome, is_there)
+        call file%close()
+        snapshot%has_report = is_there
+        snapshot%is_complete = is_there .and. outcome == 0
+        if (snapshot%number > 0) return
+        if (allocated(file%problem)) first_problem = 'it has no checkpoint, or is damaged'
+        call refuse(trim(first_problem))
+
+    contains
+
+        subroutine refuse(reason)
+            character(len=*), intent(in) :: reason
+
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason)
+        end subroutine refuse
+    end subroutine read_snapshot
+
+    !> All that goes into the file. What comes after the version, only that version understands.
+    subroutine pack_snapshot(self, pack, problem)
+        class(snapshot_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        !> Why it cannot be read; blank where it can.
+        character(len=*), intent(out) :: problem
+        character(len=:), allocatable :: version
+
+        problem = ''
+        version = tandem_version
+        call pack%text(version)
+        if (.not. allocated(version)) version = 'unknown'
+        if (version /= tandem_version) then
+            problem = 'tandem '//version//' wrote it, and this is '//tandem_version
+            return
+        end if
+        call pack%item(self%number)
+        call pack%text(self%scene)
+        call pack%item(self%simulation)
+        call pack%item(self%watcher)
+        call pack%item(self%rows)
+        call pack%item(self%events)
+        call pack%item(self%intervals)
+        call pack%item(self%first_time)
+        call pack%item(self%last_time)
+        call pack%fixed(self%energy)
+        call pack%item(self%times_resumed)
+        if (.not. pack%is_reading) return
+        call pack%end_reading()
+        if (pack%has_failed) problem = 'its checkpoint does not hold what it should'
+    end subroutine pack_snapshot
+end module tandem_io_output_checkpoint

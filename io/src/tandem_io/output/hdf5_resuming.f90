@@ -1,0 +1,182 @@
+! SPDX-License-Identifier: MIT
+!> What HDF5 has to do where a run goes on in its file: open what is there, cut rows off, and keep whole numbers that are no rows.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
+    implicit none (type, external)
+
+contains
+
+    !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
+    !> killed is freed of its mark before.
+    module subroutine open_to_append(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t) :: access
+        integer(c_int64_t) :: size
+        integer :: stat
+
+        call start_library(stat)
+        call self%note(stat, 'start HDF5')
+        if (allocated(self%problem)) return
+        ! What a killed writer has put behind the end that the superblock states may be known to an index: nothing may go there.
+        inquire (file=path, size=size)
+        call self%guard%take(path)
+        call self%guard%mend(size)
+        call make_access(access, .true.)
+        call forget_reason()
+        call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
+        call self%note(stat, 'open '//path)
+        if (stat /= 0) self%file = -1_hid_t
+        call self%guard%mend(0_c_int64_t)
+        call h5pclose_f(access, stat)
+    end subroutine open_to_append
+
+    !> Open a dataset that is there.
+    module subroutine open_dataset(self, path, dataset)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t), intent(out) :: dataset
+        integer :: stat
+
+        dataset = -1_hid_t
+        if (allocated(self%problem)) return
+        call h5dopen_f(self%file, path, dataset, stat)
+        call self%note(stat, 'find '//path)
+        if (stat /= 0) dataset = -1_hid_t
+    end subroutine open_dataset
+
+    !> How many rows a dataset has; 0 where that cannot be told.
+    module function rows_of(self, dataset) result(rows)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        integer(long) :: rows
+        integer(hsize_t) :: sizes(2), largest(2)
+        integer(hid_t) :: space
+        integer :: rank, stat
+
+        rows = 0
+        if (allocated(self%problem)) return
+        call h5dget_space_f(dataset, space, stat)
+        call h5sget_simple_extent_ndims_f(space, rank, stat)
+        if (rank == 1 .or. rank == 2) then
+            call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
+            rows = int(sizes(2), long)
+        end if
+        call h5sclose_f(space, stat)
+    end function rows_of
+
+    !> Make a series of whole numbers that are no rows of the result, empty, and leave it open.
+    module subroutine add_words(self, path, chunk, dataset)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> Numbers in a chunk.
+        integer, intent(in) :: chunk
+        integer(hid_t), intent(out) :: dataset
+        integer(hid_t) :: space, properties
+        integer :: stat
+
+        dataset = -1_hid_t
+        if (allocated(self%problem)) return
+        call h5screate_simple_f(1, [0_hsize_t], space, stat, [h5s_unlimited_f])
+        call h5pcreate_f(h5p_dataset_create_f, properties, stat)
+        call h5pset_chunk_f(properties, 1, [int(chunk, hsize_t)], stat)
+        call h5dcreate_f(self%file, path, h5t_std_i64le, space, dataset, stat, properties)
+        call self%note(stat, 'make '//path)
+        call h5pclose_f(properties, stat)
+        call h5sclose_f(space, stat)
+    end subroutine add_words
+
+    !> Write over the beginning of such a series, which grows where it is too short.
+    module subroutine write_words(self, dataset, path, words)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path
+        integer(long), intent(in), contiguous, target :: words(:)
+        integer(hid_t) :: file_space, memory_space
+        integer(long) :: length
+        integer :: stat
+
+        length = max(self%rows_of(dataset), size(words, kind=long))
+        if (allocated(self%problem)) return
+        call forget_reason()
+        call h5dset_extent_f(dataset, [int(length, hsize_t)], stat)
+        call self%note(stat, 'extend '//path)
+        call h5dget_space_f(dataset, file_space, stat)
+        associate (block => [size(words, kind=hsize_t)])
+            call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [0_hsize_t], block, stat)
+            call h5screate_simple_f(1, block, memory_space, stat)
+        end associate
+        call h5dwrite_f(dataset, h5kind_to_type(long, h5_integer_kind), c_loc(words), stat, memory_space, file_space)
+        call self%note(stat, 'write '//path)
+        call h5sclose_f(memory_space, stat)
+        call h5sclose_f(file_space, stat)
+    end subroutine write_words
+
+    !> Read such a series.
+    module subroutine get_words(self, path, words)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(long), allocatable, target, intent(out) :: words(:)
+        integer(hid_t) :: dataset
+        type(c_ptr) :: start
+        integer :: stat
+
+        call self%open_dataset(path, dataset)
+        allocate (words(self%rows_of(dataset)))
+        if (allocated(self%problem)) return
+        start = c_loc(words)
+        stat = 0
+        if (size(words) > 0) call h5dread_f(dataset, h5kind_to_type(long, h5_integer_kind), start, stat)
+        call self%note(stat, 'read '//path)
+        call h5dclose_f(dataset, stat)
+    end subroutine get_words
+
+    !> Read an attribute that is a whole number; 0 where there is none.
+    module subroutine get_attribute(self, path, name, value, is_there)
+        class(hdf5_type), intent(inout) :: self
+        !> Path of the object, and the attribute's name.
+        character(len=*), intent(in) :: path, name
+        integer(long), target, intent(out) :: value
+        logical, intent(out) :: is_there
+        integer(hid_t) :: attribute
+        type(c_ptr) :: start
+        integer :: stat
+
+        value = 0
+        is_there = .false.
+        if (allocated(self%problem)) return
+        start = c_loc(value)
+        call h5aopen_by_name_f(self%file, path, name, attribute, stat)
+        if (stat /= 0) return
+        call h5aread_f(attribute, h5kind_to_type(long, h5_integer_kind), start, stat)
+        is_there = stat == 0
+        call h5aclose_f(attribute, stat)
+    end subroutine get_attribute
+
+    !> Cut a dataset back to its first rows.
+    module subroutine cut(self, dataset, path, width, rows)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path
+        !> Numbers in a row, 0 for a series of single numbers.
+        integer, intent(in) :: width
+        integer(long), intent(in) :: rows
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        associate (sizes => [int(width, hsize_t), int(rows, hsize_t)], first => merge(2, 1, width == 0))
+            call h5dset_extent_f(dataset, sizes(first:), stat)
+        end associate
+        call self%note(stat, 'cut '//path)
+    end subroutine cut
+
+    !> Remove a group with all that it holds.
+    module subroutine remove(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5ldelete_f(self%file, path, stat)
+        call self%note(stat, 'remove '//path)
+    end subroutine remove
+end submodule tandem_io_output_hdf5_resuming

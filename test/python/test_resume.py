@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: MIT
+"""`tandem resume`: runs that are killed at random moments and taken up end bitwise as runs that are not; other files are refused.
+
+Runs build/tandem, or what the environment variable TANDEM names. TANDEM_KILLS is how often each run is killed (default 3), and
+TANDEM_SEED chooses the moments. What issue 8 asks for is TANDEM_KILLS=20 python3 test/python/test_resume.py Killed
+"""
+
+import os
+import random
+import signal
+import subprocess
+import time
+import unittest
+
+import h5py
+import numpy as np
+from test_output import TANDEM, Case, run
+
+KILLS = int(os.environ.get("TANDEM_KILLS", "3"))
+SEED = int(os.environ.get("TANDEM_SEED", "1"))
+
+# Of each scene: the end of a run of about 20 000 explicit steps, and the step.
+SCENES = {
+    "rolling_disk": (10.0, 5e-4),
+    "articulated_vehicle": (6.0, 3e-4),
+    "motorcycle": (8.0, 5e-4),
+    "motorcycle_chopper": (8.0, 5e-4),
+}
+# Implicit steps cost more, and a controlled step of high order gets further.
+STEPPERS = {"rk4": 1.0, "dopri5": 1.0, "dop853": 2.0, "trapezoid": 3.0, "sdirk54": 12.0}
+POLICIES = [
+    "solver.chart=every_step",
+    "solver.chart=adaptive",
+    "solver.chart=paper solver.v_limit=0.05 solver.w_limit=0.2",
+    "solver.chart=paper solver.condition_limit=1e6 solver.iteration_limit=3",
+]
+VARIANTS = [
+    "solver.refresh=factor",
+    "solver.refresh=refine",
+    "solver.basis=svd",
+    "output.interval=0.0137",
+    'output.fields=["q","qd","lambda","kinetic_energy","step","chart"]',
+]
+# What depends on the clock, and what says that a run was taken up.
+CLOCK = {"wall_seconds", "cpu_seconds", "global_error_seconds"}
+HISTORY = {"created", "command", "resumed", "scene", "status_message"}
+
+
+def settings(words):
+    return [part for word in words for part in ("--set", word)]
+
+
+def contents(path):
+    """Every dataset of a result, bit by bit, and every attribute that the clock does not make."""
+    found = {}
+    with h5py.File(path) as file:
+
+        def take(name, item):
+            found.update({f"{name}@{key}": np.asarray(value).tolist() for key, value in item.attrs.items()
+                          if key not in CLOCK | HISTORY | {"DIMENSION_LIST", "REFERENCE_LIST"}})
+            if isinstance(item, h5py.Dataset):
+                values = item[()]
+                found[name] = values.shape, values.tobytes() if values.dtype.kind != "O" else values.tolist()
+
+        take("/", file)
+        for name in ("trajectory", "diagnostics", "events", "report"):
+            if name in file:
+                take(name, file[name])
+                file[name].visititems(lambda part, item, name=name: take(f"{name}/{part}", item))
+    return found
+
+
+def has_checkpoint(path):
+    """Whether the run that was to write the file came as far as its first row."""
+    try:
+        with h5py.File(path) as file:
+            return any(len(place) for place in file["checkpoint"].values())
+    except (OSError, KeyError):
+        return False
+
+
+class Resume(Case):
+    """A run that is ended by signals again and again, each time a little later."""
+
+    def assert_same(self, one, other):
+        first, second = contents(self.folder / one), contents(self.folder / other)
+        self.assertEqual(first.keys(), second.keys())
+        for name in first:
+            if first[name] != second[name]:
+                self.fail(f"{name} is not the same: {str(first[name])[:200]}, {str(second[name])[:200]}")
+
+    def interrupt(self, number, shortest, longest, *arguments):
+        """Run until a random moment; whether the run was done before it."""
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        process = subprocess.Popen([TANDEM, *arguments, "--quiet", "--no-error"], cwd=self.folder, env=environment,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        try:
+            process.wait(self.random.uniform(shortest, longest))
+        except subprocess.TimeoutExpired:
+            process.send_signal(number)
+        message = process.communicate()[1]
+        # It was killed when all was done, but before another HDF5 could see that.
+        if process.returncode == 2 and "is complete" in message:
+            return True
+        if number == signal.SIGKILL:
+            self.assertIn(process.returncode, (0, -number), message)
+        else:
+            # It may come before the program catches it.
+            self.assertIn(process.returncode, (0, 128 + number, -number), message)
+        return process.returncode == 0
+
+    def chain(self, scene, words, number, kills=KILLS):
+        """The run, and the same run ended so many times; their results."""
+        for path in self.folder.glob("*.h5"):
+            path.unlink()
+        start = time.monotonic()
+        self.tandem("run", scene, *settings(words), "--no-error", "--output", "whole.h5", "--quiet")
+        seconds = time.monotonic() - start
+        # The first ones come early; where nothing is there yet to go on from, the run is begun anew.
+        ended, done = 0, False
+        while ended < kills and not done:
+            if ended == 0:
+                done = self.interrupt(number, 0.2*seconds/(kills + 1), 2*seconds/(kills + 1), "run", scene, *settings(words),
+                                      "--output", "parts.h5", "--force")
+                if not done and not has_checkpoint(self.folder / "parts.h5"):
+                    continue
+            else:
+                done = self.interrupt(number, 0.0, 2.5*seconds/(kills + 1), "resume", "parts.h5")
+            ended += 1
+        if not done:
+            last = run("resume", "parts.h5", "--quiet", "--no-error", cwd=self.folder)
+            self.assertTrue(last.returncode == 0 or "is complete" in last.stderr, last.stderr)
+        self.assert_same("whole.h5", "parts.h5")
+        return ended - done
+
+
+class Killed(Resume):
+    def test_all_scenes_and_steppers(self):
+        total = 0
+        for scene, (end, step) in SCENES.items():
+            for stepper, larger in STEPPERS.items():
+                self.random = random.Random(f"{SEED} {scene} {stepper}")
+                words = [f"time.end={end}", f"solver.stepper={stepper}", f"solver.step={step*larger}", "output.every=7",
+                         f"output.flush={self.random.choice([0.0, 0.003, 0.05])}",
+                         *self.random.choice(POLICIES).split(), self.random.choice(VARIANTS)]
+                if stepper != "rk4" and self.random.random() < 0.5:
+                    words.append("solver.rtol=1e-9" if larger < 3 else "solver.rtol=1e-6")
+                with self.subTest(" ".join(["run", scene, *settings(words)])):
+                    total += self.chain(scene, words, signal.SIGKILL)
+        self.assertGreater(total, 0)
+
+    def test_a_tiny_run(self):
+        """Runs of some milliseconds, so that many are killed while the file is made, taken up, or closed."""
+        self.random = random.Random(SEED)
+        words = ["time.end=0.05", "output.every=3", "output.flush=0"]
+        for _ in range(KILLS):
+            self.chain("rolling_disk", words, signal.SIGKILL, 3)
+
+
+class Signalled(Resume):
+    def test_signals(self):
+        self.random = random.Random(SEED)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            for stepper in ("dop853", "sdirk54"):
+                with self.subTest(f"{number.name} {stepper}"):
+                    # Rows at every seventh step: the row of the last state before a signal is none of the whole run.
+                    words = ["time.end=4", f"solver.stepper={stepper}", "solver.rtol=1e-10", "output.every=7"]
+                    self.chain("motorcycle", words, number)
+
+    def test_what_is_left_says_so(self):
+        self.random = random.Random(SEED)
+        words = ["time.end=1000", "output.flush=0.01"]
+        self.interrupt(signal.SIGTERM, 1.0, 1.5, "run", "rolling_disk", *settings(words), "--output", "parts.h5")
+        with h5py.File(self.folder / "parts.h5") as file:
+            self.assertEqual(file.attrs["status"], "interrupted")
+            times = file["trajectory/time"][:]
+        self.assertGreater(len(times), 10)
+        # A shorter end than planned is one too; the file may have moved.
+        (self.folder / "parts.h5").rename(self.folder / "moved.h5")
+        end = float(np.ceil(times[-1])) + 0.5
+        done = self.tandem("resume", "moved.h5", "--set", f"time.end={end}", "--quiet", "--no-error")
+        self.assertIn(f"0.0 to {end} s", done.stdout)
+        with h5py.File(self.folder / "moved.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+            self.assertEqual(file.attrs["resumed"], 1)
+            self.assertIn(f"end = {end}", file.attrs["scene"])
+            self.assertTrue(np.all(np.diff(file["trajectory/time"][:]) > 0))
+        self.tandem("run", "rolling_disk", "--set", f"time.end={end}", "--quiet", "--output", "whole.h5", "--no-error")
+        self.assert_same("whole.h5", "moved.h5")
+
+
+class Complete(Resume):
+    def test_a_later_end(self):
+        # The end lies on the grid, and 100 rows are due in either case.
+        self.tandem("run", "articulated_vehicle", "--set", "time.end=1", "--output", "one.h5", "--error")
+        before = (self.folder / "one.h5").read_bytes()
+        done = self.tandem("resume", "one.h5", code=2)
+        self.assertIn("is complete: t = 1.0", done.stderr)
+        self.assertIn("--set time.end=", done.stderr)
+        self.assertEqual(before, (self.folder / "one.h5").read_bytes())
+        self.tandem("resume", "one.h5", "--set", "time.end=2", "--error")
+        self.tandem("resume", "one.h5", "--set", "time.end=3", "--error")
+        self.tandem("run", "articulated_vehicle", "--set", "time.end=3", "--output", "whole.h5", "--error")
+        one, whole = contents(self.folder / "one.h5"), contents(self.folder / "whole.h5")
+        # The ends of the parts are compared too.
+        differing = {name for name in whole if one[name] != whole[name]}
+        self.assertLessEqual(differing, {"report@global_error_time", "report@global_error_largest"})
+        self.assertEqual(one.keys(), whole.keys())
+
+    def test_limits(self):
+        self.tandem("run", "rolling_disk", "--set", "solver.max_steps=200", "--set", "time.end=1", "--output", "one.h5", code=1)
+        done = self.tandem("resume", "one.h5", code=1)
+        self.assertIn("step_limit", done.stderr)
+        self.tandem("resume", "one.h5", "--set", "solver.max_steps=100000", "--no-error")
+        self.tandem("run", "rolling_disk", "--set", "time.end=1", "--output", "whole.h5", "--no-error")
+        self.assert_same("whole.h5", "one.h5")
+
+    def test_events(self):
+        events = """
+[[event]]
+name = "dips"
+watch = "rz"
+value = 0.999
+[[event]]
+name = "pressed"
+watch = "lambda:contact height"
+value = 97.0
+"""
+        self.random = random.Random(SEED)
+        path = self.disk(solver='stepper = "dop853"\nrtol = 1e-9\n', time="end = 30.0", output="flush = 0\n" + events)
+        self.chain(path, [], signal.SIGKILL, 2*KILLS)
+        with h5py.File(self.folder / "whole.h5") as file:
+            self.assertGreater(len(file["events/time"]), 5)
+        path = self.disk(time="end = 30.0", output=events.replace('0.999', '0.999\naction = "stop"'))
+        self.tandem("run", path, "--output", "stopped.h5")
+        done = self.tandem("resume", "stopped.h5", "--set", "time.end=40", code=2)
+        self.assertIn('"dips" has stopped it', done.stderr)
+
+    def test_an_assembled_start(self):
+        self.random = random.Random(SEED)
+        words = ["initial.assemble=true", "time.end=2", "output.flush=0", "initial.q=[6.0, 0.1, 0, 0, 0, 0]",
+                 "initial.qd=[15.0, 0, 0, 15.0, 0, 0]"]
+        self.chain("articulated_vehicle", words, signal.SIGKILL, 2)
+
+
+class Refused(Resume):
+    def check(self, says, *arguments):
+        """Refused with a reason, and no bit of the file is changed."""
+        before = (self.folder / "run.h5").read_bytes() if (self.folder / "run.h5").exists() else None
+        done = self.tandem("resume", *(arguments or ["run.h5"]), code=2)
+        self.assertIn(says, done.stderr)
+        self.assertEqual(done.stdout, "")
+        if before is not None:
+            self.assertEqual(before, (self.folder / "run.h5").read_bytes())
+
+    def test_files_that_cannot_be_taken_up(self):
+        done = self.tandem("resume", code=2)
+        self.assertIn("needs a FILE", done.stderr)
+        self.check("there is no such file", "none.h5")
+        (self.folder / "run.h5").write_text("[scene]")
+        self.check("it is no result of tandem, which is HDF5")
+        with h5py.File(self.folder / "run.h5", "w") as file:
+            file["x"] = 1
+        self.check("it is no result of tandem")
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.2", "--set", "solver.max_steps=150", "--output", "run.h5", "--force",
+                    code=1)
+        whole = (self.folder / "run.h5").read_bytes()
+        for setting in ("solver.step=1e-4", "model.mass=2", "time.start=1", "output.every=1"):
+            self.check("resume cannot set " + setting.split("=")[0], "run.h5", "--set", setting)
+        self.check("time.end", "run.h5", "--set", "time.end=-1")
+        for length in (0, 40, 100, 1000, len(whole)//2, len(whole) - 1):
+            (self.folder / "run.h5").write_bytes(whole[:length])
+            self.check("cannot go on from run.h5")
+
+        def change(action):
+            (self.folder / "run.h5").write_bytes(whole)
+            with h5py.File(self.folder / "run.h5", "r+") as file:
+                action(file)
+
+        change(lambda file: file.attrs.__setitem__("format_version", 2))
+        self.check("a newer version of tandem wrote it")
+        change(lambda file: file.__delitem__("checkpoint"))
+        self.check("it has no checkpoint")
+        change(lambda file: [file[f"trajectory/{name}"].resize(3, axis=0) for name in ("time", "q")])
+        self.check("rows of /trajectory/time are missing")
+
+        def write(index, value):
+            def action(file):
+                for place in file["checkpoint"].values():
+                    if len(place):
+                        place[index] = value
+            return action
+
+        change(write(2, 1000))
+        self.check("a newer version of tandem made it")
+        change(write(0, 0))
+        self.check("it is something else")
+        change(write(7, 12345))
+        self.check("its checksum is wrong")
+        change(lambda file: [place.resize(20, axis=0) for place in file["checkpoint"].values() if len(place)])
+        self.check("it is cut off")
+        change(lambda file: [place.resize(0, axis=0) for place in file["checkpoint"].values()])
+        self.check("it is empty or cut off")
+
+    def test_one_damaged_place_is_no_harm(self):
+        words = ["time.end=0.2", "output.flush=0"]
+        self.tandem("run", "rolling_disk", *settings(words), "--output", "whole.h5", "--no-error")
+        for number in (0, 1):
+            self.tandem("run", "rolling_disk", *settings(words), "--set", "solver.max_steps=150", "--output", "run.h5", "--force",
+                        code=1)
+            with h5py.File(self.folder / "run.h5", "r+") as file:
+                list(file["checkpoint"].values())[number][100] += 1
+            self.tandem("resume", "run.h5", "--set", "solver.max_steps=100000", "--no-error")
+            self.assert_same("whole.h5", "run.h5")
+
+    def test_a_file_in_use(self):
+        process = subprocess.Popen([TANDEM, "run", "rolling_disk", "--set", "time.end=100000", "--quiet", "--output", "run.h5"],
+                                   cwd=self.folder)
+        try:
+            deadline = time.monotonic() + 20
+            while not has_checkpoint(self.folder / "run.h5") and time.monotonic() < deadline:
+                time.sleep(0.05)
+            done = self.tandem("resume", "run.h5", code=2)
+            self.assertIn("in use", done.stderr)
+        finally:
+            process.kill()
+            process.wait()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
