@@ -58,7 +58,7 @@ contains
     end function read_arguments
 
     !> Read what follows the subcommand.
-    subroutine parse(self, allowed, takes_scene, error, many)
+    subroutine parse(self, allowed, takes_scene, error, many, least)
         class(arguments_type), intent(inout) :: self
         !> The options that the subcommand has.
         character(len=*), intent(in) :: allowed(:)
@@ -67,6 +67,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> Whether it takes several scenes.
         logical, intent(in), optional :: many
+        !> The fewest that it takes; 1 where it is not given.
+        integer, intent(in), optional :: least
         character(len=:), allocatable :: word
         logical :: takes_many
         integer :: i
@@ -87,6 +89,9 @@ contains
             end if
         end do
         if (allocated(error) .or. self%help) return
+        if (present(least)) then
+            if (size(self%scenes) >= least) return
+        end if
         if (self%command == 'resume' .and. .not. allocated(self%scene)) then
             call set_usage_error(error, self%command, 'needs a FILE: the result of a run that was interrupted')
         else if (takes_scene .and. .not. allocated(self%scene)) then

@@ -10,10 +10,10 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=16), parameter :: commands(9) = [character(len=16) :: 'check', 'help', 'list', 'resume', 'run', 'show', &
-        'statuses', 'study precision', 'study tables']
+    character(len=16), parameter :: commands(10) = [character(len=16) :: 'check', 'help', 'list', 'resume', 'run', 'show', &
+        'statuses', 'study precision', 'study stability', 'study tables']
 
-    character(len=112), parameter :: text(*) = [character(len=112) :: &
+    character(len=116), parameter :: text(*) = [character(len=116) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
         '', &
         'Usage:', &
@@ -23,6 +23,7 @@ module tandem_app_help
         '  tandem resume FILE [OPTIONS] goes on with a run that was interrupted, in its result file', &
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
+        '  tandem study stability [CASE...]  a verdict on every stiff and extreme case, with every stepper', &
         '  tandem study tables          the tables and figures of the paper beside ours', &
         '  tandem statuses              how runs can end, what that means, and what to do', &
         '  tandem help, tandem --version  this text, the version', &
@@ -47,6 +48,8 @@ module tandem_app_help
         '  --repeats N             least runs of which the time is the median (default 3)', &
         '  --budget SECONDS        for all runs of a row; finer rows are left out (default 5)', &
         '  --quick                 --repeats 1 --budget 0.5', &
+        'CASE of study stability is a case or a group of them: stiff, disk, vehicle, masses, units, steps, parallel, kinks,', &
+        'million; all where none is given (some minutes). Exit code 1 where a run is wrong and nobody was warned.', &
         'A study that was interrupted continues when it is called again.', &
         '', &
         'Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.', &
@@ -78,8 +81,8 @@ contains
         character(len=:), allocatable :: guess
 
         if (command == 'study') then
-            call complain('study needs to know which one: study precision SCENE..., or study tables'//new_line('a')// &
-                'See tandem help.')
+            call complain('study needs to know which one: study precision SCENE..., study stability, or study tables'// &
+                new_line('a')//'See tandem help.')
             code = input_wrong
             return
         end if

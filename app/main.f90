@@ -12,6 +12,7 @@ program tandem_program
     use tandem_app_show, only: show
     use tandem_app_statuses, only: statuses
     use tandem_app_study_precision, only: study_precision
+    use tandem_app_study_stability, only: study_stability
     use tandem_app_study_tables, only: study_tables
     use tandem_io, only: tandem_version
     implicit none (type, external)
@@ -39,6 +40,8 @@ program tandem_program
         call resume(arguments, code)
     case ('study precision')
         call study_precision(arguments, code)
+    case ('study stability')
+        call study_stability(arguments, code)
     case ('study tables')
         call study_tables(arguments, code)
     case default

@@ -2,8 +2,9 @@
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem, only: derivative_name, error_type, global_error_type, long, n_derivatives, n_reasons, n_terms, new_stepper, &
-        options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, term_name, wp
+    use tandem, only: derivative_name, error_type, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, &
+        new_stepper, options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, &
+        term_name, warning_type, wp
     use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
@@ -78,7 +79,8 @@ contains
         else if (.not. (allocated(estimate_error) .or. allocated(error) .or. simulation%is_stopped)) then
             call print_line('error at end', 'not estimated; --error does that by a second run')
         end if
-        call print_warnings(simulation, global_error)
+        call print_warnings(simulation)
+        call print_doubts(simulation, global_error, estimate_error)
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &
                 ' of its natural scale, since the model leaves gamma to differences')
@@ -121,47 +123,31 @@ contains
         end function name_of
     end function error_at_end
 
-    !> Say clearly what a run has to warn of, and where its numbers mean little.
-    subroutine print_warnings(simulation, global_error)
+    !> Say clearly what a run has to warn of.
+    subroutine print_warnings(simulation)
         type(simulation_type), intent(in) :: simulation
-        !> The error of the whole run; without it only what is said before a run.
-        class(global_error_type), intent(in), optional :: global_error
-        type(statistics_type) :: s
         integer :: i
 
-        if (allocated(simulation%warnings)) then
-            do i = 1, size(simulation%warnings)
-                call print_line('WARNING', simulation%warnings(i)%text)
-            end do
-        end if
-        if (.not. present(global_error)) return
-        s = simulation%statistics()
-        call warn_of_errors(s, simulation%options, global_error)
+        if (.not. allocated(simulation%warnings)) return
+        do i = 1, size(simulation%warnings)
+            call print_line('WARNING', simulation%warnings(i)%text)
+        end do
     end subroutine print_warnings
 
-    !> Warn of large errors.
-    subroutine warn_of_errors(s, options, global_error)
-        type(statistics_type), intent(in) :: s
-        type(options_type), intent(in) :: options
+    !> Say clearly where the result may be wrong.
+    subroutine print_doubts(simulation, global_error, estimate_error)
+        type(simulation_type), intent(in) :: simulation
+        !> The error of the whole run, and why it was not found.
         class(global_error_type), intent(in) :: global_error
-        !> Errors above these parts of the state, and above so many times the tolerance, are worth a warning.
-        real(wp), parameter :: large = 1.0e-2_wp, times = 100.0_wp
-        character(len=:), allocatable :: advice
-        real(wp) :: tolerance
+        type(error_type), allocatable, intent(in) :: estimate_error
+        type(warning_type), allocatable :: doubts(:)
+        integer :: i
 
-        tolerance = options%relative_tolerance()
-        advice = 'take smaller steps'
-        if (options%is_adaptive()) advice = 'tighten rtol'
-        if (s%local_error_sum > large) call print_line('WARNING', 'the steps alone leave errors of '// &
-            short(s%local_error_sum, 2)//' of the state: '//advice)
-        if (.not. global_error%is_known) return
-        if (options%is_adaptive() .and. global_error%largest > times*tolerance) then
-            call print_line('WARNING', 'the error reaches '//short(global_error%largest/tolerance, 2)// &
-                ' times the tolerance, since the motion amplifies what steps leave: '//advice)
-        else if (global_error%largest > large) then
-            call print_line('WARNING', 'the error reaches '//short(global_error%largest, 2)//' of the state: '//advice)
-        end if
-    end subroutine warn_of_errors
+        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
+        do i = 1, size(doubts)
+            call print_line('WARNING', doubts(i)%text)
+        end do
+    end subroutine print_doubts
 
     !> That an explicit stepper is at work on a stiff model.
     function stiff(s, is_adaptive) result(text)

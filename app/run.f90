@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: at_end, error_type, simulation_type, statistics_type, status_output_failed, wp
+    use tandem, only: at_end, error_type, short_run, simulation_type, statistics_type, status_output_failed
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
@@ -160,12 +160,10 @@ contains
     logical function wants_estimate(arguments, simulation)
         type(arguments_type), intent(in) :: arguments
         type(simulation_type), intent(in) :: simulation
-        !> Seconds of a run that one need not hesitate to make twice.
-        real(wp), parameter :: short = 2.0_wp
         type(statistics_type) :: statistics
 
         statistics = simulation%statistics()
-        wants_estimate = arguments%error .or. (statistics%wall_seconds <= short .and. .not. arguments%no_error)
+        wants_estimate = arguments%error .or. (statistics%wall_seconds <= short_run .and. .not. arguments%no_error)
     end function wants_estimate
 
     !> The second run, with a model of its own, since a run may change its model.

@@ -14,6 +14,7 @@ module tandem
     use tandem_models_rolling_disk, only: rolling_disk_type
     use tandem_options, only: basis_methods, chart_policies, options_type, refresh_modes
     use tandem_pack, only: pack_type
+    use tandem_simulate_doubt, only: allowed_error, find_doubts, short_run
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
     use tandem_simulate_global_error, only: global_error_type
@@ -38,7 +39,7 @@ module tandem
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, warning_type
     public :: assembly_type, assemble, velocity_metrics
-    public :: global_error_type
+    public :: global_error_type, find_doubts, allowed_error, short_run
     public :: pack_type
     public :: properties_type, new_stepper, stepper_names
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type

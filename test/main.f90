@@ -37,6 +37,7 @@ program main
     use test_singular, only: collect_singular
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
+    use test_stability, only: collect_stability
     use test_study, only: collect_study
     use test_tangent, only: collect_tangent
     use test_tolerances, only: collect_tolerances
@@ -86,7 +87,8 @@ program main
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &
-        new_testsuite('study', collect_study)]
+        new_testsuite('study', collect_study), &
+        new_testsuite('stability', collect_stability)]
     n_failed = 0
     call get_argument(1, suite_name)
     call get_argument(2, test_name)

@@ -9,11 +9,13 @@ module tandem_io
     use tandem_io_scene_registry, only: model_names
     use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
     use tandem_io_scene_text, only: nearest_name, to_toml
+    use tandem_io_study_cases, only: case_names
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_measure, only: make_reference, settle_scene
     use tandem_io_study_paper, only: paper_columns, paper_type
     use tandem_io_study_precision, only: precision_columns, precision_type
     use tandem_io_study_reference, only: read_reference, reference_type, write_reference
+    use tandem_io_study_stability, only: select_cases, stability_columns, stability_type
     use tandem_io_study_table, only: brief, column_type, table_type
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
@@ -26,5 +28,6 @@ module tandem_io
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
         write_reference
+    public :: stability_type, stability_columns, select_cases, case_names
     public :: tandem_version, format_version
 end module tandem_io

@@ -226,6 +226,63 @@ class Tables(Case):
             np.testing.assert_array_equal(file["tables/ours"][:], [float(row["ours"]) for row in rows])
 
 
+class Stability(Case):
+    def test_verdicts_and_files(self):
+        """A row a run, in the files as on the terminal; nothing is wrong."""
+        done = self.study("stability", "masses", "kinks")
+        rows = read(self.folder / "study/stability.csv")
+        self.assertEqual(len(rows), 12 * 9)
+        self.assertEqual(done.stderr.count(" of 108: "), 108)
+        verdicts = {(row["case"], row["stepper"], row["control"]): row for row in rows}
+        self.assertEqual(len(verdicts), len(rows))
+        self.assertNotIn("wrong", {row["verdict"] for row in rows})
+        self.assertEqual({row["status"] for row in rows if row["case"] == "light_0"}, {"singular_mass"})
+        self.assertEqual({row["verdict"] for row in rows if row["case"] == "light_0"}, {"refused"})
+        for row in rows:
+            if row["status"] == "complete":
+                within = float(row["error"]) <= float(row["allowed"])
+                self.assertEqual(row["verdict"], "held" if within else "degraded", row)
+                self.assertTrue(within or (int(row["warnings"]) > 0 and row["remark"]), row)
+            else:
+                self.assertIn(row["verdict"], ("failed", "refused"))
+                self.assertEqual(row["error"], "")
+        self.assertIn("0 wrong", done.stdout)
+        # That the steering jumps is noticed by every stepper, told of it or not.
+        for stepper in "dopri5", "dop853", "trapezoid", "sdirk54":
+            self.assertEqual(verdicts["hiddenjump", stepper, "rtol"]["verdict"], "degraded")
+            self.assertIn("nu_jumps", verdicts["hiddenjump", stepper, "rtol"]["remark"])
+        with h5py.File(self.folder / "study/stability.h5") as file:
+            self.assertEqual(file.attrs["study"], "stability")
+            self.assertEqual(list(file["stability/verdict"].asstr()[:]), [row["verdict"] for row in rows])
+            np.testing.assert_array_equal(file["stability/steps"][:], [int(row["steps"]) for row in rows])
+
+    def test_resumes_after_an_interruption(self):
+        path = self.folder / "study/stability.csv"
+        process = subprocess.Popen([TANDEM, "study", "stability", "parallel"], cwd=self.folder, env=ENVIRONMENT,
+                                   stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        for _ in range(5):
+            process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.stderr.close()
+        process.wait(timeout=60)
+        before = read(path)
+        self.assertGreaterEqual(len(before), 5)
+        self.study("stability", "parallel", says=f"continues with the {len(before)} rows")
+        rows = read(path)
+        self.assertEqual(rows[:len(before)], before)
+        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 9)
+        self.assertEqual(len(rows), 4 * 9)
+        # Another case is added to them.
+        self.study("stability", "edge")
+        self.assertEqual(len(read(path)), 5 * 9)
+
+    def test_usage(self):
+        self.study("stability", "egde", code=2, says='"edge"')
+        self.study("stability", "--set", "a=1", code=2, says="no option")
+        self.assertIn("study stability", self.study("stability", "--help").stdout)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+
 @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "needs matplotlib: tools/setup.sh plot")
 class Pictures(Case):
     def plot(self, *arguments, code=0):

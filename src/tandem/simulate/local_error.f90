@@ -35,6 +35,8 @@ module tandem_simulate_local_error
         procedure :: extend
         procedure :: restart
         procedure :: pack_state
+        procedure :: gap
+        procedure :: largest_part
     end type local_error_type
 
 contains
@@ -121,6 +123,35 @@ contains
             self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%sum_qd(i)
         end do
     end subroutine extend
+
+    !> By how much the accelerations of a step miss its change of velocity, on the scale s + |qd|. Increments hold all of the
+    !> acceleration, so in a smooth motion the velocity constraints take away no more than the error of the step.
+    pure real(wp) function gap(self, start, arrived)
+        class(local_error_type), intent(in) :: self
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        integer :: i
+
+        gap = 0.0_wp
+        do i = 1, size(self%scale)
+            gap = max(gap, abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i)))/ &
+                (self%scale(i) + abs(arrived%qd(i))))
+        end do
+    end function gap
+
+    !> The largest entry of errors of q and of qd (n), on the scale s + |y| of a state.
+    pure real(wp) function largest_part(self, state, error_q, error_qd)
+        class(local_error_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        real(wp), intent(in), contiguous :: error_q(:), error_qd(:)
+        integer :: i
+
+        largest_part = 0.0_wp
+        do i = 1, size(self%scale)
+            largest_part = max(largest_part, abs(error_q(i))/(self%scale(i) + abs(state%q(i))), &
+                abs(error_qd(i))/(self%scale(i) + abs(state%qd(i))))
+        end do
+    end function largest_part
 
     !> Begin a new window: where the motion has a kink or a jump.
     pure subroutine restart(self)

@@ -106,6 +106,8 @@ module tandem_simulation
         real(wp), allocatable, private :: lambda(:)
         !> g of each event at the samples of a step, and the zeros found.
         real(wp), allocatable, private :: samples(:, :)
+        !> Interpolated increments at two times of a step (n, 4).
+        real(wp), allocatable, private :: slope(:, :)
         type(zeros_type), private :: zeros
         logical, private :: lambda_is_current = .false., values_are_stale = .true., has_to_act = .false.
         integer, private :: n_at_once = 0
@@ -138,6 +140,7 @@ module tandem_simulation
         procedure :: save_state
         procedure :: restore_state
         procedure, private :: advance
+        procedure, private :: note_dense_error
         procedure, private :: look_for_events
         procedure, private :: act_on_events
         procedure, private :: renew_values
@@ -241,6 +244,12 @@ module tandem_simulation
             real(wp), intent(in) :: t_limit
             type(error_type), allocatable, intent(out) :: error
         end subroutine advance
+
+        !> Take note of how well the dense output at the current state solves the equations of motion.
+        module subroutine note_dense_error(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine note_dense_error
     end interface
 
 contains
@@ -304,13 +313,14 @@ contains
         if (allocated(model%coordinate_scale)) self%state%q = model%coordinate_scale
         call self%control%initialize(options, self%state%q, self%method%estimate_order, self%method%implicit)
         call self%local_error%initialize(self%state%q)
-        call self%stepper%initialize(model%n, options%newton_tolerance())
+        call self%stepper%initialize(self%state%q, options%newton_tolerance())
         call self%state%allocate(model%n)
         call self%next%allocate(model%n)
         call self%start%allocate(model%n)
         call self%kept%allocate(model%n)
         self%has_step = .false.
         self%is_looking = .false.
+        self%slope = spread(self%state%q, 2, 4)
         self%renewal = 0
         self%n_events = 0
         self%n_at_once = 0
@@ -443,7 +453,10 @@ contains
                 call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             end if
         end associate
-        if (stat == status_ok) return
+        if (stat == status_ok) then
+            call self%note_dense_error()
+            return
+        end if
         call self%fail(stat, 'between steps at t = '//to_text(t), error)
         call self%look_back()
     end subroutine look_at

@@ -38,6 +38,11 @@ module tandem_simulate_statistics
         !> mean square; how the motion amplifies them is not in it. Behind them stand so many steps; 0 means no estimate.
         real(wp) :: local_error = 0.0_wp, local_error_sum = 0.0_wp
         integer(long) :: local_error_steps = 0
+        !> By how much the accelerations of a step miss its change of velocity, the largest on the scale s + |qd|, and when: more
+        !> than the error of a step where velocity constraints jump and no breakpoint tells of it.
+        real(wp) :: velocity_gap = 0.0_wp, t_gap = 0.0_wp
+        !> Estimated error of the motion between steps, the largest where somebody has looked, on the scale s + |y|.
+        real(wp) :: dense_error = 0.0_wp
         !> Explicit steppers: steps at the limit of stability; whether there were so many in a row that stability, not accuracy,
         !> limits the steps, and since when.
         integer(long) :: stiff_steps = 0
@@ -72,6 +77,9 @@ contains
         call pack%item(self%position_error)
         call pack%item(self%velocity_error)
         call pack%item(self%acceleration_error)
+        call pack%item(self%velocity_gap)
+        call pack%item(self%t_gap)
+        call pack%item(self%dense_error)
         call pack%item(self%start_moved_q)
         call pack%item(self%start_moved_qd)
         call pack%item(self%event_evaluations)

@@ -165,7 +165,7 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm
-        logical :: is_cut
+        logical :: is_cut, is_short
         integer :: stat
 
         call renew_by_policy(self, error)
@@ -196,6 +196,8 @@ contains
                 if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
                 self%next%t = self%state%t + h
             end if
+            ! Asked before the times round h: a step that is short by that alone was tried in full.
+            is_short = is_cut .or. h < self%control%h
             h = self%next%t - self%state%t
             if (.not. h > 4.0_wp*spacing(abs(self%state%t))) then
                 call underflow(self, stat, h, error)
@@ -229,7 +231,7 @@ contains
             if (allocated(error)) return
         end do
         call note_local_error(self, h, norm)
-        call self%control%accept(h, is_cut .or. h < self%control%h, norm)
+        call self%control%accept(h, is_short, norm)
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
@@ -243,9 +245,14 @@ contains
         !> The estimate of a controlled step on the scale of the tolerances.
         real(wp), intent(in), optional :: norm
         logical :: is_complete
-        real(wp) :: relative, filtered
+        real(wp) :: relative, filtered, gap
 
         associate (local => self%local_error)
+            gap = local%gap(self%state, self%next)
+            if (gap > self%tally%velocity_gap) then
+                self%tally%velocity_gap = gap
+                self%tally%t_gap = self%next%t
+            end if
             if (present(norm) .and. self%options%has_one_tolerance()) then
                 call local%add(norm*self%options%rtol, 1)
             else if (present(norm) .or. self%method%order > 5) then
@@ -268,6 +275,38 @@ contains
             end if
         end associate
     end subroutine note_local_error
+
+    !> Take note of how well the dense output at the current state solves the equations of motion, from the slope of the
+    !> interpolated increments against the rates there. Interpolants agree with the motion at both ends, so that what a quarter of
+    !> the step leaves at this rate is their error. Takes no evaluation of the model.
+    module subroutine note_dense_error(self)
+        class(simulation_type), intent(inout) :: self
+        !> Half the time over which slopes are taken, a part of the step.
+        real(wp), parameter :: part = 1.0e-3_wp
+        real(wp) :: h, before, behind, error, filtered
+        integer :: stat
+
+        h = self%next%t - self%start%t
+        before = max(self%start%t, self%state%t - part*h)
+        behind = min(self%next%t, self%state%t + part*h)
+        if (.not. behind > before) return
+        associate (slope => self%slope, local => self%local_error, state => self%state)
+            call self%stepper%interpolate(self%chart, self%start, self%next, before, slope(:, 1), slope(:, 2), stat)
+            if (stat == status_ok) call self%stepper%interpolate(self%chart, self%start, self%next, behind, slope(:, 3), &
+                slope(:, 4), stat)
+            if (stat /= status_ok) return
+            slope(:, 3) = 0.25_wp*h*((slope(:, 3) - slope(:, 1))/(behind - before) - state%qd)
+            slope(:, 4) = 0.25_wp*h*((slope(:, 4) - slope(:, 2))/(behind - before) - state%qdd)
+            error = local%largest_part(state, slope(:, 3), slope(:, 4))
+            if (self%method%implicit) then
+                ! As for local errors: a stiff mode has a rate that is large against what it is off by.
+                call self%chart%filter_error(slope(:, 3), slope(:, 4))
+                filtered = local%largest_part(state, slope(:, 3), slope(:, 4))
+                if (filtered < 0.1_wp*error) error = filtered
+            end if
+            self%tally%dense_error = max(self%tally%dense_error, error)
+        end associate
+    end subroutine note_dense_error
 
     !> The error of a run that has cost what it may; the state is the last accepted one.
     subroutine check_work(self, error)

@@ -52,11 +52,13 @@ module tandem_stepper_explicit
 contains
 
     !> Set the tableau and allocate the stages.
-    subroutine initialize(self, n, newton_tolerance)
+    subroutine initialize(self, scale, newton_tolerance)
         class(explicit_type), intent(inout) :: self
-        integer, intent(in) :: n
+        real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
+        integer :: n
 
+        n = size(scale)
         call self%set_tableau()
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%dq, self%dqd)
         allocate (self%rate_q(n, size(self%b) + 1 + self%n_extra), self%rate_qd(n, size(self%b) + 1 + self%n_extra), source=0.0_wp)

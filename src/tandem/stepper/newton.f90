@@ -52,11 +52,11 @@ module tandem_stepper_newton
 
 contains
 
-    !> Allocate for n coordinates.
-    subroutine allocate_newton(self, n, tolerance, amplification)
+    !> Allocate.
+    subroutine allocate_newton(self, scale, tolerance, amplification)
         class(newton_type), intent(inout) :: self
-        !> Number of coordinates.
-        integer, intent(in) :: n
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
         !> What the iteration may leave of q and qd, against |q|, |qd| and the coordinate scales.
         real(wp), intent(in) :: tolerance
         !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
@@ -69,8 +69,8 @@ contains
         self%age = spread(0, 1, size(amplification))
         self%seen_steps = self%age
         self%is_worn = .true.
-        call self%prediction%allocate(n, size(amplification))
-        self%rate_q = spread(0.0_wp, 1, n)
+        call self%prediction%allocate(scale, size(amplification))
+        self%rate_q = 0.0_wp*scale
         self%rate_qd = self%rate_q
         self%base_dq = self%rate_q
         self%base_dqd = self%rate_q
@@ -181,6 +181,8 @@ contains
         real(wp), parameter :: largest_growth = 2.0_wp, safety = 20.0_wp
         !> Corrections that are no more than rounding.
         real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
+        !> What corrections below this part of the tolerance do is of no account.
+        real(wp), parameter :: negligible = 0.1_wp
         !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
         real(wp), parameter :: slowest = 0.2_wp
         integer, parameter :: most_more = 4
@@ -201,15 +203,17 @@ contains
                 first_change = change
                 ! The contraction of a matrix grows with the time since it was made.
                 theta = safety*maxval(self%theta*real(1 + self%n_served, wp)/real(1 + self%seen_steps, wp))
-                suffices = change <= largest_growth*self%seen_change(stage) .and. theta*change <= self%tolerance(stage)
+                ! How a correction far below the tolerance grows says nothing: it is what others have left.
+                suffices = change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage)) .and. &
+                    theta*change <= self%tolerance(stage)
                 if (suffices .and. self%age(stage) < oldest) return
                 ! The second correction is for knowledge, not because the matrix were worse.
                 if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    ! The ratio of two corrections that are rounding says nothing.
-                    if (first_change > rounding .or. theta < self%theta(stage)) then
+                    ! The ratio of two corrections that are rounding, or what others have left, says nothing.
+                    if (first_change > max(rounding, negligible*self%tolerance(stage)) .or. theta < self%theta(stage)) then
                         self%theta(stage) = theta
                         self%seen_steps(stage) = self%n_served
                     end if

@@ -31,8 +31,8 @@ module tandem_stepper_prediction
         integer, allocatable :: n_kept(:), order(:)
         !> Start of the step of the newest miss (stages).
         real(wp), allocatable :: t_start(:)
-        !> The last extrapolation of past stages (n), a miss (2 n).
-        real(wp), allocatable :: plain_q(:), plain_qd(:), new(:)
+        !> The last extrapolation of past stages (n), a miss (2 n), what misses are measured by (2 n).
+        real(wp), allocatable :: plain_q(:), plain_qd(:), new(:), weight_of(:)
     contains
         procedure, public :: allocate => allocate_prediction
         procedure, public :: forget
@@ -43,11 +43,16 @@ module tandem_stepper_prediction
 
 contains
 
-    !> Allocate for n coordinates and a number of stages.
-    subroutine allocate_prediction(self, n, stages)
+    !> Allocate for a number of stages.
+    subroutine allocate_prediction(self, scale, stages)
         class(prediction_type), intent(inout) :: self
-        integer, intent(in) :: n, stages
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
+        integer, intent(in) :: stages
+        integer :: n
 
+        n = size(scale)
+        self%weight_of = [1.0_wp/scale, 1.0_wp/scale]
         if (allocated(self%miss)) deallocate (self%miss, self%n_kept, self%order, self%t_start, self%plain_q, self%plain_qd, &
             self%new)
         allocate (self%miss(2*n, depth, stages), self%t_start(stages), self%plain_q(n), self%plain_qd(n), self%new(2*n), &
@@ -112,7 +117,7 @@ contains
                 error = 0.0_wp
                 do i = 1, 2*n
                     left = self%new(i) - (weight(1, k)*miss(i, 1) + weight(2, k)*miss(i, 2) + weight(3, k)*miss(i, 3))
-                    error = error + abs(left)
+                    error = error + abs(left)*self%weight_of(i)
                 end do
                 if (error >= least) cycle
                 least = error

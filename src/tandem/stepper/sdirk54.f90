@@ -55,12 +55,14 @@ contains
     end function properties
 
     !> Allocate the work space.
-    subroutine initialize(self, n, newton_tolerance)
+    subroutine initialize(self, scale, newton_tolerance)
         class(sdirk54_type), intent(inout) :: self
-        integer, intent(in) :: n
+        real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
+        integer :: n
 
-        call self%newton%allocate(n, newton_tolerance, abs([a(:, 5), diagonal])/diagonal)
+        n = size(scale)
+        call self%newton%allocate(scale, newton_tolerance, abs([a(:, 5), diagonal])/diagonal)
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%error_q, self%error_qd)
         allocate (self%rate_q(n, 5), self%rate_qd(n, 5), self%error_q(n), self%error_qd(n), source=0.0_wp)

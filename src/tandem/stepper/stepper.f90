@@ -49,13 +49,13 @@ module tandem_stepper
             type(properties_type) :: properties
         end function properties_interface
 
-        !> Allocate the stages for n coordinates, once.
-        subroutine initialize_interface(self, n, newton_tolerance)
+        !> Allocate the stages, once.
+        subroutine initialize_interface(self, scale, newton_tolerance)
             import :: stepper_type, wp
             implicit none (type, external)
             class(stepper_type), intent(inout) :: self
-            !> Number of coordinates.
-            integer, intent(in) :: n
+            !> Coordinate scales (n).
+            real(wp), intent(in) :: scale(:)
             !> For implicit steppers: what Newton's iteration may leave of q and qd.
             real(wp), intent(in) :: newton_tolerance
         end subroutine initialize_interface

@@ -41,12 +41,14 @@ contains
     end function properties
 
     !> Allocate the work space.
-    subroutine initialize(self, n, newton_tolerance)
+    subroutine initialize(self, scale, newton_tolerance)
         class(trapezoid_type), intent(inout) :: self
-        integer, intent(in) :: n
+        real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
+        integer :: n
 
-        call self%newton%allocate(n, newton_tolerance, [1.0_wp])
+        n = size(scale)
+        call self%newton%allocate(scale, newton_tolerance, [1.0_wp])
         call self%history%allocate(n)
         self%error_q = spread(0.0_wp, 1, n)
         self%error_qd = self%error_q

@@ -1,0 +1,60 @@
+! SPDX-License-Identifier: MIT
+!> Watches a long run: whether constraint errors grow from its first tenth to its last, and whether memory does.
+module tandem_io_study_endurance
+    use tandem, only: at_start, at_step, error_type, long, observer_type, simulation_type, wp
+    use tandem_io_study_memory, only: resident_pages
+    implicit none (type, external)
+    private
+
+    public :: endurance_type
+
+    type, extends(observer_type) :: endurance_type
+        !> Start and end of the run.
+        real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
+        !> Largest constraint errors, on natural scales, position, velocity and acceleration: in the first tenth of the time and in
+        !> the last.
+        real(wp) :: first(3) = 0.0_wp, last(3) = 0.0_wp
+        !> Pages in memory after the first tenth, and at the end; negative where the system does not say.
+        integer(long) :: pages_first = -1, pages_last = -1
+    contains
+        procedure :: observe
+        procedure :: growth
+    end type endurance_type
+
+contains
+
+    !> Take note of a step.
+    subroutine observe(self, simulation, occasion, error)
+        class(endurance_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step` or `at_end`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: tenth
+
+        if (occasion == at_start) then
+            self%first = simulation%errors
+            self%last = 0.0_wp
+            self%pages_first = -1
+            self%pages_last = -1
+        end if
+        if (occasion /= at_step) return
+        tenth = 0.1_wp*(self%t_end - self%t_start)
+        if (simulation%state%t <= self%t_start + tenth) then
+            self%first = max(self%first, simulation%errors)
+        else if (self%pages_first < 0) then
+            self%pages_first = resident_pages()
+        end if
+        if (simulation%state%t >= self%t_end - tenth) self%last = max(self%last, simulation%errors)
+        if (simulation%state%t >= self%t_end) self%pages_last = resident_pages()
+    end subroutine observe
+
+    !> How much larger the constraint errors are in the last tenth than in the first: the largest of the three ratios, errors below
+    !> `noise` taken as that.
+    pure real(wp) function growth(self, noise)
+        class(endurance_type), intent(in) :: self
+        real(wp), intent(in) :: noise
+
+        growth = maxval(max(self%last, noise)/max(self%first, noise))
+    end function growth
+end module tandem_io_study_endurance

@@ -1,0 +1,82 @@
+! SPDX-License-Identifier: MIT
+!> A model whose kinks and jumps are hidden: it switches by the time that it is asked for and declares no breakpoint, which a
+!> model should never do and many do.
+module tandem_io_study_hidden
+    use tandem, only: derivatives_type, model_type, terms_type, wp
+    implicit none (type, external)
+    private
+
+    public :: hidden_type
+
+    type, extends(model_type) :: hidden_type
+        !> The model that declares its breakpoints.
+        class(model_type), allocatable :: inner
+    contains
+        procedure :: hide
+    end type hidden_type
+
+contains
+
+    !> Hide the breakpoints of a model that gives its terms and derivatives all at once.
+    subroutine hide(self, inner)
+        class(hidden_type), intent(inout) :: self
+        class(model_type), intent(in) :: inner
+
+        allocate (self%inner, source=inner)
+        self%name = inner%name
+        self%n = inner%n
+        self%n_holonomic = inner%n_holonomic
+        self%n_nonholonomic = inner%n_nonholonomic
+        self%constant_mass = inner%constant_mass
+        self%evaluate => evaluate
+        self%provides = inner%provides
+        self%evaluate_derivatives => evaluate_derivatives
+        self%provides_derivatives = inner%provides_derivatives
+        if (associated(inner%potential_energy)) self%potential_energy => potential_energy
+    end subroutine hide
+
+    !> The terms of the smooth piece that the time falls into.
+    subroutine evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+
+        stat = 0
+        select type (self)
+        class is (hidden_type)
+            self%inner%segment = 1 + count(self%inner%breakpoints <= t)
+            call self%inner%evaluate(need, t, q, qd, terms, stat)
+        end select
+    end subroutine evaluate
+
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        stat = 0
+        select type (self)
+        class is (hidden_type)
+            self%inner%segment = 1 + count(self%inner%breakpoints <= t)
+            call self%inner%evaluate_derivatives(need, t, q, qd, qdd, lambda, derivatives, stat)
+        end select
+    end subroutine evaluate_derivatives
+
+    subroutine potential_energy(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (hidden_type)
+            call self%inner%potential_energy(t, q, value, stat)
+        end select
+    end subroutine potential_energy
+end module tandem_io_study_hidden

@@ -1,0 +1,24 @@
+! SPDX-License-Identifier: MIT
+!> How much memory the program holds.
+module tandem_io_study_memory
+    use tandem, only: long
+    implicit none (type, external)
+    private
+
+    public :: resident_pages
+
+contains
+
+    !> Pages of the program that are in memory, from /proc/self/statm; -1 where the system does not say.
+    integer(long) function resident_pages()
+        integer(long) :: total
+        integer :: unit, stat
+
+        resident_pages = -1
+        open (newunit=unit, file='/proc/self/statm', status='old', action='read', iostat=stat)
+        if (stat /= 0) return
+        read (unit, *, iostat=stat) total, resident_pages
+        close (unit)
+        if (stat /= 0) resident_pages = -1
+    end function resident_pages
+end module tandem_io_study_memory

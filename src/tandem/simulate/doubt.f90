@@ -1,0 +1,115 @@
+! SPDX-License-Identifier: MIT
+!> What there is to doubt about the result of a complete run: the one place that decides when its user is warned of large errors.
+!>
+!> Without a doubt, a run whose error was estimated is right to `allowed_error`: twice what the warning begins with, since an
+!> estimate is right to a factor of two (theory, section 20).
+module tandem_simulate_doubt
+    use tandem_error, only: error_type, to_text
+    use tandem_kinds, only: wp
+    use tandem_options, only: options_type
+    use tandem_simulate_global_error, only: global_error_type
+    use tandem_simulate_statistics, only: statistics_type
+    use tandem_simulate_warning, only: warning_type
+    use tandem_status, only: status_interrupted, status_invalid_option
+    implicit none (type, external)
+    private
+
+    public :: find_doubts, allowed_error, short_run
+
+    !> Seconds of a run that one need not hesitate to make twice, to know its error.
+    real(wp), parameter :: short_run = 2.0_wp
+    !> Errors above this part of the state are worth a warning with fixed steps, and above so many times the tolerance with others.
+    real(wp), parameter :: large = 5.0e-4_wp, times = 15.0_wp
+
+contains
+
+    !> The doubts, none where all is well.
+    subroutine find_doubts(options, statistics, doubts, global_error, failure)
+        !> What the run was asked for, and what it reports.
+        type(options_type), intent(in) :: options
+        type(statistics_type), intent(in) :: statistics
+        type(warning_type), allocatable, intent(out) :: doubts(:)
+        !> The error of the whole run, where it was asked for, and why it was not found, where it was not.
+        class(global_error_type), intent(in), optional :: global_error
+        type(error_type), allocatable, intent(in), optional :: failure
+        character(len=24) :: advice
+        real(wp) :: tolerance, limit
+
+        allocate (doubts(0))
+        tolerance = options%relative_tolerance()
+        advice = 'take smaller steps'
+        if (options%is_adaptive()) advice = 'tighten rtol'
+        if (statistics%local_error_sum > large) doubts = [doubts, warning_type('the steps alone leave errors of '// &
+            two_digits(statistics%local_error_sum)//' of the state: '//trim(advice))]
+        if (present(failure)) then
+            if (allocated(failure)) then
+                ! That events keep a second run from being compared, or that somebody stops it, says nothing about the first.
+                if (all(failure%stat /= [status_invalid_option, status_interrupted])) doubts = [doubts, warning_type( &
+                    'a second, more accurate run has failed, so this one may be right by chance only: '//trim(advice))]
+            end if
+        end if
+        limit = large
+        if (options%is_adaptive()) limit = min(large, times*tolerance)
+        if (statistics%velocity_gap > limit) doubts = [doubts, warning_type('the velocity changes by '// &
+            two_digits(statistics%velocity_gap)//' of itself without an acceleration in the step to t = '// &
+            to_text(statistics%t_gap)//': where the velocity constraints jump, give the model a breakpoint with nu_jumps; '// &
+            'else '//trim(advice))]
+        if (statistics%dense_error > limit) doubts = [doubts, warning_type('between steps, where the output looks, the motion '// &
+            'is off by up to '//two_digits(statistics%dense_error)//' of the state: '//trim(advice)//merge(' or set max_step', &
+            '                ', options%is_adaptive()))]
+        if (.not. present(global_error)) return
+        if (.not. global_error%is_known) return
+        associate (largest => global_error%largest)
+            if (options%is_adaptive() .and. largest > times*tolerance) then
+                doubts = [doubts, warning_type('the error reaches '//two_digits(largest/tolerance)// &
+                    ' times the tolerance, since the motion amplifies what steps leave: '//trim(advice))]
+            else if (largest > large) then
+                doubts = [doubts, warning_type('the error reaches '//two_digits(largest)//' of the state: '//trim(advice))]
+            end if
+        end associate
+    end subroutine find_doubts
+
+    !> What the error of a run may reach, on the scale s + |y|, before somebody is warned who asked for an estimate.
+    pure real(wp) function allowed_error(options)
+        type(options_type), intent(in) :: options
+
+        allowed_error = 2*large
+        if (options%is_adaptive()) allowed_error = 2*min(large, times*options%relative_tolerance())
+    end function allowed_error
+
+    !> A positive number with two digits, as 1.3e-7, with blanks behind.
+    pure function two_digits_padded(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=16) :: text
+        character(len=16) :: buffer
+        integer :: exponent, point
+
+        if (value >= 1.0_wp .and. value < 1.0e4_wp) then
+            write (text, '(i0)') nint(value)
+            return
+        end if
+        write (buffer, '(es9.1e3)') value
+        point = index(buffer, 'E')
+        if (point == 0) then
+            text = adjustl(buffer)
+            return
+        end if
+        read (buffer(point + 1:), *) exponent
+        write (text, '(2a, i0)') trim(adjustl(buffer(:point - 1))), 'e', exponent
+    end function two_digits_padded
+
+    !> The length of such a number (a deferred length would be static memory, see `tandem_status`).
+    pure integer function two_digits_length(value)
+        real(wp), intent(in) :: value
+
+        two_digits_length = len_trim(two_digits_padded(value))
+    end function two_digits_length
+
+    !> A positive number with two digits.
+    pure function two_digits(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=two_digits_length(value)) :: text
+
+        text = two_digits_padded(value)
+    end function two_digits
+end module tandem_simulate_doubt
