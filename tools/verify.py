@@ -243,6 +243,12 @@ PARTS = [
     Part("build", ["make", "--no-print-directory", "build"], one_test),
     Part("release", [FPM, "test", *RELEASE], test_drive),
     Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked),
+    Part(
+        "fuzz",
+        [FPM, "test", "tandem-fuzz", "--profile", "debug", "--runner", "test/fuzz/fuzz.py"],
+        ok_lines,
+        minutes=5,
+    ),
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
     Part("examples", ["tools/check_examples.sh"], ok_lines),

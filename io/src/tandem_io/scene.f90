@@ -9,7 +9,9 @@ module tandem_io_scene
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
     use tandem_io_scene_registry, only: build_model, model_names
     use tandem_io_scene_solver, only: read_solver
+    use tandem_io_scene_source, only: check_text
     use tandem_io_scene_text, only: listed, to_toml
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -67,12 +69,16 @@ contains
         call read_start(reader, scene)
         call read_time(reader, scene)
         if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
+        call check_work(reader, 'solver', 'step', merge(0.0_wp, scene%options%step, scene%options%is_adaptive()), scene)
         call read_output(reader, scene)
+        call check_work(reader, 'output', 'interval', scene%output%interval, scene)
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
             call move_alloc(reader%error, error)
         else
             scene%text = reader%text()
+            ! It must be one that can be read again, however long the defaults of many events are.
+            call check_text(path//' with every default', scene%text, error)
         end if
     end subroutine read_scene
 
@@ -119,6 +125,9 @@ contains
                 call reader%propose('qd')
             end if
         end associate
+        if (.not. (all(ieee_is_finite(scene%q)) .and. all(ieee_is_finite(scene%qd)))) then
+            call reader%refuse('q', 'and qd are not finite where the numbers of [model] and [initial] are as they are')
+        end if
         call read_assembly(reader, scene%model, scene%assembly)
         call reader%close_table()
     end subroutine read_start
@@ -136,6 +145,27 @@ contains
         end if
         call reader%close_table()
     end subroutine read_time
+
+    !> Refuse a step or an interval of which no run could make as many as reach the end.
+    subroutine check_work(reader, table, key, h, scene)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: table, key
+        !> The step or the interval; 0 where there is none.
+        real(wp), intent(in) :: h
+        type(scene_type), intent(in) :: scene
+
+        if (reader%failed() .or. .not. h > 0.0_wp) return
+        if ((scene%t_end - scene%t_start)/h <= real(huge(1), wp)) return
+        call reader%open_table(table)
+        if (reader%source_of(key) >= 0) then
+            call reader%refuse(key, 'must be larger: there can be '//to_toml(huge(1))//' of them until the end, '// &
+                to_toml(scene%t_end))
+        else
+            call reader%open_table('time')
+            call reader%refuse('end', 'must be nearer: there can be '//to_toml(huge(1))//' steps of '//to_toml(h)// &
+                ' s until then')
+        end if
+    end subroutine check_work
 
     !> [output]
     subroutine read_output(reader, scene)

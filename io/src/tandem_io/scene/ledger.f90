@@ -25,7 +25,9 @@ module tandem_io_scene_ledger
 
     type :: ledger_type
         private
+        !> The first `n` are in use.
         type(entry_type), allocatable :: entries(:)
+        integer :: n = 0
     contains
         procedure :: add
         procedure :: hide
@@ -50,6 +52,7 @@ contains
         !> Number of the table in an array of tables.
         integer, intent(in), optional :: element
         type(entry_type) :: entry
+        type(entry_type), allocatable :: more(:)
 
         entry%table = table
         entry%key = key
@@ -58,8 +61,14 @@ contains
         entry%source = source
         if (present(shown)) entry%shown = shown
         if (present(element)) entry%element = element
-        if (.not. allocated(self%entries)) allocate (self%entries(0))
-        self%entries = [self%entries, entry]
+        if (.not. allocated(self%entries)) allocate (self%entries(64))
+        if (self%n == size(self%entries)) then
+            allocate (more(2*self%n))
+            more(:self%n) = self%entries
+            call move_alloc(more, self%entries)
+        end if
+        self%n = self%n + 1
+        self%entries(self%n) = entry
     end subroutine add
 
     !> Leave the keys that a table has by now out of the complete scene.
@@ -73,8 +82,7 @@ contains
         integer :: i
 
         given = ''
-        if (.not. allocated(self%entries)) return
-        do i = 1, size(self%entries)
+        do i = 1, self%n
             if (self%entries(i)%table /= table) cycle
             self%entries(i)%shown = .false.
             if (self%entries(i)%source >= source) given = self%entries(i)%key
@@ -91,11 +99,12 @@ contains
         integer :: i, n
 
         n = 0
-        if (allocated(self%entries)) n = count([(belongs(self%entries(i)), i=1, size(self%entries))])
+        do i = 1, self%n
+            if (belongs(self%entries(i))) n = n + 1
+        end do
         allocate (keys(n))
-        if (n == 0) return
         n = 0
-        do i = 1, size(self%entries)
+        do i = 1, self%n
             if (.not. belongs(self%entries(i))) cycle
             n = n + 1
             keys(n) = self%entries(i)%key
@@ -113,33 +122,46 @@ contains
     pure function text(self)
         class(ledger_type), intent(in) :: self
         character(len=:), allocatable :: text
-        character(len=:), allocatable :: line
+        character(len=:), allocatable :: part
         character(len=key_length) :: table
-        integer :: i, element
+        integer :: i, element, length, pass
 
-        text = ''
-        table = ''
-        element = 0
-        if (.not. allocated(self%entries)) return
-        do i = 1, size(self%entries)
-            associate (entry => self%entries(i))
-                if (.not. entry%shown) cycle
-                if (entry%table /= table .or. entry%element /= element) then
-                    if (table /= '') text = text//new_line('a')
-                    text = text//heading(entry%table, entry%element)//new_line('a')
-                    table = entry%table
-                    element = entry%element
-                end if
-                line = ''
-                if (entry%key /= '') line = trim(entry%key)//' = '//entry%value
-                if (entry%comment /= '') then
-                    if (line /= '') line = line//repeat(' ', max(0, comment_column - 3 - len(line)))//'  '
-                    line = line//'# '//entry%comment
-                end if
-                text = text//line//new_line('a')
-            end associate
+        ! Once for the length, once for the text.
+        do pass = 1, 2
+            length = 0
+            table = ''
+            element = 0
+            do i = 1, self%n
+                associate (entry => self%entries(i))
+                    if (.not. entry%shown) cycle
+                    part = line_of(entry)
+                    if (entry%table /= table .or. entry%element /= element) then
+                        part = heading(entry%table, entry%element)//new_line('a')//part
+                        if (table /= '') part = new_line('a')//part
+                        table = entry%table
+                        element = entry%element
+                    end if
+                end associate
+                if (pass == 2) text(length + 1:length + len(part)) = part
+                length = length + len(part)
+            end do
+            if (pass == 1) allocate (character(len=length) :: text)
         end do
     end function text
+
+    !> The line of an entry, with its end.
+    pure function line_of(entry) result(line)
+        type(entry_type), intent(in) :: entry
+        character(len=:), allocatable :: line
+
+        line = ''
+        if (entry%key /= '') line = trim(entry%key)//' = '//entry%value
+        if (entry%comment /= '') then
+            if (line /= '') line = line//repeat(' ', max(0, comment_column - 3 - len(line)))//'  '
+            line = line//'# '//entry%comment
+        end if
+        line = line//new_line('a')
+    end function line_of
 
     !> The heading of a table.
     pure function heading(table, element)

@@ -409,6 +409,7 @@ contains
             end do
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
+        if (self%failed()) return
         call self%record(key, to_toml(values), source, unit, help)
     end subroutine get_reals
 
@@ -478,6 +479,7 @@ contains
             end do
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
+        if (self%failed()) return
         call self%record(key, to_toml(values), source, help=help)
     end subroutine get_strings
 

@@ -11,12 +11,13 @@ module tandem_io_scene_source
     implicit none (type, external)
     private
 
-    public :: source_type, set_input_error
+    public :: source_type, check_text, set_input_error
 
     !> Largest scene file, in bytes. A scene has a few kilobytes; what is much larger is something else.
-    integer, parameter :: largest = 1048576
-    !> Most lines, brackets and dots in a line: the parser may descend one level at each bracket or dot.
-    integer, parameter :: most_lines = 10000, most_brackets = 5000, most_dots = 1000
+    integer, parameter :: largest = 131072
+    !> Most of some things. The parser descends one level at each bracket or dot, its work grows with the square of the number of
+    !> keys and of the length of a text, and messages show whole lines.
+    integer, parameter :: most_lines = 10000, most_bytes = 32768, most_dots = 1000, most_brackets = 5000, most_values = 10000
 
     type :: source_type
         !> The parsed text.
@@ -72,6 +73,8 @@ contains
 
         equals = index(argument, '=')
         dot = index(argument, '.')
+        call check_text('--set', argument, error)
+        if (allocated(error)) return
         if (scan(argument, achar(10)//achar(13)) > 0) then
             call set_input_error(error, '--set takes one line')
         else if (dot < 2 .or. equals < dot + 2) then
@@ -79,7 +82,6 @@ contains
         else if (verify(argument(:dot - 1)//argument(dot + 1:equals - 1), letters) > 0) then
             call set_input_error(error, '--set '//argument//usage)
         end if
-        if (.not. allocated(error)) call check_text('--set '//argument(:equals), argument, error)
         if (allocated(error)) return
         value = trim(adjustl(argument(equals + 1:)))
         if (len(value) == 0) then
@@ -111,15 +113,24 @@ contains
         end if
     end function describe
 
-    !> An error of the input, with the text as it stands.
+    !> An error of the input.
     subroutine set_input_error(error, message)
         type(error_type), allocatable, intent(out) :: error
-        !> The whole message.
+        !> The whole message. Control characters, which a key in quotes may hold, do not reach the terminal.
         character(len=*), intent(in) :: message
+        integer :: i
 
         allocate (error)
         error%stat = status_invalid_option
         error%message = message
+        do i = 1, len(message)
+            select case (iachar(message(i:i)))
+            case (0:8, 11:31, 127)
+                error%message(i:i) = '?'
+            case default
+                cycle
+            end select
+        end do
     end subroutine set_input_error
 
     !> The whole file as text. A pipe will do, so the size is not asked for.
@@ -149,48 +160,119 @@ contains
         close (unit)
         if (stat /= 0 .and. .not. is_iostat_end(stat)) then
             call set_input_error(error, 'cannot read the scene '//path//': '//trim(message))
-        else if (length > largest) then
-            call set_input_error(error, path//' is no scene: it has more than '//to_toml(largest)//' bytes')
         else
+            call check_text(path, text(:length), error)
             text = text(:length)
-            call check_text(path, text, error)
         end if
     end subroutine read_text
 
-    !> Refuse what cannot be a scene, so that the parser meets text of bounded length and depth only.
+    !> Refuse what cannot be a scene, so that the parser meets UTF-8 of bounded length, depth and number of parts only.
     subroutine check_text(path, text, error)
-        character(len=*), intent(in) :: path, text
+        !> How messages name the text.
+        character(len=*), intent(in) :: path
+        character(len=*), intent(in) :: text
         type(error_type), allocatable, intent(out) :: error
-        integer :: i, code, line, brackets, dots
+        character(len=:), allocatable :: problem
+        integer :: i, code, line, bytes, dots, brackets, values, broken
 
+        if (len(text) > largest) then
+            call set_input_error(error, path//' is no scene: it has more than '//to_toml(largest)//' bytes')
+            return
+        end if
         line = 1
-        brackets = 0
+        bytes = 0
         dots = 0
+        brackets = 0
+        values = 0
+        broken = first_broken(text)
+        problem = ''
         do i = 1, len(text)
+            if (i == broken) problem = 'holds bytes that are no UTF-8'
+            bytes = bytes + 1
+            if (bytes > most_bytes) problem = 'has more than '//to_toml(most_bytes)//' bytes'
             code = iachar(text(i:i))
             select case (code)
-            case (0:8, 11, 14:31, 127)
-                call set_input_error(error, path//' is no scene: line '//to_toml(line)//' holds the control character '// &
-                    to_toml(code)//'; is it a binary file?')
-                return
+            case (0:8, 11:31, 127)
+                if (text(i:min(i + 1, len(text))) == achar(13)//achar(10)) cycle
+                problem = 'holds the control character '//to_toml(code)//'; is it a binary file?'
             case (10)
                 line = line + 1
+                bytes = 0
                 dots = 0
+                if (line > most_lines) problem = 'is one too many; there may be '//to_toml(most_lines)
             case (iachar('.'))
                 dots = dots + 1
+                if (dots > most_dots) problem = 'has more than '//to_toml(most_dots)//' dots'
             case (iachar('['), iachar('{'))
                 brackets = brackets + 1
+                if (brackets > most_brackets) problem = 'has one bracket too many; there may be '//to_toml(most_brackets)
+            case (iachar('\'))
+                ! Two places at which the parser would read what is not there.
+                if (text(i:min(i + 1, len(text))) == '\x') then
+                    problem = 'holds "\x", which TOML 1.0 does not know; write "\u00"'
+                else if (ends_text(text(i + 1:))) then
+                    problem = 'ends a text by a backslash'
+                end if
+            case (iachar('='), iachar(','))
+                values = values + 1
+                if (values > most_values) problem = 'has one value too many; there may be '//to_toml(most_values)
             case default
-                cycle
+                continue
             end select
-            if (line > most_lines .or. brackets > most_brackets .or. dots > most_dots) then
-                call set_input_error(error, path//' is no scene: up to line '//to_toml(line)//' it has more than '// &
-                    to_toml(most_lines)//' lines, '//to_toml(most_brackets)//' brackets or '//to_toml(most_dots)// &
-                    ' dots in a line')
-                return
-            end if
+            if (problem == '') cycle
+            call set_input_error(error, path//' is no scene: line '//to_toml(line)//' '//problem)
+            return
         end do
     end subroutine check_text
+
+    !> Whether there are only blanks and ends of lines up to three quotes; one quote at once is a quote in a text.
+    pure logical function ends_text(text)
+        character(len=*), intent(in) :: text
+        integer :: first
+
+        first = verify(text, ' '//achar(9)//achar(10)//achar(13))
+        ends_text = first > 1
+        if (ends_text) ends_text = text(first:min(first + 2, len(text))) == '"""'
+    end function ends_text
+
+    !> Where a text stops to be UTF-8; 0 where all of it is.
+    pure integer function first_broken(text)
+        character(len=*), intent(in) :: text
+        integer :: i, code, more, least, most
+
+        more = 0
+        least = 128
+        most = 191
+        first_broken = 0
+        do i = 1, len(text)
+            code = iachar(text(i:i))
+            if (more > 0) then
+                if (code < least .or. code > most) exit
+                more = more - 1
+                least = 128
+                most = 191
+                cycle
+            end if
+            ! The second byte rules out what a shorter form has, surrogates, and what lies above U+10FFFF.
+            select case (code)
+            case (0:127)
+                cycle
+            case (194:223)
+                more = 1
+            case (224:239)
+                more = 2
+                if (code == 224) least = 160
+                if (code == 237) most = 159
+            case (240:244)
+                more = 3
+                if (code == 240) least = 144
+                if (code == 244) most = 143
+            case default
+                exit
+            end select
+        end do
+        if (i <= len(text) .or. more > 0) first_broken = min(i, len(text))
+    end function first_broken
 
     !> Parse a text; its errors show the line.
     subroutine parse_text(text, name, source, error)
@@ -202,12 +284,28 @@ contains
         type(toml_lexer) :: lexer
         type(toml_error), allocatable :: parse_error
 
-        ! The report of an error looks for the end of the line, so there must be one.
-        call new_lexer_from_string(lexer, text//new_line('a'))
+        ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
+        call new_lexer_from_string(lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
         call parse(lexer, source%root, toml_parser_config(color=.false.), source%context, parse_error)
         if (allocated(parse_error)) call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text
+
+    !> The text with a newline for each end of a line as Windows has them.
+    pure function with_short_ends(text) result(short)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: short
+        integer :: i, length
+
+        short = text
+        length = 0
+        do i = 1, len(text)
+            if (text(i:min(i + 1, len(text))) == achar(13)//achar(10)) cycle
+            length = length + 1
+            short(length:length) = text(i:i)
+        end do
+        short = short(:length)
+    end function with_short_ends
 
     !> The report without the word "error: " at its head.
     pure function without_level(report) result(text)

@@ -12,6 +12,9 @@ module tandem_io_scene_values
 
     public :: convert, place_of
 
+    !> Longest text, in bytes: that of a path.
+    integer, parameter :: longest = 4096
+
     !> Convert to a number, an integer, a truth value, a text, an array of numbers, or an array of texts.
     interface convert
         module procedure convert_real
@@ -120,6 +123,8 @@ contains
             call found%get(text)
             problem = 'must not be empty'
             if (len_trim(text) == 0) return
+            problem = 'must not be longer than '//to_toml(longest)//' bytes'
+            if (len(text) > longest) return
             problem = 'must not hold control characters'
             do i = 1, len(text)
                 if (iachar(text(i:i)) < 32 .or. iachar(text(i:i)) == 127) return
@@ -186,11 +191,11 @@ contains
         end select
     end subroutine convert_strings
 
-    !> Whether an integer has more digits than 64 bits hold; the parser would wrap it around.
+    !> Whether an integer may have more digits than 64 bits hold, in base 16 too; the parser would wrap it around.
     logical function has_overflown(source, found)
         class(source_type), intent(in) :: source
         type(toml_keyval), intent(in) :: found
-        integer, parameter :: most_digits = 18
+        integer, parameter :: most_digits = 17
 
         has_overflown = .false.
         if (found%origin_value < 1 .or. found%origin_value > source%context%top) return
