@@ -160,8 +160,10 @@ class Precision(Case):
         subprocess.run([TANDEM, "run", "articulated_vehicle", "--quiet", "--set", "time.end=1", "--set", "solver.stepper=dop853",
                         "--set", "solver.rtol=1e-12", "--set", "output.interval=0.01", "--output", "true.h5"],
                        cwd=self.folder, env=ENVIRONMENT, check=True, capture_output=True)
-        self.precision("articulated_vehicle", "--set", "time.end=1", "--reference", "true.h5", "--steppers", "rk4", *FAST)
-        rows = read(self.folder / "study/precision_articulated_vehicle.csv")
+        self.precision("articulated_vehicle", "--set", "time.end=1", "--reference", "true.h5", "--steppers", "rk4",
+                       "--repeats", "1", "--budget", "0.5")
+        # The finest run may be over its budget where the machine is busy.
+        rows = [row for row in read(self.folder / "study/precision_articulated_vehicle.csv") if row["status"] == "complete"]
         self.assertGreater(len(rows), 3)
         self.assertLess(float(rows[-1]["error_q"]), 1e-6)
 
