@@ -22,7 +22,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test coverage docs plots bench install uninstall clean
+.PHONY: help setup build run test coverage docs plots bench bench-count install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -46,6 +46,10 @@ bench: setup ## measure tandem beside other solvers, for doc/performance.md (som
 	@tools/setup.sh bench
 	@tools/bench.sh
 
+bench-count: setup ## compare the instructions of short runs with those on record (needs valgrind)
+	@tools/setup.sh bench
+	@tools/bench.sh count
+
 build: setup ## the release binary, left at build/tandem
 	@$(INSTALL_BINARY) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(INSTALL_BINARY); }
 
@@ -66,4 +70,4 @@ clean: ## remove all that was built
 	@rm -rf build
 
 help: ## this list
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14

@@ -1,7 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Measures what doc/performance.md shows and makes its figures and tables anew. `make bench` calls it after its set-up. What it
-# measures is left in build/bench; `tools/bench.sh figures` makes figures and tables of what is there.
+# measures is left in build/bench.
+#
+# Usage: tools/bench.sh            all of it
+#        tools/bench.sh figures    figures and tables of what is there
+#        tools/bench.sh count      compare instructions with bench/counts.txt (`make bench-count`)
+#        tools/bench.sh record     write bench/counts.txt anew
+#        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
 #
 # Environment: ARCH  flags for the machine at hand (-march=native)
 #              CORE  the core that all runs share (0)
@@ -12,21 +18,39 @@ out=build/bench python=.venv/bin/python
 
 # --- 1. the measurements --------------------------------------------------------------------------------------------
 
-build() { # leaves build/bench/bench
+build() { # PROGRAM FLAGS: leaves build/bench/PROGRAM
     mkdir -p "$out" bench/build/dependencies
     ln -sfn ../../../build/dependencies/toml-f bench/build/dependencies/toml-f
-    (cd bench && ../.venv/bin/fpm run bench --profile release --flag "${ARCH:--march=native}" --runner install -- "../$out/bench") \
+    (cd bench && ../.venv/bin/fpm run "$1" --profile release --flag "$2" --runner install -- "../$out/$1") \
         >"$out/build.log" 2>&1 || { tail -n 20 "$out/build.log" >&2; exit 1; }
 }
 
 measure() {
-    build
-    taskset -c "${CORE:-0}" "$out/bench" "$out"
+    local program
+    for program in bench chain; do
+        build $program "${ARCH:--march=native}"
+        taskset -c "${CORE:-0}" "$out/$program" "$out"
+    done
 }
 
-[ "${1:-}" = figures ] || measure
+case ${1:-} in
+figures) ;;
+count | record)
+    # Without AVX-512, which valgrind does not know; a base line is for one set of flags.
+    build count -march=x86-64-v3
+    [ "$1" = count ] && exec python3 tools/bench_count.py "$out/count"
+    exec python3 tools/bench_count.py "$out/count" record
+    ;;
+output)
+    build output "${ARCH:--march=native}"
+    shift
+    exec taskset -c "${CORE:-0}" "$out/output" "$@"
+    ;;
+*) measure ;;
+esac
 
 # --- 2. the figures and the tables of the document -------------------------------------------------------------------
 
 $python tools/plot.py "$out/runs.h5" doc/figures/performance.png
+$python tools/plot.py "$out/chain.h5" doc/figures/chain.png
 $python tools/fill_tables.py doc/performance.md "$out"

@@ -9,6 +9,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py run.h5 motion.gif                 the motion
     tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
     tools/plot.py build/bench/runs.h5 picture.png   the same of other solvers, a panel a problem (`make bench`)
+    tools/plot.py build/bench/chain.h5 picture.png  time of a step against the size of a system
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
 
 PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib: tools/setup.sh plot brings them.
@@ -38,6 +39,8 @@ def main():
         return precision.draw(arguments.files, arguments.picture)
     if kinds == {"bench"}:
         return performance.draw(arguments.files, arguments.picture)
+    if kinds == {"chain"}:
+        return performance.draw_chain(arguments.files, arguments.picture)
     if kinds != {"result"}:
         parser.error(f"there is no picture of {' and '.join(sorted(kinds))} in one")
     wanted = motion.PAPER[arguments.paper][1] if arguments.paper else 1

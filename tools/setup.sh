@@ -10,7 +10,7 @@
 #        tools/setup.sh bench   and what bench/ needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
-#                            pkg-config; for bench/ SUNDIALS): through apt-get
+#                            pkg-config; for bench/ SUNDIALS, valgrind): through apt-get
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
@@ -63,6 +63,7 @@ missing_packages() { # prints the Debian packages that bring what is not there
         { [ -f io/include/hdf5/hdf5.mod ] || hdf5_modules >/dev/null; } || echo libhdf5-dev
     venv_holds build || python3 -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
     [ "$purpose" != bench ] || linker_finds libsundials_ida.so || echo libsundials-dev
+    [ "$purpose" != bench ] || command -v valgrind >/dev/null || echo valgrind
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++

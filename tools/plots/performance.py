@@ -50,6 +50,23 @@ def draw(paths, picture):
     save(figure, picture)
 
 
+def draw_chain(paths, picture):
+    """The time of a step against the number of rods."""
+    c = read_study(paths[0]).columns
+    figure, axes = plt.subplots(figsize=(5.5, 4), layout="constrained")
+    for stepper in dict.fromkeys(c["stepper"]):
+        rows = c["stepper"] == stepper
+        colour, marker = STEPPERS[stepper]
+        axes.loglog(c["rods"][rows], 1e6 * c["step_seconds"][rows], color=colour, marker=marker, markersize=4.5, label=stepper)
+    last = c["stepper"] == "rk4"
+    n, t = c["rods"][last][-3:], 1e6 * c["step_seconds"][last][-1]
+    axes.loglog(n, 0.4 * t * (n / n[-1]) ** 3, ":", color=GREY, label="slope 3")
+    axes.set_xticks(c["rods"][last], c["rods"][last])
+    axes.set(xlabel="rods", ylabel="time of a step [us]", title="a chain of N rods")
+    axes.legend()
+    save(figure, picture)
+
+
 def number(value, factor=1.0, digits=2):
     """A few digits without an exponent, a dash for what does not exist."""
     if not np.isfinite(value):
@@ -66,6 +83,7 @@ class Tables:
         self.folder = Path(folder)
         self.summary = read_study(self.folder / "summary.h5").columns
         self.runs = read_study(self.folder / "runs.h5").columns
+        self.rods = read_study(self.folder / "chain.h5").columns
 
     def times(self, scene):
         """Milliseconds to errors, and their ratios."""
@@ -99,6 +117,18 @@ class Tables:
             same = (c["scene"] == c["scene"][k]) & (c["solver"] == "index-1 LU") & (c["value"] == c["value"][k])
             lines.append(row(str(c["scene"][k]), f"1e-{round(exponent)}", number(c["ratio"][k]), brief(c["error_q"][k]),
                              brief(c["error_q"][same][0])))
+        return lines
+
+    def chain(self):
+        """Microseconds a step against the number of rods, and how they grow."""
+        c = self.rods
+        steppers = list(dict.fromkeys(c["stepper"]))
+        lines = head("rods", "coordinates", "constraints", *(f"{stepper} [us]" for stepper in steppers),
+                     *(f"slope {stepper}" for stepper in steppers))
+        for n in dict.fromkeys(c["rods"]):
+            rows = [np.flatnonzero((c["rods"] == n) & (c["stepper"] == stepper))[0] for stepper in steppers]
+            lines.append(row(str(n), str(c["coordinates"][rows[0]]), str(c["constraints"][rows[0]]),
+                             *(number(c["step_seconds"][k], 1e6, 3) for k in rows), *(number(c["slope"][k]) for k in rows)))
         return lines
 
     def agreement(self):

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> The time of the processor, to nanoseconds: other work on the machine disturbs it least.
+!> The time of the processor, to nanoseconds, which other work on the machine disturbs least, and of the clock.
 module tandem_bench_clock
     use tandem, only: wp
     use, intrinsic :: iso_c_binding, only: c_int, c_long
     implicit none (type, external)
     private
 
-    public :: cpu_seconds, median
+    public :: cpu_seconds, wall_seconds, median
 
-    !> CLOCK_PROCESS_CPUTIME_ID of Linux.
-    integer(c_int), parameter :: of_process = 2
+    !> CLOCK_MONOTONIC and CLOCK_PROCESS_CPUTIME_ID of Linux.
+    integer(c_int), parameter :: of_wall = 1, of_process = 2
 
     !> C's timespec.
     type, bind(c) :: timespec_type
@@ -31,12 +31,23 @@ contains
 
     !> Seconds of the processor that this process has used; differences count.
     real(wp) function cpu_seconds()
+        cpu_seconds = seconds_of(of_process)
+    end function cpu_seconds
+
+    !> Seconds of the clock; differences count.
+    real(wp) function wall_seconds()
+        wall_seconds = seconds_of(of_wall)
+    end function wall_seconds
+
+    !> Seconds of one of the clocks.
+    real(wp) function seconds_of(clock)
+        integer(c_int), intent(in) :: clock
         type(timespec_type) :: time
 
-        cpu_seconds = 0.0_wp
-        if (clock_gettime(of_process, time) /= 0) return
-        cpu_seconds = real(time%seconds, wp) + 1.0e-9_wp*real(time%nanoseconds, wp)
-    end function cpu_seconds
+        seconds_of = 0.0_wp
+        if (clock_gettime(clock, time) /= 0) return
+        seconds_of = real(time%seconds, wp) + 1.0e-9_wp*real(time%nanoseconds, wp)
+    end function seconds_of
 
     !> The middle one of some values.
     pure real(wp) function median(values)
