@@ -103,7 +103,7 @@ module tandem_status
         status_type(status_invalid_checkpoint, 'invalid_checkpoint', .true., &
             'a run cannot be taken up from this checkpoint', 'start the run anew'), &
         status_type(status_interrupted, 'interrupted', .false., &
-            'somebody asked the run to end', 'run it again, or go on from its last state')]
+            'somebody asked the run to end', 'go on with tandem resume, or run it again')]
 
 contains
 
