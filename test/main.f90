@@ -17,6 +17,7 @@ program main
     use test_event_actions, only: collect_event_actions
     use test_events, only: collect_events
     use test_failures, only: collect_failures
+    use test_faults, only: collect_faults
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_singular, only: collect_linalg_singular
@@ -66,6 +67,7 @@ program main
         new_testsuite('simulation', collect_simulation), &
         new_testsuite('assembly', collect_assembly), &
         new_testsuite('failures', collect_failures), &
+        new_testsuite('faults', collect_faults), &
         new_testsuite('statuses', collect_statuses), &
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &

@@ -29,8 +29,14 @@ module model_spy
         real(wp) :: fault_time = 0.0_wp
         !> True where the fault happens once only.
         logical :: once = .false.
+        !> How often it has happened, and the most often in a row at the same time and coordinates.
+        integer :: n_faults = 0, most_at_a_point = 0
         class(model_type), pointer, private :: inner => null()
         real(wp), private :: last_time = -huge(1.0_wp)
+        !> Coordinates of the last call; those and the time of the last fault, and how often it happened there.
+        real(wp), allocatable, private :: last_q(:), fault_q(:)
+        real(wp), private :: time_of_fault = -huge(1.0_wp)
+        integer, private :: n_there = 0
     contains
         procedure :: wrap
         procedure :: set_traps
@@ -51,6 +57,11 @@ contains
         self%inner => inner
         self%calls = calls_type()
         self%last_time = -huge(1.0_wp)
+        self%last_q = spread(0.0_wp, 1, inner%n)
+        self%n_faults = 0
+        self%most_at_a_point = 0
+        self%n_there = 0
+        if (allocated(self%fault_q)) deallocate (self%fault_q)
         self%name = 'spy on '//inner%name
         self%n = inner%n
         self%n_holonomic = inner%n_holonomic
@@ -121,7 +132,15 @@ contains
         integer, intent(in) :: term
 
         is_due = self%fault /= no_fault .and. term == self%fault_term .and. self%last_time >= self%fault_time
-        if (is_due .and. self%once) self%fault_term = 0
+        if (.not. is_due) return
+        if (self%once) self%fault_term = 0
+        self%n_faults = self%n_faults + 1
+        if (.not. allocated(self%fault_q)) self%fault_q = self%last_q + 1.0_wp
+        if (any(abs(self%fault_q - self%last_q) > 0.0_wp) .or. abs(self%time_of_fault - self%last_time) > 0.0_wp) self%n_there = 0
+        self%n_there = self%n_there + 1
+        self%most_at_a_point = max(self%most_at_a_point, self%n_there)
+        self%fault_q = self%last_q
+        self%time_of_fault = self%last_time
     end function is_due
 
     !> Spoil a vector or its status.
@@ -170,6 +189,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%holonomic)
             self%last_time = t
+            self%last_q = q
             call self%inner%holonomic(t, q, value, stat)
             call self%upset_vector(need_phi, value, stat)
         end select
@@ -187,6 +207,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%holonomic_jacobian)
             self%last_time = t
+            self%last_q = q
             call self%inner%holonomic_jacobian(t, q, value, stat)
             call self%upset_matrix(need_jacobian, value, stat)
         end select
@@ -204,6 +225,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%holonomic_rate)
             self%last_time = t
+            self%last_q = q
             call self%inner%holonomic_rate(t, q, value, stat)
             call self%upset_vector(need_nu, value, stat)
         end select
@@ -221,6 +243,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%nonholonomic_jacobian)
             self%last_time = t
+            self%last_q = q
             call self%inner%nonholonomic_jacobian(t, q, value, stat)
             call self%upset_matrix(need_jacobian, value, stat)
         end select
@@ -238,6 +261,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%nonholonomic_rhs)
             self%last_time = t
+            self%last_q = q
             call self%inner%nonholonomic_rhs(t, q, value, stat)
             call self%upset_vector(need_nu, value, stat)
         end select
@@ -255,6 +279,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%constraint_acceleration)
             self%last_time = t
+            self%last_q = q
             call self%inner%constraint_acceleration(t, q, qd, value, stat)
             call self%upset_vector(need_gamma, value, stat)
         end select
@@ -271,6 +296,7 @@ contains
         select type (self)
         class is (spy_type)
             call self%enter(self%calls%mass_matrix)
+            self%last_q = q
             call self%inner%mass_matrix(q, value, stat)
             call self%upset_matrix(need_mass, value, stat)
         end select
@@ -287,6 +313,7 @@ contains
         select type (self)
         class is (spy_type)
             call self%enter(self%calls%inertia_force)
+            self%last_q = q
             call self%inner%inertia_force(q, qd, value, stat)
         end select
     end subroutine spy_inertia_force
@@ -303,6 +330,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%applied_force)
             self%last_time = t
+            self%last_q = q
             call self%inner%applied_force(t, q, qd, value, stat)
             call self%upset_vector(need_force, value, stat)
         end select
@@ -319,6 +347,7 @@ contains
         select type (self)
         class is (spy_type)
             call self%enter(self%calls%kinetic_energy)
+            self%last_q = q
             call self%inner%kinetic_energy(q, qd, value, stat)
         end select
     end subroutine spy_kinetic_energy
@@ -334,6 +363,7 @@ contains
         select type (self)
         class is (spy_type)
             call self%enter(self%calls%potential_energy)
+            self%last_q = q
             call self%inner%potential_energy(t, q, value, stat)
         end select
     end subroutine spy_potential_energy

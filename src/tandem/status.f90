@@ -58,7 +58,7 @@ module tandem_status
         status_type(status_invalid_option, 'invalid_option', .true., &
             'an option has a value that cannot be', 'correct the option that the message names'), &
         status_type(status_invalid_model, 'invalid_model', .true., &
-            'the model lacks a procedure or its sizes cannot be', 'complete the model as the message says'), &
+            'the model lacks a procedure, or its sizes or its mass matrix cannot be', 'complete the model as the message says'), &
         status_type(status_inconsistent_start, 'inconsistent_start', .true., &
             'the start violates the constraints', &
             'give q0 and qd0 that satisfy the constraint row that the message names, or let the start be assembled'), &

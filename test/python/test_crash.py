@@ -265,6 +265,23 @@ class Disk(Running):
         self.refused("run", "rolling_disk", "--output", "/dev/full", "--force", says="/dev/full")
 
 
+class Memory(Running):
+    def peak(self, steps):
+        """The largest memory of a run of so many steps, kB."""
+        name = f"{steps}.h5"
+        process = self.start("articulated_vehicle", "--no-error", "--quiet", "--set", "solver.step=1e-5", "--set", "output.every=10",
+                             "--set", f"time.end={steps}e-5", "--output", name)
+        _, status, usage = os.wait4(process.pid, 0)
+        self.assertEqual(status, 0)
+        with h5py.File(self.folder / name) as file:
+            self.assertEqual(len(file["trajectory/time"]), steps // 10 + 1)
+        return usage.ru_maxrss
+
+    def test_a_million_steps_take_no_more_memory(self):
+        few, many = self.peak(100_000), self.peak(1_000_000)
+        self.assertLess(many, few + 1024)
+
+
 class InUse(Running):
     def test_by_another_run(self):
         process = self.start("rolling_disk", *LONG, "--output", "a.h5")

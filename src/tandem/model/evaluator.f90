@@ -7,7 +7,7 @@ module tandem_model_evaluator
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
+    use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
     private
@@ -27,6 +27,8 @@ module tandem_model_evaluator
         class(model_type), pointer, private :: model => null()
         !> Whether the mass matrix is constant and was evaluated; to be reset where a parameter has changed.
         logical :: mass_is_known = .false.
+        !> Whether the mass matrix is believed to be symmetric: after the first one was, or where somebody else looks.
+        logical :: mass_is_trusted = .false.
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
     contains
@@ -34,6 +36,7 @@ module tandem_model_evaluator
         procedure :: initialize
         procedure :: evaluate
         procedure, private :: take_kept
+        procedure, private :: judge_mass
         procedure :: pack_state
     end type evaluator_type
 
@@ -49,6 +52,7 @@ contains
 
         self%model => model
         self%mass_is_known = .false.
+        self%mass_is_trusted = .false.
         nh = model%n_holonomic
         nd = model%n_nonholonomic
         if (allocated(self%all_rows)) deallocate (self%all_rows)
@@ -104,11 +108,38 @@ contains
             call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, self%failed_term, stat)
         end if
         if (stat == 0) then
+            if (iand(wanted, need_mass) /= 0 .and. .not. self%mass_is_trusted) call self%judge_mass(stat)
             if (iand(need, need_mass) /= 0) self%mass_is_known = self%model%constant_mass
         else
             stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
         end if
     end subroutine evaluate
+
+    !> Refuse a mass matrix that is not symmetric. NaN are left to others.
+    subroutine judge_mass(self, stat)
+        class(evaluator_type), intent(inout) :: self
+        !> `status_ok` or `status_invalid_model`.
+        integer, intent(out) :: stat
+        !> Parts of the entries, and of the largest one, that rounding may make, in a model that computes them in its own way each.
+        real(wp), parameter :: of_entry = 1.0e-6_wp, of_largest = 1.0e-12_wp
+        real(wp) :: largest, allowed
+        integer :: i, j
+
+        stat = status_ok
+        self%mass_is_trusted = .true.
+        associate (mass => self%terms%mass)
+            largest = maxval(abs(mass))
+            do j = 2, size(mass, 2)
+                do i = 1, j - 1
+                    allowed = of_entry*max(abs(mass(i, j)), abs(mass(j, i))) + of_largest*largest
+                    if (.not. abs(mass(i, j) - mass(j, i)) > allowed) cycle
+                    stat = status_invalid_model
+                    write (self%failed_term, '("mass(",i0,",",i0,")")') i, j
+                    return
+                end do
+            end do
+        end associate
+    end subroutine judge_mass
 
     !> Copy the rows in use.
     subroutine take_kept(self, wanted)

@@ -66,6 +66,8 @@ contains
         scale = 1.0_wp
         if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
         call evaluator%initialize(model)
+        ! Compared below.
+        evaluator%mass_is_trusted = .true.
         seed = 12345
         do state = 1, n_states
             q1 = q + 0.1_wp*scale*random_vector(seed, model%n)

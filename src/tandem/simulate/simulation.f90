@@ -20,9 +20,9 @@ module tandem_simulation
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
-        status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_evaluable, status_not_finite, &
-        status_of, status_ok, status_position_diverged, status_rank_deficient, status_singular_mass, status_step_limit, &
-        status_step_underflow, status_work_limit
+        status_inconsistent_start, status_invalid_model, status_invalid_option, status_newton_failed, status_not_evaluable, &
+        status_not_finite, status_of, status_ok, status_position_diverged, status_rank_deficient, status_singular_mass, &
+        status_step_limit, status_step_underflow, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
@@ -605,6 +605,9 @@ contains
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
             end if
+        end if
+        if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
+            message = 'the mass matrix is not symmetric '//where_//', entry '//self%chart%failed_term
         end if
         if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
             allocated(self%chart%failed_term)) then

@@ -108,6 +108,12 @@ contains
                 stat)
             if (stat == status_inconsistent_rows) then
                 k = findloc(redundancy%dropped, redundancy%failed_row, dim=1)
+                if (size(redundancy%partners(k)) == 0) then
+                    call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
+                        '" has no gradient at the start, and its '//trim(level_name(redundancy%failed_level))// &
+                        ' is violated there', 'start elsewhere, or correct the row')
+                    return
+                end if
                 call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
                     '" depends on'//trim(self%with_rows(redundancy%partners(k), 0, ' '))//' and contradicts it in the '// &
                     trim(level_name(redundancy%failed_level))//' at the start')

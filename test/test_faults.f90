@@ -1,0 +1,398 @@
+! SPDX-License-Identifier: MIT
+!> Tests of faults with every stepper: how soon a point is given up, iterations that cannot converge, numbers that overflow.
+module test_faults
+    use asserts, only: check_below, check_close, check_failure, check_no_failure, check_text, check_true
+    use model_moving_pivot, only: moving_pivot_type
+    use model_particle, only: particle_type
+    use model_pendulum, only: pendulum_type
+    use model_perturbed, only: perturbed_type
+    use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
+    use runs, only: choose, run
+    use tandem, only: assembly_type, derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, &
+        n_terms, options_type, rolling_disk_type, simulation_type, statistics_type, status_name, term_name, wp
+    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: collect_faults
+
+    character(len=9), parameter :: steppers(5) = [character(len=9) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
+    !> What a faulty procedure does, and the status that tells of it.
+    integer, parameter :: faults(4) = [fault_nan, fault_infinity, fault_retry, fault_stop]
+    character(len=15), parameter :: names(4) = [character(len=15) :: 'not_finite', 'not_finite', 'not_evaluable', 'callback_failed']
+    !> Evaluations after which a point must be given up.
+    integer, parameter :: patience = 20
+
+    !> A particle whose mass matrix is not symmetric.
+    type, extends(particle_type) :: lopsided_type
+        real(wp) :: off = 0.0_wp
+    end type lopsided_type
+
+    !> A pendulum whose length is known only up to a noise, so that its position cannot be found to a tolerance below that.
+    type, extends(pendulum_type) :: noisy_type
+        real(wp) :: noise = 0.0_wp, noisy_from = 0.0_wp
+        integer :: calls = 0
+    end type noisy_type
+
+contains
+
+    !> The suite.
+    subroutine collect_faults(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('a-point-is-given-up-within-20-evaluations-at-the-start', test_patience_start), &
+            new_unittest('a-point-is-given-up-within-20-evaluations-in-a-step', test_patience_step), &
+            new_unittest('a-point-is-given-up-within-20-evaluations-under-error-control', test_patience_control), &
+            new_unittest('a-mass-matrix-that-is-not-symmetric-is-refused', test_asymmetric), &
+            new_unittest('a-step-larger-than-the-span-ends-at-its-end', test_long_step), &
+            new_unittest('an-iteration-for-u-that-stagnates-is-ended', test_u), &
+            new_unittest('iterations-for-b-and-h-that-stagnate-are-ended', test_b_and_h), &
+            new_unittest('a-newton-iteration-with-wrong-derivatives-is-ended', test_newton), &
+            new_unittest('a-speed-that-overflows-is-reported', test_overflow), &
+            new_unittest('a-speed-that-grows-without-bound-is-reported', test_blow_up), &
+            new_unittest('euler-parameters-of-zero-are-refused', test_zero_parameters)]
+    end subroutine collect_faults
+
+    subroutine test_patience_start(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_patience(0.0_wp, 0.0_wp, error)
+    end subroutine test_patience_start
+
+    subroutine test_patience_step(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_patience(0.0505_wp, 0.0_wp, error)
+    end subroutine test_patience_step
+
+    subroutine test_patience_control(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_patience(0.0505_wp, 1.0e-6_wp, error)
+    end subroutine test_patience_control
+
+    !> Every fault in every term with every stepper: a named status, few evaluations, a finite state left behind.
+    subroutine check_patience(time, rtol, error)
+        !> When the fault begins, and the tolerance, 0 for fixed steps.
+        real(wp), intent(in) :: time, rtol
+        type(error_type), allocatable, intent(inout) :: error
+        type(moving_pivot_type), target :: inner
+        type(spy_type), target :: spy
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: i, k, term
+
+        inner%swing = 0.1_wp
+        call inner%define()
+        inner%constant_mass = .false.
+        call inner%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
+        do i = 1, size(steppers)
+            if (rtol > 0.0_wp .and. steppers(i) == 'rk4') cycle
+            do k = 1, size(faults)
+                do term = 1, n_terms
+                    if (allocated(error)) return
+                    options = choose(step=1.0e-2_wp, stepper=steppers(i))
+                    options%rtol = rtol
+                    call spy%wrap(inner)
+                    spy%fault = faults(k)
+                    spy%fault_term = 2**(term - 1)
+                    spy%fault_time = time
+                    call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
+                    call check_failure(error, failure, trim(names(k)), trim(term_name(term)))
+                    call check_true(error, spy%most_at_a_point <= patience, 'a point is given up, not tried again and again')
+                    ! Under error control a step is tried again with smaller ones until these are too small.
+                    call check_true(error, spy%n_faults <= merge(64, 1, rtol > 0.0_wp)*patience, 'the run ends soon')
+                    if (time > 0.0_wp) then
+                        call check_true(error, simulation%state%t <= 0.06_wp, 'the time left behind')
+                        call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, &
+                            simulation%state%qdd])), 'the state left behind is finite')
+                    end if
+                    if (allocated(error)) error%message = error%message//' ['//trim(steppers(i))//', '//trim(names(k))//', '// &
+                        trim(term_name(term))//']'
+                end do
+            end do
+        end do
+    end subroutine check_patience
+
+    subroutine lopsided_mass(self, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = 0.0_wp
+        value(1, 1) = 1.0_wp
+        value(2, 2) = 2.0_wp
+        value(3, 3) = 3.0_wp
+        value(2, 1) = 0.5_wp
+        value(1, 2) = 0.5_wp
+        select type (self)
+        class is (lopsided_type)
+            value(1, 2) = 0.5_wp + self%off
+        end select
+    end subroutine lopsided_mass
+
+    !> Named with its place, at the start; rounding is no asymmetry.
+    subroutine test_asymmetric(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(lopsided_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: zero(3) = 0.0_wp
+        integer :: k
+
+        do k = 1, size(steppers)
+            call model%define(.true.)
+            model%mass_matrix => lopsided_mass
+            model%off = 1.0e-15_wp
+            call run(simulation, model, choose(stepper=steppers(k)), 0.0_wp, zero, zero, 0.01_wp, failure)
+            call check_no_failure(error, failure)
+            model%off = 1.0e-3_wp
+            call run(simulation, model, choose(stepper=steppers(k)), 0.0_wp, zero, zero, 0.01_wp, failure)
+            call check_failure(error, failure, 'invalid_model', 'the mass matrix is not symmetric at the start, entry mass(1,2)')
+        end do
+    end subroutine test_asymmetric
+
+    subroutine test_long_step(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: k
+
+        call model%define()
+        call model%start(0.3_wp, 0.0_wp, q, qd)
+        do k = 1, size(steppers)
+            options = choose(step=1.0e3_wp, stepper=steppers(k))
+            call run(simulation, model, options, 0.0_wp, q, qd, 1.0e-2_wp, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, [simulation%state%t], [1.0e-2_wp], 0.0_wp, 't')
+            statistics = simulation%statistics()
+            call check_true(error, statistics%steps == 1, 'one step')
+            if (steppers(k) == 'rk4') cycle
+            options%rtol = 1.0e-6_wp
+            options%first_step = 1.0e3_wp
+            call run(simulation, model, options, 0.0_wp, q, qd, 1.0e-2_wp, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, [simulation%state%t], [1.0e-2_wp], 0.0_wp, 't')
+        end do
+    end subroutine test_long_step
+
+    !> The circle, with a noise that changes from call to call.
+    subroutine noisy_circle(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (noisy_type)
+            value = 0.5_wp*(q(1)**2 + q(2)**2 - self%length**2)
+            self%calls = self%calls + 1
+            if (t >= self%noisy_from) value = value + self%noise*(-1)**self%calls
+        end select
+    end subroutine noisy_circle
+
+    subroutine test_u(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(noisy_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: k
+
+        do k = 1, size(steppers)
+            if (allocated(error)) return
+            model = noisy_type()
+            call model%define()
+            model%holonomic => noisy_circle
+            model%noise = 1.0e-6_wp
+            model%noisy_from = 0.0505_wp
+            call model%start(0.3_wp, 0.0_wp, q, qd)
+            call run(simulation, model, choose(step=1.0e-2_wp, stepper=steppers(k)), 0.0_wp, q, qd, 1.0_wp, failure)
+            if (.not. allocated(failure)) then
+                call test_failed(error, trim(steppers(k))//' should notice that the position cannot be found')
+                return
+            end if
+            call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'position_diverged', 'newton_failed', &
+                'constraints_not_held']), 'a status that names the iteration, not '//failure%message)
+            call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
+            ! Two steps before the end at most, and a bounded number of corrections in the last one.
+            call check_true(error, model%calls < 600, 'the work is bounded')
+        end do
+    end subroutine test_u
+
+    !> A chart that is held too long: the refinements of B and H no longer converge, and end in bounded work.
+    subroutine test_b_and_h(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: k
+
+        call model%define()
+        call model%start(1.5_wp, 0.0_wp, q, qd)
+        do k = 1, size(steppers)
+            options = choose(step=0.4_wp, stepper=steppers(k), chart='paper', refresh='refine')
+            options%max_evaluations = 100000
+            call run(simulation, model, options, 0.0_wp, q, qd, 100.0_wp, failure)
+            if (.not. allocated(failure)) then
+                call test_failed(error, trim(steppers(k))//' cannot hold one chart for all the swing')
+                return
+            end if
+            call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'position_diverged', 'chart_left', &
+                'newton_failed']), 'a status that names the iteration, not '//failure%message)
+            statistics = simulation%statistics()
+            call check_true(error, statistics%b_corrections + statistics%h_corrections < 100*(statistics%right_hand_sides + 100), &
+                'the corrections are bounded')
+            call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
+                'the state left behind is finite')
+        end do
+    end subroutine test_b_and_h
+
+    !> Derivatives with one entry that is far off: the iteration ends with a status, or it converges all the same, to the same
+    !> motion.
+    subroutine test_newton(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: inner
+        type(perturbed_type), target :: model
+        type(simulation_type) :: simulation, expected
+        type(options_type) :: options
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+        integer :: i, k, n_failed
+
+        n_failed = 0
+        call inner%define()
+        call inner%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call model%wrap(inner)
+        model%amount = 1.0e6_wp
+        model%row = 3
+        model%column = 5
+        do k = 4, 5
+            options = choose(step=1.0e-2_wp, stepper=steppers(k))
+            do i = 1, n_derivatives
+                model%derivative = i
+                call run(simulation, model, options, 0.0_wp, q, qd, 0.1_wp, failure)
+                statistics = simulation%statistics()
+                if (allocated(failure)) then
+                    n_failed = n_failed + 1
+                    call check_failure(error, failure, 'newton_failed', 't = ')
+                    call check_true(error, statistics%newton_corrections <= patience*(1 + statistics%implicit_stages), &
+                        'the iteration is bounded')
+                else
+                    ! Both iterations are within their tolerance of the solution at each of 50 stages.
+                    call run(expected, inner, options, 0.0_wp, q, qd, 0.1_wp, failure)
+                    call check_close(error, simulation%state%q, expected%state%q, 1.0e-10_wp, 'q')
+                end if
+                if (allocated(error)) then
+                    error%message = error%message//' ['//trim(derivative_name(i))//', '//trim(steppers(k))//']'
+                    return
+                end if
+            end do
+        end do
+        call check_true(error, n_failed >= 1, 'some of these derivatives are too wrong')
+    end subroutine test_newton
+
+    !> Velocities whose squares are more than the largest number.
+    subroutine test_overflow(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: k
+
+        call model%define()
+        call model%start(0.3_wp, 1.0e200_wp, q, qd)
+        do k = 1, size(steppers)
+            call run(simulation, model, choose(stepper=steppers(k)), 0.0_wp, q, qd, 1.0_wp, failure)
+            call check_failure(error, failure, 'not_finite', 'at the start')
+        end do
+    end subroutine test_overflow
+
+    !> The force m qd**2, which makes the velocity 1/(1 - t).
+    subroutine square_force(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = qd**2
+        select type (self)
+        class is (particle_type)
+            value = self%m*qd**2
+        end select
+    end subroutine square_force
+
+    subroutine test_blow_up(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(particle_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        integer :: i, k
+
+        call model%define(.true.)
+        model%applied_force => square_force
+        do k = 1, size(steppers)
+            do i = 1, 2
+                if (steppers(k) == 'rk4' .and. i == 2) cycle
+                options = choose(step=1.0e-2_wp, stepper=steppers(k))
+                if (i == 2) options%rtol = 1.0e-6_wp
+                call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(1.0_wp, 1, 3), 2.0_wp, failure)
+                if (.not. allocated(failure)) then
+                    call test_failed(error, trim(steppers(k))//' went through infinity')
+                    return
+                end if
+                call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'not_finite', 'step_underflow', &
+                    'newton_failed']), 'a status that fits, not '//failure%message)
+                call check_text(error, failure%message, 't = ')
+                call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
+                    'the state left behind is finite')
+                if (i == 2) call check_true(error, abs(simulation%state%t - 1.0_wp) < 1.0e-3_wp, 'the end is where infinity is')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_blow_up
+
+    subroutine test_zero_parameters(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: model
+        type(simulation_type) :: simulation
+        type(assembly_type) :: assembly
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+        integer :: k
+
+        call model%define()
+        call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        q(4:7) = 0.0_wp
+        do k = 1, size(steppers)
+            call simulation%initialize(model, choose(stepper=steppers(k)), 0.0_wp, q, qd, failure)
+            call check_failure(error, failure, 'inconsistent_rows', '"Euler parameters" has no gradient at the start')
+        end do
+        ! Assembled or refused, but not kept.
+        call simulation%initialize(model, choose(), 0.0_wp, q, qd, failure, assembly)
+        if (allocated(failure)) then
+            call check_true(error, is_input_error(failure%stat), 'the input is at fault: '//failure%message)
+        else
+            call check_below(error, abs(norm2(simulation%state%q(4:7)) - 1.0_wp), 1.0e-12_wp, 'norm')
+        end if
+    end subroutine test_zero_parameters
+end module test_faults
