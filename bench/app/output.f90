@@ -33,7 +33,7 @@ program output
         write (error_unit, '(2a)') 'output: ', error%message
         error stop 1
     end if
-    write (output_unit, '(a, i0, 4(a, f0.4))') trim(name)//': ', statistics%steps, ' steps, ', median(bare(1, :)), &
+    write (output_unit, '(a, i0, 4(a, f0.3), a)') trim(name)//': ', statistics%steps, ' steps, ', median(bare(1, :)), &
         ' s; with the file the processor takes + ', 100*(median(written(1, :)/bare(1, :)) - 1.0_wp), ' %, the clock + ', &
         100*(median(written(2, :)/bare(2, :)) - 1.0_wp), ' %, ', 1.0e3_wp*median(written(2, :) - bare(2, :)), ' ms'
 
