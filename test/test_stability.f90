@@ -3,10 +3,11 @@
 module test_stability
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_text, check_true
     use tandem, only: allowed_error, failure_type => error_type, find_doubts, finding_type, global_error_type, options_type, &
-        set_error, simulation_type, statistics_type, status_name, verify_model, warning_type, wp
+        set_error, simulation_type, statistics_type, status_name, stepper_names, verify_model, warning_type, wp
     use tandem_io, only: case_names, select_cases, stability_columns, stability_type
     use tandem_io_study_cases, only: build_case, case_name_length, case_type
     use tandem_io_study_endurance, only: endurance_type
+    use tandem_io_study_measure, only: sampler_type
     use tandem_io_study_memory, only: resident_pages
     use tandem_io_study_trial, only: find_truth, run_trial, trial_type, truth_type
     use tandem_status, only: status_invalid_option, status_newton_failed, status_singular_mass
@@ -25,6 +26,8 @@ contains
         testsuite = [ &
             new_unittest('doubts-begin-at-half-of-what-is-allowed', test_doubts), &
             new_unittest('a-second-run-that-fails-is-a-doubt', test_failed_estimate), &
+            new_unittest('jumps-that-nobody-tells-of-are-noticed', test_gap), &
+            new_unittest('poor-dense-output-is-noticed-where-it-is-used', test_dense_error), &
             new_unittest('models-of-the-study-are-right', test_models), &
             new_unittest('every-case-can-be-run', test_cases), &
             new_unittest('hidden-breakpoints-change-nothing-else', test_hidden), &
@@ -86,6 +89,92 @@ contains
         call check_count(error, size(doubts), 1, 'doubts about a failure')
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, 'has failed')
     end subroutine test_failed_estimate
+
+    !> A hidden jump of the steering leaves its mark on the velocity with every stepper and is warned of; a declared one does not.
+    subroutine test_gap(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        integer :: i
+
+        do i = 1, size(stepper_names)
+            options%stepper = stepper_names(i)
+            options%step = 1.0e-2_wp
+            options%rtol = 0.0_wp
+            if (i > 1) options%rtol = 1.0e-6_wp
+            call run_case('jump', options, .false., statistics, error)
+            ! The trapezoidal rule is of order 2.
+            call check_below(error, statistics%velocity_gap, 1.0e-5_wp, 'gap of a smooth motion with '//trim(stepper_names(i)))
+            call run_case('hiddenjump', options, .false., statistics, error)
+            if (allocated(error)) return
+            call check_below(error, 0.1_wp, statistics%velocity_gap, 'a tenth')
+            call check_below(error, abs(statistics%t_gap - 2*atan(1.0_wp)), 0.3_wp, 'distance of the time told from the jump')
+            call check_doubt(error, options, statistics, 'nu_jumps')
+        end do
+    end subroutine test_gap
+
+    !> Where nobody looks between the steps there is nothing to notice.
+    subroutine test_dense_error(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+
+        options%stepper = 'dop853'
+        options%rtol = 1.0e-6_wp
+        call run_case('motorcycle_1', options, .false., statistics, error)
+        call check_below(error, statistics%dense_error, 0.0_wp, 'error that nobody sees')
+        call run_case('motorcycle_1', options, .true., statistics, error)
+        ! Steps of 0.3 s: right to 3e-7 at their ends, to 1.0e-4 between them.
+        call check_below(error, 1.0e-4_wp, statistics%dense_error, 'the error')
+        call check_below(error, statistics%dense_error, 1.0e-3_wp, 'ten times the error')
+        call check_doubt(error, options, statistics, 'max_step')
+        options%max_step = 0.05_wp
+        call run_case('motorcycle_1', options, .true., statistics, error)
+        call check_below(error, statistics%dense_error, 1.5e-5_wp, 'error with the advice followed')
+    end subroutine test_dense_error
+
+    !> Run a case, and look at twenty times between its steps on request.
+    subroutine run_case(name, options, looks, statistics, error)
+        character(len=*), intent(in) :: name
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: looks
+        type(statistics_type), intent(out) :: statistics
+        type(error_type), allocatable, intent(inout) :: error
+        type(case_type), target :: subject
+        type(simulation_type) :: simulation
+        type(sampler_type) :: sampler
+        type(failure_type), allocatable :: failure
+        integer :: i
+
+        call build_case(name, subject, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call simulation%initialize(subject%model, options, 0.0_wp, subject%q, subject%qd, failure)
+        allocate (sampler%t, source=[(subject%t_end*i/20, i=1, 20)])
+        if (.not. allocated(failure) .and. looks) call simulation%integrate(subject%t_end, failure, sampler)
+        if (.not. allocated(failure) .and. .not. looks) call simulation%integrate(subject%t_end, failure)
+        call check_no_failure(error, failure)
+        statistics = simulation%statistics()
+    end subroutine run_case
+
+    !> Fail unless a doubt about a run has some words.
+    subroutine check_doubt(error, options, statistics, words)
+        type(error_type), allocatable, intent(inout) :: error
+        type(options_type), intent(in) :: options
+        type(statistics_type), intent(in) :: statistics
+        character(len=*), intent(in) :: words
+        type(warning_type), allocatable :: doubts(:)
+        logical :: found
+        integer :: i
+
+        allocate (doubts(0))
+        call find_doubts(options, statistics, doubts)
+        found = .false.
+        do i = 1, size(doubts)
+            found = found .or. index(doubts(i)%text, words) > 0
+        end do
+        call check_true(error, found, 'a warning speaks of '//words)
+    end subroutine check_doubt
 
     !> Jacobians, gamma, forces and derivatives against differences.
     subroutine test_models(error)

@@ -8,6 +8,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py run.h5 picture.png --overview     and constraint errors, energy, steps, charts
     tools/plot.py run.h5 motion.gif                 the motion
     tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
+    tools/plot.py study/stability.h5 picture.png    the verdicts on stiff and extreme cases
     tools/plot.py build/bench/runs.h5 picture.png   the same of other solvers, a panel a problem (`make bench`)
     tools/plot.py build/bench/chain.h5 picture.png  time of a step against the size of a system
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
@@ -20,7 +21,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from plots import animation, motion, performance, precision  # noqa: E402
+from plots import animation, motion, performance, precision, stability  # noqa: E402
 from plots.files import kind_of, read_result  # noqa: E402
 
 
@@ -35,6 +36,8 @@ def main():
     arguments = parser.parse_args()
 
     kinds = {kind_of(path) for path in arguments.files}
+    if kinds == {"stability"} and len(arguments.files) == 1:
+        return stability.draw(arguments.files, arguments.picture)
     if kinds == {"precision"}:
         return precision.draw(arguments.files, arguments.picture)
     if kinds == {"bench"}:

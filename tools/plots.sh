@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Measures what README.md and doc/precision.md show, with build/tandem, and makes their figures and tables anew.
-# `make plots` calls it after its set-up; it takes about three minutes. What it measures is left in build/plots;
+# Measures what README.md, doc/precision.md and doc/stability.md show, with build/tandem, and makes their figures and tables
+# anew. `make plots` calls it after its set-up; it takes about ten minutes. What it measures is left in build/plots;
 # `tools/plots.sh figures` makes figures and tables of what is there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -25,6 +25,7 @@ measure() {
     mkdir -p "$out/runs"
     timed $tandem study precision "${scenes[@]}"
     timed $tandem study tables
+    timed $tandem study stability
     $tandem study precision rolling_disk --set time.end=10 --samples 20 --output "$out/own" --quick --quiet >>"$out/log.txt"
     $tandem study precision articulated_vehicle --output "$out/own" --quick --quiet >>"$out/log.txt"
     $tandem study precision rolling_disk --set time.end=10 --reference test/reference/disk.txt --output "$out/file" --quick --quiet >>"$out/log.txt"
@@ -46,6 +47,7 @@ picture "$runs/overview.h5" $figures/overview.png --overview
 picture "$out"/studies/precision_{rolling_disk,articulated_vehicle,motorcycle,motorcycle_chopper}.h5 $figures/precision.png
 picture "$out/studies/precision_rolling_disk.h5" $figures/precision_rolling_disk.png
 picture "$out/studies/precision_motorcycle_chopper.h5" $figures/precision_motorcycle_chopper.png
+picture "$out/studies/stability.h5" $figures/stability.png
 picture "$runs/articulated_vehicle.h5" $figures/paper_2.png --paper 2
 picture "$runs/rolling_disk.h5" $figures/paper_4.png --paper 4
 picture "$runs/motorcycle.h5" "$runs/motorcycle_chopper.h5" $figures/paper_6.png --paper 6
@@ -56,3 +58,4 @@ done
 # --- 3. the tables of the documents ---------------------------------------------------------------------------------
 
 $python tools/fill_tables.py doc/precision.md "$out"
+$python tools/fill_tables.py doc/stability.md "$out"

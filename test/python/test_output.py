@@ -837,6 +837,16 @@ class CommandLine(Case):
         with h5py.File(self.folder / "b.h5") as file:
             self.assertNotIn("global_error", file["report"].attrs)
 
+    def test_poor_dense_output_is_warned_of(self):
+        settings = ["motorcycle", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--set", "time.end=1"]
+        report = self.tandem("run", *settings, "--set", "output.interval=0.05", "--output", "a.h5").stdout
+        self.assertRegex(report, r"WARNING +between steps, where the output looks,\s+the motion[^W]*max_step")
+        report = self.tandem("run", *settings, "--set", "output.interval=0.05", "--set", "solver.max_step=0.05", "--output",
+                             "b.h5").stdout
+        self.assertNotIn("WARNING", report)
+        # At the steps themselves the result is right.
+        self.assertNotIn("WARNING", self.tandem("run", *settings, "--set", "output.every=1", "--output", "c.h5").stdout)
+
     def test_the_error_of_a_run_that_fails(self):
         report = self.tandem("run", "rolling_disk", "--set", "solver.max_evaluations=100", "--error", code=1).stdout
         self.assertNotIn("error at end", report)

@@ -303,6 +303,9 @@ class Pictures(Case):
         files = [f"study/precision_{scene}.h5" for scene in ("articulated_vehicle", "motorcycle")]
         self.plot(files[0], "one.png")
         self.plot(*files, "two.svg")
+        self.study("stability", "edge", "light_0")
+        self.plot("study/stability.h5", "matrix.svg")
+        self.assertIn("</svg>", (self.folder / "matrix.svg").read_text())
         self.assertTrue((self.folder / "one.png").read_bytes().startswith(b"\x89PNG"))
         drawn = (self.folder / "two.svg").read_text()
         self.assertIn("</svg>", drawn)

@@ -135,6 +135,38 @@ class Tables:
                              *(brief(c[f"{level}_error"].max()) for level in ("position", "velocity", "acceleration"))))
         return lines
 
+    def verdicts(self):
+        """How often each stepper got which verdict."""
+        c = self.study("stability").columns
+        names = ("held", "degraded", "refused", "failed", "wrong")
+        lines = head("steps", "stepper", "runs", *names)
+        for control, words in ("step", "fixed"), ("rtol", "rtol 1e-6"):
+            for stepper in STEPPERS:
+                use = (c["control"] == control) & (c["stepper"] == stepper)
+                if use.any():
+                    lines.append(row(words, f"`{stepper}`", str(use.sum()), *(str((c["verdict"][use] == name).sum()) for name in names)))
+        lines.append(row("all", "", str(len(c["case"])), *(str((c["verdict"] == name).sum()) for name in names)))
+        return lines
+
+    def endless(self):
+        """What a million steps leave."""
+        c = self.study("stability").columns
+        lines = head("case", "stepper", "energy change", "constraint errors, last tenth over first", "memory gained [pages]",
+                     "microseconds a step")
+        for i in np.flatnonzero(c["group"] == "million"):
+            lines.append(row(str(c["case"][i]), f"`{c['stepper'][i]}`", brief(c["energy_change"][i]), f"{c['constraint_growth'][i]:.2f}",
+                             f"{c['memory_growth'][i]:.0f}", f"{1e6 * c['cpu_seconds'][i] / c['steps'][i]:.1f}"))
+        return lines
+
+    def stability_duration(self):
+        """How long the study took."""
+        lines = head("command", "took")
+        for line in (self.folder / "durations.txt").read_text().splitlines():
+            seconds, command = line.split(" ", 1)
+            if "stability" in command:
+                lines.append(row(f"`{command}`", f"{seconds} s"))
+        return lines
+
     def paper(self, number):
         """A table of the paper beside ours."""
         c = self.study("tables").columns

@@ -185,6 +185,8 @@ contains
                 subject%description = 'the disk with steps of '//to_toml(x)//' s'
                 call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, min(10.0_wp, 3.0e4_wp*x), x)
                 subject%with_rtol = .false.
+                ! Thirty thousand steps, also on a busy machine.
+                subject%most_seconds = 60.0_wp
             case ('parallel')
                 call build_parallel(subject, x)
             case ('kink', 'hiddenkink')

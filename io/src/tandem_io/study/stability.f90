@@ -242,10 +242,10 @@ contains
         type(options_type), intent(in) :: options
         type(trial_type), intent(inout) :: trial
         type(error_type), allocatable, intent(out) :: error
-        !> How far the motions may differ: rounding of 1e-16 in some hundred steps, a thousand times amplified by the motion. Under
-        !> error control it also moves the steps: the estimate of a first, careful step is 1e-13, of which rounding is a
-        !> hundredth, and where a step ends decides about its error to that part.
-        real(wp), parameter :: most = 1.0e-10_wp, part = 0.02_wp
+        !> How far the motions may differ: 1e-10, or ten times what rounding makes of the two references where the motion amplifies
+        !> it. Under error control rounding also moves the steps: the estimate of a first, careful step is 1e-13, of which rounding
+        !> is a hundredth, and where a step ends decides about its error to that part.
+        real(wp), parameter :: most = 1.0e-10_wp, times = 10.0_wp, part = 0.02_wp
         type(case_type), target :: twin
         type(trial_type) :: in_metres
         type(truth_type) :: truth
@@ -272,8 +272,8 @@ contains
             difference = max(difference, maxval(abs(trial%q(:, k)/self%subject%units - in_metres%q(:, k))), &
                 maxval(abs(trial%qd(:, k)/self%subject%units - in_metres%qd(:, k))))
         end do
-        allowed = most
-        if (options%is_adaptive()) allowed = max(most, part*in_metres%error)
+        allowed = max(most, times*self%truth%agreement)
+        if (options%is_adaptive()) allowed = max(allowed, part*in_metres%error)
         associate (s => trial%statistics, m => in_metres%statistics)
             if (s%steps == m%steps .and. s%rejected == m%rejected .and. s%failed == m%failed .and. difference <= allowed) return
             trial%verdict = wrong
