@@ -193,6 +193,141 @@ static void test_breakpoints(void)
     tandem_free(p);
 }
 
+/* A bead in polar coordinates (r, angle, z), driven so that angle' = w r and z = c sin t: r'^2/2 - w^2 r^4/4 is constant. It has the
+   functions that the bowl does not need; each counts its calls. */
+enum { RATE, RHS, RHS_Q, INERTIA, KINETIC, MASS_Q, COUNTED };
+static const double bead_w = 0.5, bead_c = 0.2, bead_m = 2.0;
+
+static int bead_phi(double t, const double *q, double *value, void *calls)
+{
+    (void)calls;
+    value[0] = q[2] - bead_c * sin(t);
+    return 0;
+}
+
+static int bead_phi_q(double t, const double *q, double *value, void *calls)
+{
+    (void)t, (void)q, (void)calls;
+    value[0] = value[1] = 0;
+    value[2] = 1;
+    return 0;
+}
+
+static int bead_phi_t(double t, const double *q, double *value, void *calls)
+{
+    (void)q;
+    ((int *)calls)[RATE]++;
+    value[0] = -bead_c * cos(t);
+    return 0;
+}
+
+static int bead_e(double t, const double *q, double *value, void *calls)
+{
+    (void)t, (void)q, (void)calls;
+    value[0] = value[2] = 0;
+    value[1] = 1;
+    return 0;
+}
+
+static int bead_rhs(double t, const double *q, double *value, void *calls)
+{
+    (void)t;
+    ((int *)calls)[RHS]++;
+    value[0] = bead_w * q[0];
+    return 0;
+}
+
+static int bead_nu_q(double t, const double *q, double *value, void *calls)
+{
+    (void)t, (void)q;
+    ((int *)calls)[RHS_Q]++;
+    memset(value, 0, 6 * sizeof *value);
+    value[3] = bead_w;
+    return 0;
+}
+
+static int bead_gamma(double t, const double *q, const double *qd, double *value, void *calls)
+{
+    (void)q, (void)calls;
+    value[0] = bead_c * sin(t);
+    value[1] = -bead_w * qd[0];
+    return 0;
+}
+
+static int bead_mass(double t, const double *q, double *value, void *calls)
+{
+    (void)t, (void)calls;
+    memset(value, 0, 9 * sizeof *value);
+    value[0] = value[8] = bead_m;
+    value[4] = bead_m * q[0] * q[0];
+    return 0;
+}
+
+static int bead_mass_q(double t, const double *q, const double *x, double *value, void *calls)
+{
+    (void)t;
+    ((int *)calls)[MASS_Q]++;
+    memset(value, 0, 9 * sizeof *value);
+    value[3] = 2 * bead_m * q[0] * x[1];
+    return 0;
+}
+
+static int bead_inertia(double t, const double *q, const double *qd, double *value, void *calls)
+{
+    (void)t;
+    ((int *)calls)[INERTIA]++;
+    value[0] = bead_m * q[0] * qd[1] * qd[1];
+    value[1] = -2 * bead_m * q[0] * qd[0] * qd[1];
+    value[2] = 0;
+    return 0;
+}
+
+static int bead_kinetic(double t, const double *q, const double *qd, double *value, void *calls)
+{
+    (void)t;
+    ((int *)calls)[KINETIC]++;
+    value[0] = bead_m * (qd[0] * qd[0] + q[0] * q[0] * qd[1] * qd[1] + qd[2] * qd[2]) / 2;
+    return 0;
+}
+
+static void test_driven(void)
+{
+    int calls[COUNTED] = {0};
+    double q[3] = {1, 0, 0}, qd[3] = {0.1, 0.5, 0.2}, before, after, kinetic, by_mass;
+    tandem_problem *p = tandem_new(3, 1, 1, calls);
+    tandem_set_position_function(p, "holonomic", bead_phi);
+    tandem_set_position_function(p, "holonomic_jacobian", bead_phi_q);
+    tandem_set_position_function(p, "holonomic_rate", bead_phi_t);
+    tandem_set_position_function(p, "nonholonomic_jacobian", bead_e);
+    tandem_set_position_function(p, "nonholonomic_rhs", bead_rhs);
+    tandem_set_position_function(p, "nu_derivative", bead_nu_q);
+    tandem_set_motion_function(p, "constraint_acceleration", bead_gamma);
+    tandem_set_position_function(p, "mass_matrix", bead_mass);
+    tandem_set_direction_function(p, "mass_derivative", bead_mass_q);
+    tandem_set_motion_function(p, "inertia_force", bead_inertia);
+    tandem_set_motion_function(p, "kinetic_energy", bead_kinetic);
+    tandem_set_text(p, "stepper", "sdirk54");
+    tandem_set_text(p, "chart", "adaptive");
+    tandem_set_text(p, "refresh", "factor");
+    tandem_set_text(p, "basis", "svd");
+    tandem_set_real(p, "rtol", 1e-10);
+    before = qd[0] * qd[0] / 2 - bead_w * bead_w * pow(q[0], 4) / 4;
+    tandem_start(p, 0, q, qd);
+    tandem_integrate(p, 1);
+    tandem_get_energies(p, &kinetic, NULL);
+    tandem_get_state(p, NULL, q, qd, NULL);
+    after = qd[0] * qd[0] / 2 - bead_w * bead_w * pow(q[0], 4) / 4;
+    check("a-driven-motion-keeps-its-invariant", fabs(after - before) < 1e-8 && q[0] > 1.1, tandem_message(p));
+    check("and-follows-its-drive", fabs(q[2] - bead_c * sin(1)) < 1e-12 && fabs(qd[1] - bead_w * q[0]) < 1e-12,
+          "off the constraints");
+    for (int i = 0; i < COUNTED; i++) check("each-function-of-it-is-called", calls[i] > 0, "a function is left out");
+    tandem_set_motion_function(p, "kinetic_energy", NULL);
+    tandem_start(p, 1, q, qd);
+    tandem_get_energies(p, &by_mass, NULL);
+    check("a-kinetic-energy-is-that-of-the-mass-matrix", fabs(kinetic - by_mass) < 1e-12, "another energy");
+    tandem_free(p);
+}
+
 static void test_missing(void)
 {
     static const char *const position[] = {"holonomic", "holonomic_jacobian", "nonholonomic_jacobian", "mass_matrix"};
@@ -384,6 +519,7 @@ int main(void)
     test_steps();
     test_derivatives();
     test_breakpoints();
+    test_driven();
     test_names();
     test_missing();
     test_sizes();

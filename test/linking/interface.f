@@ -8,9 +8,10 @@ C
       PROGRAM TESTS
       IMPLICIT DOUBLE PRECISION (A-H,O-Z)
       INCLUDE 'tandem.inc'
-      DIMENSION Q(3), QD(3), QDD(3), Q2(3), QD2(3), RPAR(3), IPAR(2)
+      DIMENSION Q(3), QD(3), QDD(3), Q2(3), QD2(3), RPAR(3), IPAR(3)
       DIMENSION IH(TDHLEN), JH(TDHLEN), KH(TDHLEN), ALAM(1)
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
+      EXTERNAL AMDER
       COMMON /COUNT/ NFAIL
       NFAIL = 0
 C     Mass, moment of inertia, downhill gravity; IPAR: calls, fault.
@@ -86,6 +87,28 @@ C
       CALL BAD ('but-not-before-the-step', JH, TDEOPT, 'last step')
       CALL TDDENS (JH, 1.0D0, Q, QD, QDD, RPAR, IPAR, IERR)
       CALL WAS (JH, IERR)
+C
+C     A derivative, by its name and as none.
+      CALL TDDIR (JH, 'mass_derivative', AMDER, IERR)
+      CALL OK ('a-derivative-is-taken', JH, IERR)
+      CALL TDSETS (JH, 'stepper', 'trapezoid', IERR)
+      CALL TDSETI (JH, 'max_steps', 1000, IERR)
+      CALL OK ('an-integer-is-taken', JH, IERR)
+      CALL TDSETV (JH, 'breakpoints', 0, Q2, IERR)
+      CALL OK ('a-list-is-taken', JH, IERR)
+      CALL START (Q2, QD2)
+      CALL TDSTRT (JH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      IPAR(3) = 0
+      CALL TDINTG (JH, T, Q, QD, 1.0D-2, RPAR, IPAR, IERR)
+      CALL OK ('an-implicit-run-ends', JH, IERR)
+      CALL TOLD ('its-derivative-is-called', IPAR(3) .GT. 0)
+      CALL BAD ('a-derivative-of-another-kind', JH, TDEOPT,
+     &          'mass_derivative')
+      CALL TDDIR (JH, 'mass_matrix', AMDER, IERR)
+      CALL WAS (JH, IERR)
+      CALL TDDIR (JH, 'mass_derivative', TDNONE, IERR)
+      CALL OK ('and-taken-back', JH, IERR)
+      CALL TDSETS (JH, 'stepper', 'rk4', IERR)
 C
 C     What stands for none.
       CALL TDPOS (JH, 'mass_matrix', TDNONE, IERR)
@@ -281,4 +304,16 @@ C
       IMPLICIT DOUBLE PRECISION (A-H,O-Z)
       DIMENSION Q(N), V(1), RPAR(*), IPAR(*)
       V(1) = -RPAR(1)*RPAR(3)*Q(1)
+      END
+
+C     (M x)_q of a constant mass matrix.
+      SUBROUTINE AMDER (N, M, T, Q, X, A, RPAR, IPAR, ISTAT)
+      INTEGER N, M, IPAR(*), ISTAT, I, J
+      DOUBLE PRECISION T, Q(N), X(N), A(M,N), RPAR(*)
+      DO 20 J = 1, N
+         DO 10 I = 1, M
+            A(I,J) = 0.0D0
+   10    CONTINUE
+   20 CONTINUE
+      IPAR(3) = IPAR(3) + 1
       END

@@ -76,8 +76,9 @@ module tandem_tangent_chart
         procedure :: pack_contract
     end type chart_type
 
-    !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was.
-    real(wp), parameter :: near_rank_loss = 0.2_wp
+    !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was. What the rows in
+    !> use leave of an acceleration grows with the third power of the inverse in the rows that were left out.
+    real(wp), parameter :: near_rank_loss = 0.5_wp
 
     abstract interface
         !> Attach the model and allocate the work space, once.
