@@ -35,6 +35,7 @@ STAND_INS = {
     "c++": "",
     "cmake": "",
     "pkg-config": "",
+    "valgrind": "",
     "python3": """
         case $2 in
         import*) ! grep -qx venv "$FAKE/absent" ;;
