@@ -6,7 +6,7 @@ module tandem_linalg_kernels
     implicit none (type, external)
     private
 
-    public :: add_product, add_transposed_product, set_gram, set_product
+    public :: add_product, add_transposed_product, are_same, is_finite, set_gram, set_product
 
 contains
 
@@ -97,6 +97,45 @@ contains
             end do
         end do
     end subroutine set_product
+
+    !> Whether two vectors are the same; a NaN is not.
+    pure logical function are_same(n, x, y)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), y(n)
+        integer :: i
+
+        are_same = .false.
+        !GCC$ UNROLL 1
+        do i = 1, n
+            if (.not. abs(x(i) - y(i)) <= 0.0_wp) return
+        end do
+        are_same = .true.
+    end function are_same
+
+    !> Whether all entries are finite.
+    pure logical function is_finite(n, x)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n)
+        !> Sums of their own, so that none waits for another.
+        integer, parameter :: lane = 8
+        real(wp) :: total(lane)
+        integer :: b, i
+
+        do i = 1, lane
+            total(i) = 0.0_wp
+        end do
+        do b = 0, n - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                total(i) = total(i) + abs(x(b + i))
+            end do
+        end do
+        do i = n - modulo(n, lane) + 1, n
+            total(1) = total(1) + abs(x(i))
+        end do
+        is_finite = ((total(1) + total(2)) + (total(3) + total(4))) + ((total(5) + total(6)) + (total(7) + total(8))) <= &
+            huge(1.0_wp)
+    end function is_finite
 
     !> C := A' B, A (l, m), B (l, n).
     pure subroutine set_gram(a, b, c)

@@ -98,10 +98,14 @@ contains
         stat = 0
         if (wanted == 0) return
         do i = 1, n_terms
-            if (btest(wanted, i - 1)) counts%terms(i) = counts%terms(i) + 1
+            counts%terms(i) = counts%terms(i) + iand(shiftr(wanted, i - 1), 1)
         end do
         if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
-        if (allocated(self%all_rows)) then
+        if (wanted == iand(wanted, self%model%provides) .and. .not. allocated(self%all_rows)) then
+            ! The common case, without detours.
+            call self%model%evaluate(wanted, t, q, qd, self%terms, stat)
+            if (stat /= 0) self%failed_term = 'evaluate'
+        else if (allocated(self%all_rows)) then
             call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, self%failed_term, stat)
             if (stat == 0) call self%take_kept(wanted)
         else

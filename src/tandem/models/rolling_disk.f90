@@ -92,78 +92,128 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         integer, intent(out) :: stat
-        real(wp) :: p(4), pd(4), alpha(3), beta(3), alphad(3), betad(3)
-        real(wp) :: centripetal(3), mixed(3), tangent(3), a32, a33
-        integer :: i
 
         stat = 0
-        p = q(4:7)
-        alpha = [0.0_wp, q(8), q(9)]
-        beta = [0.0_wp, -q(9), q(8)]
-        if (iand(need, need_gamma + need_force) /= 0) pd = qd(4:7)
         select type (self)
         class is (rolling_disk_type)
-            if (iand(need, need_phi) /= 0) then
-                a32 = 2*(p(4)*p(3) + p(1)*p(2))
-                a33 = p(1)**2 - p(2)**2 - p(3)**2 + p(4)**2
-                terms%phi(1) = q(3) + a32*q(8) + a33*q(9)
-                terms%phi(2) = -a32*q(9) + a33*q(8)
-                terms%phi(3) = 0.5_wp*(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2 - 1.0_wp)
-                terms%phi(4) = 0.5_wp*(q(8)**2 + q(9)**2 - self%radius**2)
-            end if
-            if (iand(need, need_jacobian) /= 0) call set_jacobian(p, alpha, beta, terms%jacobian)
-            if (iand(need, need_gamma) /= 0) then
-                ! d^2/dt^2 (A alpha) without second derivatives is B(pd, alpha) pd + 2 B(p, alphad) pd; A is quadratic in p.
-                alphad = [0.0_wp, qd(8), qd(9)]
-                betad = [0.0_wp, -qd(9), qd(8)]
-                centripetal = b_product(pd, alpha, pd)
-                mixed = b_product(p, alphad, pd)
-                tangent = b_product(pd, beta, pd) + 2*b_product(p, betad, pd)
-                terms%gamma(1) = centripetal(3) + 2*mixed(3)
-                terms%gamma(2) = tangent(3)
-                terms%gamma(3) = dot_product(pd, pd)
-                terms%gamma(4) = qd(8)**2 + qd(9)**2
-                terms%gamma(5:6) = centripetal(1:2) + mixed(1:2)
-            end if
-            if (iand(need, need_mass) /= 0) then
-                terms%mass = 0.0_wp
-                do i = 1, 3
-                    terms%mass(i, i) = self%mass
-                end do
-                terms%mass(4:7, 4:7) = 4*g_sandwich(p, self%inertia, p)
-            end if
-            if (iand(need, need_force) /= 0) then
-                terms%force = 0.0_wp
-                terms%force(3) = -self%mass*self%gravity
-                terms%force(4:7) = g_transposed_product(pd, 8*self%inertia*g_product(pd, p))
-            end if
+            if (iand(need, need_phi) /= 0) call set_phi(self, q, terms%phi)
+            if (iand(need, need_jacobian) /= 0) call set_jacobian(q, terms%jacobian)
+            if (iand(need, need_gamma) /= 0) call set_gamma(q, qd, terms%gamma)
+            if (iand(need, need_mass) /= 0) call set_mass(self, q, terms%mass)
+            if (iand(need, need_force) /= 0) call set_force(self, q, qd, terms%force)
         end select
     end subroutine evaluate
 
-    !> C = [Phi_q; E] (107), (109).
-    pure subroutine set_jacobian(p, alpha, beta, jacobian)
-        real(wp), intent(in) :: p(4), alpha(3), beta(3)
-        real(wp), intent(inout) :: jacobian(:, :)
-        real(wp) :: contact(3, 4), tangent(3, 4), a(3, 3)
+    !> Phi (106).
+    pure subroutine set_phi(self, q, phi)
+        class(rolling_disk_type), intent(in) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: phi(4)
+        real(wp) :: a32, a33
 
-        contact = b_matrix(p, alpha)
-        tangent = b_matrix(p, beta)
-        a = rotation(p)
+        a32 = 2*(q(7)*q(6) + q(4)*q(5))
+        a33 = q(4)**2 - q(5)**2 - q(6)**2 + q(7)**2
+        phi(1) = q(3) + a32*q(8) + a33*q(9)
+        phi(2) = -a32*q(9) + a33*q(8)
+        phi(3) = 0.5_wp*(q(4)**2 + q(5)**2 + q(6)**2 + q(7)**2 - 1.0_wp)
+        phi(4) = 0.5_wp*(q(8)**2 + q(9)**2 - self%radius**2)
+    end subroutine set_phi
+
+    !> C = [Phi_q; E] (107), (109): B(p, alpha) in rows 5, 6 and 1, the last row of
+    !> B(p, beta) in row 2, with alpha = (0, a1, a2) and beta = (0, -a2, a1).
+    pure subroutine set_jacobian(q, jacobian)
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: jacobian(6, 9)
+        real(wp) :: e0, e1, e2, e3, a1, a2, s, d
+
+        e0 = 2*q(4)
+        e1 = 2*q(5)
+        e2 = 2*q(6)
+        e3 = 2*q(7)
+        a1 = q(8)
+        a2 = q(9)
+        s = e2*a1 + e3*a2
+        d = e3*a1 - e2*a2
         jacobian = 0.0_wp
         jacobian(1, 3) = 1.0_wp
-        jacobian(1, 4:7) = contact(3, :)
-        jacobian(1, 8:9) = a(3, 2:3)
-        jacobian(2, 4:7) = tangent(3, :)
-        jacobian(2, 8) = a(3, 3)
-        jacobian(2, 9) = -a(3, 2)
-        jacobian(3, 4:7) = p
-        jacobian(4, 8) = alpha(2)
-        jacobian(4, 9) = alpha(3)
+        jacobian(1, 4) = e0*a2 + e1*a1
+        jacobian(1, 5) = e0*a1 - e1*a2
+        jacobian(1, 6) = d
+        jacobian(1, 7) = s
+        jacobian(2, 4) = e0*a1 - e1*a2
+        jacobian(2, 5) = -(e0*a2 + e1*a1)
+        jacobian(2, 6) = -s
+        jacobian(2, 7) = d
+        jacobian(3, 4:7) = q(4:7)
         jacobian(5, 1) = 1.0_wp
-        jacobian(5, 4:7) = contact(1, :)
+        jacobian(5, 4) = -d
+        jacobian(5, 5) = s
+        jacobian(5, 6) = e0*a2 + e1*a1
+        jacobian(5, 7) = e1*a2 - e0*a1
         jacobian(6, 2) = 1.0_wp
-        jacobian(6, 4:7) = contact(2, :)
+        jacobian(6, 4) = e0*a1 - e1*a2
+        jacobian(6, 5) = -(e0*a2 + e1*a1)
+        jacobian(6, 6) = s
+        jacobian(6, 7) = -d
+        jacobian(4, 8) = a1
+        jacobian(4, 9) = a2
+        ! The last row of A, a32 and a33.
+        s = 0.5_wp*(e3*e2 + e0*e1)
+        d = 0.25_wp*(e0**2 - e1**2 - e2**2 + e3**2)
+        jacobian(1, 8) = s
+        jacobian(1, 9) = d
+        jacobian(2, 8) = d
+        jacobian(2, 9) = -s
     end subroutine set_jacobian
+
+    !> gamma: the second derivative of A alpha without second derivatives is B(pd, alpha) pd + 2 B(p, alphad) pd, as A is quadratic
+    !> in p; that of A beta alike.
+    pure subroutine set_gamma(q, qd, gamma)
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: gamma(6)
+        real(wp) :: p(4), pd(4), alpha(3), alphad(3), centripetal(3), mixed(3), of_beta, turn32, turn33
+
+        p = q(4:7)
+        pd = qd(4:7)
+        alpha = [0.0_wp, q(8), q(9)]
+        alphad = [0.0_wp, qd(8), qd(9)]
+        centripetal = b_product(pd, alpha, pd)
+        mixed = b_product(p, alphad, pd)
+        ! The last components of B(pd, beta) pd and B(p, betad) pd, by the last rows of A(pd) and of the rate of A.
+        of_beta = -4*(pd(4)*pd(3) + pd(1)*pd(2))*q(9) + 2*(pd(1)**2 - pd(2)**2 - pd(3)**2 + pd(4)**2)*q(8)
+        turn32 = 2*(p(4)*pd(3) + pd(4)*p(3) + p(1)*pd(2) + pd(1)*p(2))
+        turn33 = 2*(p(1)*pd(1) - p(2)*pd(2) - p(3)*pd(3) + p(4)*pd(4))
+        gamma(1) = centripetal(3) + 2*mixed(3)
+        gamma(2) = of_beta + 2*(turn33*qd(8) - turn32*qd(9))
+        gamma(3) = pd(1)**2 + pd(2)**2 + pd(3)**2 + pd(4)**2
+        gamma(4) = qd(8)**2 + qd(9)**2
+        gamma(5:6) = centripetal(1:2) + mixed(1:2)
+    end subroutine set_gamma
+
+    !> M: the mass, and 4 G' J G.
+    pure subroutine set_mass(self, q, mass)
+        class(rolling_disk_type), intent(in) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(out) :: mass(9, 9)
+        integer :: i
+
+        mass = 0.0_wp
+        do i = 1, 3
+            mass(i, i) = self%mass
+        end do
+        mass(4:7, 4:7) = g_sandwich(q(4:7), 4*self%inertia, q(4:7))
+    end subroutine set_mass
+
+    !> S + Q_A.
+    pure subroutine set_force(self, q, qd, force)
+        class(rolling_disk_type), intent(in) :: self
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), intent(out) :: force(9)
+
+        force = 0.0_wp
+        force(3) = -self%mass*self%gravity
+        force(4:7) = g_transposed_product(qd(4:7), 8*self%inertia*g_product(qd(4:7), q(4:7)))
+    end subroutine set_force
 
     !> The derivatives of (111), as the gradients of the velocity and acceleration constraints and of the equations of motion.
     !> With v = d/dt (A alpha) and its like, rows 1, 5, 6 differentiate the contact point's motion, row 2 the tangent's.

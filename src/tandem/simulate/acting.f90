@@ -15,7 +15,7 @@ contains
         integer :: i
 
         self%has_to_act = .false.
-        self%kept = self%state
+        call self%kept%copy(self%state)
         self%kept_errors = self%errors
         do i = 1, size(self%watched)
             if (.not. self%watched(i)%is_due) cycle
@@ -33,7 +33,7 @@ contains
         if (.not. allocated(error)) call restart_here(self, error)
         if (.not. allocated(error)) call self%renew_values(error)
         if (allocated(error)) then
-            self%state = self%kept
+            call self%state%copy(self%kept)
             self%errors = self%kept_errors
             return
         end if

@@ -445,7 +445,7 @@ contains
 
         if (.not. x > 0.0_wp) then
             call self%look_back()
-            self%state = self%start
+            call self%state%copy(self%start)
         end if
         if (self%is_looking) then
             self%is_looking = .false.

@@ -423,7 +423,7 @@ contains
         integer :: rows(3), stat
 
         if (.not. self%is_looking) then
-            self%kept = self%state
+            call self%kept%copy(self%state)
             self%kept_errors = self%errors
             self%kept_segment = self%model%segment
             if (self%has_step) call self%chart%hold()
@@ -467,7 +467,7 @@ contains
 
         if (.not. self%is_looking) return
         self%is_looking = .false.
-        self%state = self%kept
+        call self%state%copy(self%kept)
         self%errors = self%kept_errors
         if (.not. self%has_step) return
         call self%chart%release()
@@ -539,7 +539,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer :: stat
 
-        self%next%dq = 0.0_wp
+        self%next%dq(:) = 0.0_wp
         if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (self%chart%wants_other_rows()) then
@@ -550,8 +550,8 @@ contains
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             return
         end if
-        self%state%dq = self%next%dq
-        self%state%dqd = 0.0_wp
+        self%state%dq(:) = self%next%dq
+        self%state%dqd(:) = 0.0_wp
         self%chart_is_current = .true.
         self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
         self%tally%charts = self%tally%charts + 1

@@ -45,12 +45,12 @@ contains
                 call try_fixed_step(self, t_limit, ends_at_breakpoint, error)
             end if
             if (allocated(error)) return
-            self%start = self%state
-            self%state = self%next
+            call self%start%copy(self%state)
+            call self%state%copy(self%next)
             call self%measure_errors(error)
             if (.not. allocated(error)) exit
             ! A state that misses the tolerance is not kept.
-            self%state = self%start
+            call self%state%copy(self%start)
             self%errors = last_errors
             self%grid_steps = last_grid_steps
             self%on_grid = was_on_grid
@@ -82,7 +82,7 @@ contains
             end if
             if (allocated(error) .and. .not. is_cut) then
                 ! A step that cannot be searched is not kept.
-                self%state = self%start
+                call self%state%copy(self%start)
                 self%errors = last_errors
                 self%grid_steps = last_grid_steps
                 self%on_grid = was_on_grid

@@ -135,8 +135,8 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(out), contiguous :: dq(:), dqd(:)
         integer, intent(out) :: stat
-        real(wp) :: h
-        integer :: i
+        real(wp) :: h, x
+        integer :: i, k
 
         stat = 0
         h = arrived%t - start%t
@@ -147,26 +147,28 @@ contains
             end do
             self%has_extra = .true.
         end if
-        call blend((t - start%t)/h, h, self%dense, start%dq, arrived%dq, self%rate_q, dq)
-        call blend((t - start%t)/h, h, self%dense, start%dqd, arrived%dqd, self%rate_qd, dqd)
+        x = (t - start%t)/h
+        self%y = 0.0_wp
+        do k = 4, 1, -1
+            call add_rates(size(self%rate, 1), 16, h, self%dense(:, k), self%rate, self%y)
+            self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%y
+        end do
+        associate (n => self%n, rate => self%rate)
+            call blend(x, h, self%y(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq)
+            call blend(x, h, self%y(n + 1:2*n), start%dqd, arrived%dqd, rate(n + 1:2*n, 1), rate(n + 1:2*n, 13), dqd)
+        end associate
     end subroutine interpolate
 
-    !> The nested polynomial of Hairer, Norsett, Wanner I, section II.6.
-    pure subroutine blend(x, h, dense, y0, y1, rate, y)
+    !> The nested polynomial of Hairer, Norsett, Wanner I, section II.6, from its inner part on.
+    elemental subroutine blend(x, h, inner, y0, y1, rate0, rate1, y)
         !> Place in the step, 0 to 1, and its size.
         real(wp), intent(in) :: x, h
-        !> Weights (16, 4), values at the ends (n), rates (n, 16).
-        real(wp), intent(in), contiguous :: dense(:, :), y0(:), y1(:), rate(:, :)
-        real(wp), intent(out), contiguous :: y(:)
-        integer :: k
+        !> The inner part, and values and rates at the ends.
+        real(wp), intent(in) :: inner, y0, y1, rate0, rate1
+        real(wp), intent(out) :: y
 
-        y = 0.0_wp
-        do k = 4, 1, -1
-            call add_rates(h, dense(:, k), rate, y)
-            y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*y
-        end do
-        y = (y + 2*(y1 - y0) - h*(rate(:, 1) + rate(:, 13)))*x
-        y = (y + h*rate(:, 1) - (y1 - y0))*(1.0_wp - x)
+        y = (inner + 2*(y1 - y0) - h*(rate0 + rate1))*x
+        y = (y + h*rate0 - (y1 - y0))*(1.0_wp - x)
         y = y0 + (y + y1 - y0)*x
     end subroutine blend
 end module tandem_stepper_dop853

@@ -15,20 +15,27 @@ module tandem_stepper_explicit
 
     public :: explicit_type, add_rates
 
+    !> Inner loops have this length.
+    integer, parameter :: lane = 8
+
     !> A method given by its tableau; s stages.
     type, abstract, extends(stepper_type) :: explicit_type
         !> a(j, i), j < i, for stage i = 2 ... s; c(i) = sum_j a(j, i); weights b (s).
         real(wp), allocatable :: a(:, :), b(:), c(:)
         !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
-        !> Rates of the stages and at the end of the step (n, s + 1), and of the stages that dense output adds.
-        real(wp), allocatable :: rate_q(:, :), rate_qd(:, :)
+        !> Rates of the stages and at the end of the step (s + 1), and of the stages that dense output adds: those of the n
+        !> coordinates, then those of the velocities, padded with zeros to a multiple of `lane`.
+        real(wp), allocatable :: rate(:, :)
+        !> Increments, ordered alike.
+        real(wp), allocatable :: y(:)
+        integer :: n = 0
         !> How many stages dense output adds.
         integer :: n_extra = 0
         !> Whether they are those of the last step.
         logical :: has_extra = .false.
-        !> Coordinates and increments of a stage, and an error (n).
-        real(wp), allocatable, private :: q(:), dq(:), dqd(:)
+        !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
+        real(wp), allocatable, private :: q(:), defect(:)
     contains
         procedure :: initialize
         procedure :: advance
@@ -56,13 +63,20 @@ contains
         class(explicit_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
-        integer :: n
+        integer :: i, n, s
 
         n = size(scale)
         call self%set_tableau()
-        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%dq, self%dqd)
-        allocate (self%rate_q(n, size(self%b) + 1 + self%n_extra), self%rate_qd(n, size(self%b) + 1 + self%n_extra), source=0.0_wp)
-        allocate (self%q(n), self%dq(n), self%dqd(n), source=0.0_wp)
+        s = size(self%b)
+        self%n = n
+        if (allocated(self%rate)) deallocate (self%rate, self%y, self%q, self%defect)
+        allocate (self%rate(lane*((2*n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
+        allocate (self%y(size(self%rate, 1)), self%q(n), self%defect(s + 1), source=0.0_wp)
+        !GCC$ UNROLL 1
+        do i = 1, s
+            self%defect(i) = 0.5_wp*self%c(i)**2 - dot_product(self%a(:i - 1, i), self%c(:i - 1))
+        end do
+        self%defect(s + 1) = 0.5_wp - dot_product(self%b, self%c)
     end subroutine initialize
 
     !> One step.
@@ -74,29 +88,47 @@ contains
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
         real(wp) :: t
-        integer :: i, s
+        integer :: i, n, s
 
+        n = self%n
         s = size(self%b)
         self%has_extra = .false.
-        self%rate_q(:, 1) = state%qd
-        self%rate_qd(:, 1) = state%qdd
+        !GCC$ UNROLL 1
+        do i = 1, n
+            self%rate(i, 1) = state%qd(i)
+            self%rate(n + i, 1) = state%qdd(i)
+        end do
+        call chart%start_step(state%qdd)
+        stat = 0
+        !GCC$ UNROLL 1
         do i = 2, s
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
+            chart%defect = h**2*self%defect(i)
             call self%set_stage(chart, state, h, t, self%a(:i - 1, i), i, stat)
-            if (stat /= 0) return
+            if (stat /= 0) exit
         end do
-        next%dq = state%dq
-        next%dqd = state%dqd
-        call add_rates(h, self%b, self%rate_q, next%dq)
-        call add_rates(h, self%b, self%rate_qd, next%dqd)
-        call chart%restore_position(next%t, next%dq, next%q, stat)
+        if (stat == 0) then
+            call load(n, state%dq, state%dqd, self%y)
+            call add_rates(size(self%rate, 1), s, h, self%b, self%rate, self%y)
+            !GCC$ UNROLL 1
+            do i = 1, n
+                next%dq(i) = self%y(i)
+                next%dqd(i) = self%y(n + i)
+            end do
+            chart%defect = h**2*self%defect(s + 1)
+            call chart%restore_position(next%t, next%dq, next%q, stat)
+        end if
+        chart%defect = huge(1.0_wp)
         if (stat /= 0) return
         call chart%restore_velocity(next%t, next%q, next%dqd, next%qd, stat)
         if (stat /= 0) return
         call chart%solve_dynamics(next%t, next%q, next%qd, next%qdd, stat)
-        self%rate_q(:, s + 1) = next%qd
-        self%rate_qd(:, s + 1) = next%qdd
+        !GCC$ UNROLL 1
+        do i = 1, n
+            self%rate(i, s + 1) = next%qd(i)
+            self%rate(n + i, s + 1) = next%qdd(i)
+        end do
     end subroutine advance
 
     !> Evaluate a stage: its rates from those before it.
@@ -111,18 +143,30 @@ contains
         integer, intent(in) :: stage
         integer, intent(out) :: stat
 
-        self%dq = state%dq
-        self%dqd = state%dqd
-        call add_rates(h, a, self%rate_q, self%dq)
-        call add_rates(h, a, self%rate_qd, self%dqd)
-        chart%is_stage = .true.
-        call chart%restore_position(t, self%dq, self%q, stat)
-        chart%is_stage = .false.
-        if (stat /= 0) return
-        call chart%restore_velocity(t, self%q, self%dqd, self%rate_q(:, stage), stat)
-        if (stat /= 0) return
-        call chart%solve_dynamics(t, self%q, self%rate_q(:, stage), self%rate_qd(:, stage), stat)
+        associate (n => self%n, rate => self%rate, y => self%y)
+            call load(n, state%dq, state%dqd, y)
+            call add_rates(size(rate, 1), size(a), h, a, rate, y)
+            chart%is_stage = .true.
+            call chart%restore_position(t, y(:n), self%q, stat)
+            if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
+            if (stat == 0) call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
+            chart%is_stage = .false.
+        end associate
     end subroutine set_stage
+
+    !> y := the increments of a state.
+    pure subroutine load(n, dq, dqd, y)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: dq(n), dqd(n)
+        real(wp), intent(inout) :: y(2*n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            y(i) = dq(i)
+            y(n + i) = dqd(i)
+        end do
+    end subroutine load
 
     !> The error of the last step in a weighted norm. Of two estimates (orders 5 and 3 of dop853) the combination of Hairer,
     !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth.
@@ -155,10 +199,11 @@ contains
         of_q = 0.0_wp
         of_qd = 0.0_wp
         of_qdd = 0.0_wp
+        !GCC$ UNROLL 1
         do i = 1, size(self%q)
             of_q = of_q + (arrived%q(i) - self%q(i))**2
-            of_qd = of_qd + (arrived%qd(i) - self%rate_q(i, s))**2
-            of_qdd = of_qdd + (arrived%qdd(i) - self%rate_qd(i, s))**2
+            of_qd = of_qd + (arrived%qd(i) - self%rate(i, s))**2
+            of_qdd = of_qdd + (arrived%qdd(i) - self%rate(self%n + i, s))**2
         end do
         of_qd = h**2*of_qd
         of_qdd = h**4*of_qdd
@@ -172,27 +217,31 @@ contains
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
 
-        self%dq = 0.0_wp
-        self%dqd = 0.0_wp
-        call add_rates(h, self%e(:, number), self%rate_q, self%dq)
-        call add_rates(h, self%e(:, number), self%rate_qd, self%dqd)
-        estimate_norm = weighted_norm(self%dq, self%dqd, weight_q, weight_qd)
+        self%y = 0.0_wp
+        call add_rates(size(self%rate, 1), size(self%e, 1), h, self%e(:, number), self%rate, self%y)
+        estimate_norm = weighted_norm(self%y(:self%n), self%y(self%n + 1:2*self%n), weight_q, weight_qd)
     end function estimate_norm
 
     !> y := y + h sum_j weight(j) rate(:, j).
-    pure subroutine add_rates(h, weight, rate, y)
-        real(wp), intent(in) :: h
-        real(wp), intent(in), contiguous :: weight(:), rate(:, :)
-        real(wp), intent(inout), contiguous :: y(:)
+    pure subroutine add_rates(height, s, h, weight, rate, y)
+        !> Rows, a multiple of `lane`, and columns.
+        integer, intent(in) :: height, s
+        real(wp), intent(in) :: h, weight(s), rate(height, s)
+        real(wp), intent(inout) :: y(height)
         real(wp) :: w
-        integer :: i, j
+        integer :: b, i, j
 
-        do j = 1, size(weight)
-            w = h*weight(j)
-            ! Half of a large tableau is zero.
-            if (.not. abs(w) > 0.0_wp) cycle
-            do i = 1, size(y)
-                y(i) = y(i) + w*rate(i, j)
+        do b = 0, height - lane, lane
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, s
+                ! Half of a large tableau is zero.
+                if (.not. abs(weight(j)) > 0.0_wp) cycle
+                w = h*weight(j)
+                !GCC$ UNROLL 1
+                do i = 1, lane
+                    y(b + i) = y(b + i) + w*rate(b + i, j)
+                end do
             end do
         end do
     end subroutine add_rates
@@ -202,8 +251,7 @@ contains
         class(explicit_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%rate_q)
-        call pack%item(self%rate_qd)
+        call pack%item(self%rate)
         call pack%item(self%has_extra)
         call pack%item(self%q)
     end subroutine pack_state

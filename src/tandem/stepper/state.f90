@@ -18,6 +18,7 @@ module tandem_stepper_state
     contains
         procedure :: allocate => allocate_state
         procedure :: pack_state
+        procedure :: copy
     end type state_type
 
 contains
@@ -47,4 +48,20 @@ contains
         call pack%item(self%dq)
         call pack%item(self%dqd)
     end subroutine pack_state
+
+    !> Take the values of another state of the same size. Assignment would allocate.
+    pure subroutine copy(self, other)
+        class(state_type), intent(inout) :: self
+        type(state_type), intent(in) :: other
+        integer :: i
+
+        self%t = other%t
+        do i = 1, size(other%q)
+            self%q(i) = other%q(i)
+            self%qd(i) = other%qd(i)
+            self%qdd(i) = other%qdd(i)
+            self%dq(i) = other%dq(i)
+            self%dqd(i) = other%dqd(i)
+        end do
+    end subroutine copy
 end module tandem_stepper_state

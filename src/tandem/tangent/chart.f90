@@ -36,8 +36,12 @@ module tandem_tangent_chart
         real(wp) :: failed_value = 0.0_wp
         !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
         integer, allocatable :: failed_rows(:)
-        !> Set by a stepper while it evaluates stages whose positions need be no better than its tolerance.
+        !> Set by a stepper while it evaluates stages: their positions need be no better than its tolerance, and what rounding
+        !> leaves of the constraints does not matter.
         logical :: is_stage = .false.
+        !> Set by a stepper while it evaluates a stage whose increment misses the second derivative of the motion by this times qdd
+        !> at the start of the step: h^2 (c^2/2 - sum a c). Huge where that is not known.
+        real(wp) :: defect = huge(1.0_wp)
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.
@@ -52,6 +56,7 @@ module tandem_tangent_chart
         procedure(renew_interface), deferred :: renew
         procedure(remainder_interface), deferred :: remainder
         procedure(refresh_interface), deferred :: refresh
+        procedure(start_step_interface), deferred :: start_step
         procedure(forget_interface), deferred :: forget
         procedure(forget_interface), deferred :: forget_model
         procedure(forget_interface), deferred :: hold
@@ -129,6 +134,15 @@ module tandem_tangent_chart
             real(wp), intent(in), contiguous :: q(:)
             integer, intent(out) :: stat
         end subroutine refresh_interface
+
+        !> Take note of where a step with stages of known `defect` starts.
+        subroutine start_step_interface(self, qdd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The acceleration (n) at the start, where the chart was made or refreshed last.
+            real(wp), intent(in), contiguous :: qdd(:)
+        end subroutine start_step_interface
 
         !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `forget_model`
         !> forgets a constant mass matrix too, because parameters may have changed; `hold` what the

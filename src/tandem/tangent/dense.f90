@@ -4,7 +4,7 @@
 !> Increments are ambient: xi = dq and eta = dqd, sums of the stages' qd and qdd, unprojected. A position is
 !> q = q0 + xi - U u with Phi(t, q) = 0 (11), (14), a velocity is qd = qd0 + eta - X x with C qd = nu (25), (6). As v = V' xi
 !> and w = W' eta, this is the trajectory in the chart's coordinates v and w, although explicit steps form neither V nor W:
-!> there the condition that qd - qd0 - eta lies in range(C0') reads N0' (qd - qd0 - eta) = 0 with any basis N0 of null(C0).
+!> there the condition that qd - qd0 - eta lies in range(C0') reads D0' (qd - qd0 - eta) = 0 with any basis D0 of null(C0).
 !>
 !> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
 !> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
@@ -13,7 +13,7 @@ module tandem_tangent_dense
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
-    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
+    use tandem_linalg_kernels, only: add_product, are_same, is_finite, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
@@ -27,6 +27,7 @@ module tandem_tangent_dense
     use tandem_tangent_dynamics, only: dynamics_type
     use tandem_tangent_natural_scale, only: acceleration_errors, position_errors, velocity_errors
     use tandem_tangent_position, only: position_type
+    use tandem_tangent_reduced, only: reduced_type
     use tandem_tangent_split, only: by_elimination, by_factor, by_refinement, split_type
     use tandem_tangent_stage, only: stage_type
     use tandem_tangent_watch, only: length_outside, watch_type
@@ -43,11 +44,16 @@ module tandem_tangent_dense
         type(position_type) :: position
         type(split_type) :: split
         type(dynamics_type) :: dynamics
+        !> The same where no bases are kept.
+        type(reduced_type) :: reduced
         type(stage_type), public :: stage
         type(derivatives_type) :: derivatives
         !> n coordinates, nh holonomic and m constraints.
         integer :: n = 0, nh = 0, m = 0
-        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false., has_gamma = .true.
+        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
+        logical :: has_gamma = .true., has_nu = .true.
+        !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
+        logical :: skips_basis = .false.
         type(watch_type) :: watch
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
@@ -57,9 +63,8 @@ module tandem_tangent_dense
         type(basis_type) :: basis
         !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
         real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
-        !> diag(s)^-2 N0 (n, n - m), N0' D and its factors, right sides (n - m), (m), (n).
-        real(wp), allocatable :: null_origin(:, :), overlap(:, :), z(:), x(:), trial(:)
-        type(lu_type) :: overlap_lu
+        !> Work space (m), (n).
+        real(wp), allocatable :: x(:), trial(:)
         !> Where rows were dropped: their numbers, the derivatives, gamma and the multipliers of all rows.
         integer, allocatable :: dropped(:)
         type(derivatives_type) :: all_derivatives
@@ -88,6 +93,7 @@ module tandem_tangent_dense
         procedure :: renew
         procedure :: remainder
         procedure :: refresh
+        procedure :: start_step
         procedure :: forget
         procedure :: forget_model
         procedure :: hold
@@ -111,6 +117,7 @@ module tandem_tangent_dense
         procedure, private :: move_to
         procedure, private :: split_here
         procedure, private :: split_fully
+        procedure, private :: start_without_basis
         procedure, private :: measure_origin
         procedure, private :: move_with
         procedure, private :: load_bases
@@ -147,6 +154,30 @@ module tandem_tangent_dense
             class(dense_chart_type), intent(inout) :: self
             type(pack_type), intent(inout) :: pack
         end subroutine pack_state
+
+        !> Make (t, q, qd) the origin.
+        module subroutine renew(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            integer, intent(out) :: stat
+        end subroutine renew
+
+        !> Where the elimination shows that C has full rank by far, no basis is needed.
+        module subroutine start_without_basis(self, q, can)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in), contiguous :: q(:)
+            logical, intent(out) :: can
+        end subroutine start_without_basis
+
+        !> Something failed here: was a term not finite, and which?
+        module subroutine name_infinite(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(inout) :: stat
+        end subroutine name_infinite
 
         !> How many steps as the one that ends at (t, q) C is away from losing rank.
         module subroutine measure_rank(self, t, q, room, stat)
@@ -286,40 +317,13 @@ module tandem_tangent_dense
 
 contains
 
-    !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
-    subroutine renew(self, t, q, qd, stat)
+    !> Take note of where a step starts.
+    subroutine start_step(self, qdd)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        integer, intent(out) :: stat
-        integer :: j
+        real(wp), intent(in), contiguous :: qdd(:)
 
-        self%failed_row = 0
-        self%q0 = q
-        self%qd0 = qd
-        call self%move_to(t, q, stat)
-        if (stat /= status_ok) return
-        call self%load_bases(stat)
-        if (stat /= status_ok) return
-        if (self%is_implicit) call self%stage%enter_chart()
-        call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
-        if (stat /= status_ok) return
-        if (self%has_bases) then
-            self%is_split = .false.
-            call self%split%start(self%model%terms%jacobian, self%x_basis, stat)
-            if (stat /= status_ok) return
-        end if
-        self%step_jacobian = self%model%terms%jacobian
-        ! Implicit steps split where they need it.
-        if (self%has_bases) return
-        call self%split_here(stat)
-        if (stat /= status_ok) return
-        self%origin_orientation = self%split%orientation
-        self%last_weakness = self%split%weakness
-        do j = 1, self%n - self%m
-            self%null_origin(:, j) = self%split%null_space(:, j)/self%scale**2
-        end do
-    end subroutine renew
+        call self%position%start_step(self%step_jacobian, qdd)
+    end subroutine start_step
 
     !> What rounding took from q = q0 + xi - U u.
     pure subroutine remainder(self, increment, q, left)
@@ -343,7 +347,7 @@ contains
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) then
-            self%step_jacobian = self%model%terms%jacobian
+            self%step_jacobian(:, :) = self%model%terms%jacobian
             call self%position%refresh(self%model%terms%jacobian, q, self%scale, self%counts, stat)
         end if
     end subroutine refresh
@@ -377,9 +381,13 @@ contains
     !> Go back to what was kept.
     subroutine release(self)
         class(dense_chart_type), intent(inout) :: self
+        integer :: choice
 
         call self%position%release()
+        choice = self%split%elimination%choice
         call self%split%release()
+        ! What was eliminated with other pivots is worth nothing to these.
+        if (self%split%elimination%choice /= choice) self%is_split = .false.
     end subroutine release
 
     !> q = q0 + xi - U u with Phi(t, q) = 0.
@@ -390,8 +398,8 @@ contains
         real(wp), intent(out), contiguous :: q(:)
         integer, intent(out) :: stat
 
-        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, q, self%counts, stat)
-        self%phi_is_current = stat == status_ok .and. self%nh > 0
+        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
+        self%phi_is_current = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
         call self%blame(self%position%failed_row, self%position%failed_value)
         if (stat /= status_ok) call self%fail_term()
     end subroutine restore_position
@@ -405,7 +413,7 @@ contains
 
         stat = status_ok
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
-            if (all(abs(q - self%q_point) <= 0.0_wp)) return
+            if (are_same(self%n, q, self%q_point)) return
         end if
         self%has_point = .false.
         self%is_split = .false.
@@ -416,13 +424,14 @@ contains
             call self%fail_term()
             return
         end if
-        if (.not. sum(abs(self%model%terms%jacobian)) + sum(abs(self%model%terms%nu)) <= huge(1.0_wp)) then
+        if (.not. (is_finite(size(self%model%terms%jacobian), self%model%terms%jacobian) .and. &
+            is_finite(self%m, self%model%terms%nu))) then
             call self%name_infinite(stat)
             return
         end if
         self%has_point = .true.
         self%t_point = t
-        self%q_point = q
+        self%q_point(:) = q
     end subroutine move_to
 
     !> What R and D at the current point follow from, and with `refine` B too.
@@ -437,8 +446,12 @@ contains
             if (stat /= status_ok) return
             call self%split%update(jacobian, self%scale, self%x_basis, self%w_basis, self%counts, stat)
         end associate
-        call self%blame(self%split%failed_row, 0.0_wp)
-        self%is_split = stat == status_ok
+        if (stat /= status_ok) then
+            call self%blame(self%split%failed_row, 0.0_wp)
+            return
+        end if
+        self%is_split = .true.
+        if (.not. self%has_bases) call self%reduced%load(self%split%elimination)
     end subroutine split_here
 
     !> R and D at the current point as matrices.
@@ -457,34 +470,24 @@ contains
         real(wp), intent(in), contiguous :: q(:), increment(:)
         real(wp), intent(out), contiguous :: qd(:)
         integer, intent(out) :: stat
-        integer :: pass
+        integer :: i, pass
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        qd = self%qd0 + increment
+        do i = 1, self%n
+            qd(i) = self%qd0(i) + increment(i)
+        end do
         if (self%m == 0) return
-        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
-            if (.not. self%has_bases) then
-                ! qd = R nu + D z with N0' (qd - qd0 - eta) = 0.
-                call set_gram(self%null_origin, d, self%overlap)
-                call self%overlap_lu%factor(self%overlap, stat)
-                if (stat /= 0) then
-                    stat = status_chart_left
-                    return
-                end if
-                self%trial = qd
-                qd = 0.0_wp
-                call add_product(r, terms%nu, 1.0_wp, qd)
-                self%trial = self%trial - qd
-                self%z = 0.0_wp
-                call add_transposed_product(self%null_origin, self%trial, 1.0_wp, self%z)
-                call self%overlap_lu%solve(self%z)
-                call add_product(d, self%z, 1.0_wp, qd)
-            end if
+        if (.not. self%has_bases) then
+            call self%reduced%restore_velocity(self%split%elimination, self%has_nu, .not. self%is_stage, self%model%terms%nu, qd, &
+                stat)
+            return
+        end if
+        associate (terms => self%model%terms)
             ! qd - R (C qd - nu); twice where rounding is to be removed, once for what H gives with the paper's tolerance.
-            do pass = 1, merge(2, 1, self%has_bases .and. .not. self%refines)
+            do pass = 1, merge(1, 2, self%refines)
                 self%x = -terms%nu
                 call add_product(terms%jacobian, qd, 1.0_wp, self%x)
                 call self%split%subtract_right_inverse(self%x_basis, self%x, qd)
@@ -502,7 +505,7 @@ contains
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
         if (self%has_motion) then
-            if (all(abs(qd - self%qd_point) <= 0.0_wp)) return
+            if (are_same(self%n, qd, self%qd_point)) return
         end if
         self%has_motion = .false.
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
@@ -515,7 +518,7 @@ contains
             return
         end if
         self%has_motion = .true.
-        self%qd_point = qd
+        self%qd_point(:) = qd
     end subroutine move_with
 
     !> The acceleration at the point of `restore_velocity`.
@@ -528,44 +531,21 @@ contains
 
         self%failed_row = 0
         call self%move_with(t, q, qd, stat)
-        if (stat == status_ok) call self%split_fully(stat)
+        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
-            call self%dynamics%factor(terms%mass, d, stat)
-            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
-            if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, d, r, terms%gamma, terms%force, &
-                .not. self%refines, qdd, stat)
+        self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
+        associate (terms => self%model%terms, split => self%split)
+            if (self%has_bases) then
+                call self%split_fully(stat)
+                call self%dynamics%factor(terms%mass, split%null_space, stat)
+                if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, split%null_space, split%right_inverse, &
+                    terms%gamma, terms%force, .not. self%refines, qdd, stat)
+            else
+                call self%reduced%solve(split%elimination, .not. self%is_stage, terms%mass, terms%gamma, terms%force, qdd, stat)
+            end if
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate
     end subroutine solve_dynamics
-
-    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
-    subroutine name_infinite(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        !> Kept as it is where all terms are finite.
-        integer, intent(inout) :: stat
-
-        call self%forget()
-        associate (terms => self%model%terms)
-            if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
-                self%failed_term = 'phi'
-            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
-                self%failed_term = 'jacobian'
-            else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
-                self%failed_term = 'nu'
-            else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
-                self%failed_term = 'mass'
-            else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
-                self%failed_term = 'gamma'
-            else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
-                self%failed_term = 'force'
-            else
-                self%failed_term = 'the velocity'
-                return
-            end if
-        end associate
-        stat = status_not_finite
-    end subroutine name_infinite
 
     !> gamma by differences.
     subroutine evaluate_gamma(self, t, q, qd, stat)

@@ -136,4 +136,32 @@ contains
         self%counts%kinetic_energies = self%counts%kinetic_energies + 1
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end subroutine kinetic_energy
+
+    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
+    module subroutine name_infinite(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        !> Kept as it is where all terms are finite.
+        integer, intent(inout) :: stat
+
+        call self%forget()
+        associate (terms => self%model%terms)
+            if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
+                self%failed_term = 'phi'
+            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
+                self%failed_term = 'jacobian'
+            else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
+                self%failed_term = 'nu'
+            else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
+                self%failed_term = 'mass'
+            else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
+                self%failed_term = 'gamma'
+            else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
+                self%failed_term = 'force'
+            else
+                self%failed_term = 'the velocity'
+                return
+            end if
+        end associate
+        stat = status_not_finite
+    end subroutine name_infinite
 end submodule tandem_tangent_dense_answers

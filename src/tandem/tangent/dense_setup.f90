@@ -35,6 +35,7 @@ contains
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%has_nu = iand(self%model%has, need_nu) /= 0
         self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
         associate (n => self%n, nh => self%nh, m => self%m)
             way = by_elimination
@@ -44,13 +45,14 @@ contains
             utol = options%position_tolerance()
             if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
             call self%position%allocate(n, nh, self%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
+            self%position%predicts = .not. (self%refines .or. implicit .or. options%chart == 'paper')
             call self%split%allocate(n, m, way, options%h_tolerance())
             call self%dynamics%allocate(n, n - m)
             call self%basis%allocate(n, nh, m)
             if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)
-            self%z = spread(0.0_wp, 1, n - m)
+            allocate (self%step_jacobian(m, n), source=0.0_wp)
             if (self%has_bases) then
                 allocate (self%origin_c_x(m, m), source=0.0_wp)
                 call self%origin_lu%allocate(m)
@@ -58,9 +60,11 @@ contains
                 allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
             else
                 allocate (self%x_basis(0, 0), self%w_basis(0, 0))
-                allocate (self%null_origin(n, n - m), self%overlap(n - m, n - m), source=0.0_wp)
-                call self%overlap_lu%allocate(n - m)
+                call self%reduced%allocate(m, n, self%scale)
             end if
+            ! Of redundant rows the singular values say when others are wanted.
+            self%skips_basis = .not. (self%has_bases .or. self%uses_svd .or. self%watch%v .or. self%watch%w .or. &
+                self%watch%secants .or. present(kept))
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
                 call self%derivatives%allocate(n, m)
@@ -76,6 +80,47 @@ contains
         self%q_point = self%q0
         self%qd_point = self%q0
     end subroutine initialize
+
+    !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
+    module subroutine renew(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        logical :: is_done
+        integer :: split_stat
+
+        self%failed_row = 0
+        self%q0(:) = q
+        self%qd0(:) = qd
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        self%step_jacobian(:, :) = self%model%terms%jacobian
+        split_stat = status_ok
+        ! Implicit steps split where they need it.
+        if (.not. self%has_bases) call self%split_here(split_stat)
+        is_done = .false.
+        if (self%skips_basis .and. split_stat == status_ok) call self%start_without_basis(q, is_done)
+        if (.not. is_done) then
+            call self%load_bases(stat)
+            if (stat /= status_ok) return
+            if (self%is_implicit) call self%stage%enter_chart()
+            call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            if (stat /= status_ok) return
+        end if
+        if (self%has_bases) then
+            self%is_split = .false.
+            call self%split%start(self%model%terms%jacobian, self%x_basis, stat)
+        else
+            stat = split_stat
+            call self%blame(self%split%failed_row, 0.0_wp)
+            if (stat /= status_ok) return
+            call self%split%measure_orientation()
+            self%origin_orientation = self%split%orientation
+            self%last_weakness = self%split%weakness
+            call self%reduced%set_origin()
+        end if
+    end subroutine renew
 
     !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
     module subroutine load_bases(self, stat)
@@ -137,7 +182,7 @@ contains
         call pack%item(self%w_basis)
         call pack%item(self%v_dual)
         call pack%item(self%w_dual)
-        call pack%item(self%null_origin)
+        if (.not. self%has_bases) call self%reduced%pack_state(pack)
         call pack%item(self%dropped)
         call pack%item(self%origin_orientation)
         call pack%item(self%last_weakness)
@@ -151,4 +196,25 @@ contains
         call pack%item(self%qd_point)
         call pack%item(self%stage_segment)
     end subroutine pack_state
+
+    !> Where the elimination shows that C has full rank by far, no basis is needed.
+    module subroutine start_without_basis(self, q, can)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: q(:)
+        logical, intent(out) :: can
+        !> A smallest singular value above this needs no closer look.
+        real(wp), parameter :: clearly_independent = 1.0e-5_wp
+        !> Neither does one that is hardly larger than all before.
+        real(wp), parameter :: much_better = 1.25_wp
+        real(wp) :: bound
+
+        bound = self%split%elimination%smallest_singular_value()
+        ! The largest so far is to be that of the singular values, not of their bound.
+        can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
+        if (.not. can) return
+        self%independence = bound
+        associate (e => self%split%elimination)
+            call self%position%start_without_basis(e%height, e%matrix, q, self%scale, self%counts, can)
+        end associate
+    end subroutine start_without_basis
 end submodule tandem_tangent_dense_setup

@@ -1,8 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> The position level of a chart: u with Phi(t, q0 + xi - U u) = 0 by Newton's iteration (17), and the matrix B = (Phi_q U)^-1
-!> (13) that it needs, factored once a step or refined at every point as in the paper (20).
+!> (13) that it needs, factored once a step or refined at every point as in the paper (20). On a chart without bases
+!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix.
 module tandem_tangent_position
     use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: short
     use tandem_linalg_kernels, only: add_product
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
@@ -24,11 +26,21 @@ module tandem_tangent_position
         real(wp) :: failed_value = 0.0_wp
         !> Most corrections that an iteration for u, or a refinement of B, has taken since the caller set this to zero.
         integer :: most_corrections = 0
+        !> Whether stages are predicted and their last correction is trusted: not where the paper's iterations are counted.
+        logical :: predicts = .false.
         logical, private :: refines = .false.
         integer, private :: n = 0, nh = 0
         real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
-        !> u (nh), carried from stage to stage as a start value; Phi_q U (nh, nh); natural scales of the rows (nh).
+        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); natural scales of the rows (width).
         real(wp), allocatable, private :: u(:), correction(:), phi_u(:, :), row_scale(:), errors(:), origin(:)
+        !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
+        real(wp), allocatable, private :: u_start(:), curvature(:)
+        !> B at the origin of a chart without basis, (width, nh), width is nh padded; whether it is in use.
+        real(wp), allocatable, private :: gram(:, :)
+        integer, private :: width = 0
+        logical, private :: has_gram = .false.
+        !> By how much a correction has reduced the errors last.
+        real(wp), private :: rate = 1.0_wp, held_rate = 1.0_wp
         !> u and B while the caller looks elsewhere.
         real(wp), allocatable, private :: held_u(:), held_b(:, :)
         type(lu_type), private :: lu
@@ -36,6 +48,8 @@ module tandem_tangent_position
     contains
         procedure :: allocate => allocate_position
         procedure :: start
+        procedure :: start_without_basis
+        procedure :: start_step
         procedure :: refresh
         procedure :: refine
         procedure :: restore
@@ -65,13 +79,19 @@ contains
         self%utol = max(utol, 2.0e-15_wp)
         self%stage_utol = max(stage_utol, self%utol)
         self%btol = btol
-        self%u = spread(0.0_wp, 1, nh)
+        self%width = short*((nh + short - 1)/short)
+        self%u = spread(0.0_wp, 1, self%width)
         self%correction = self%u
+        self%has_gram = .false.
         self%held_u = self%u
+        self%u_start = self%u
+        self%curvature = self%u
+        self%rate = 1.0_wp
         self%row_scale = self%u
         self%errors = self%u
         self%origin = spread(0.0_wp, 1, n)
-        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b)
+        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram)
+        allocate (self%gram(self%width, nh), source=0.0_wp)
         allocate (self%u_basis(n, nh), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
@@ -95,24 +115,218 @@ contains
         if (stat == status_ok) call self%lu%invert(self%b%inverse)
     end subroutine start
 
+    !> Begin at the origin of a new chart with U = diag(s)^2 Phi_q'.
+    subroutine start_without_basis(self, height, matrix, q, scale, counts, can)
+        class(position_type), intent(inout) :: self
+        !> C with its columns padded (height, n).
+        integer, intent(in) :: height
+        real(wp), intent(in) :: matrix(height, self%n)
+        real(wp), intent(in), contiguous :: q(:), scale(:)
+        type(counts_type), intent(inout) :: counts
+        !> False where the rows of Phi_q are so nearly dependent that U wants to be an orthonormal basis.
+        logical, intent(out) :: can
+
+        can = .true.
+        self%u = 0.0_wp
+        if (self%nh == 0) return
+        if (self%width == short) then
+            call invert_gram(self%n, self%nh, height, short, matrix, q, scale, self%u_basis, self%gram, self%row_scale, &
+                self%correction, can)
+        else
+            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%row_scale, &
+                self%correction, can)
+        end if
+        self%has_gram = can
+        counts%position_factorizations = counts%position_factorizations + 1
+    end subroutine start_without_basis
+
+    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The natural
+    !> scales of the rows of Phi by the way.
+    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, row_scale, diagonal, can)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        real(wp), intent(inout) :: u(n, nh), gram(width, nh), row_scale(width), diagonal(width)
+        logical, intent(out) :: can
+        !> The Gram matrix squares the condition of Phi_q: beyond 1e5 U is made an orthonormal basis.
+        real(wp), parameter :: smallest_pivot = 1.0e-10_wp
+        real(wp) :: f, inverse, magnitude
+        integer :: b, i, j, k
+
+        row_scale = tiny(1.0_wp)
+        gram = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            magnitude = max(abs(q(j)), scale(j))
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    row_scale(b + i) = row_scale(b + i) + abs(c(b + i, j))*magnitude
+                end do
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do k = 1, nh
+                f = c(k, j)*scale(j)**2
+                u(j, k) = f
+                do b = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        gram(b + i, k) = gram(b + i, k) + c(b + i, j)*f
+                    end do
+                end do
+            end do
+        end do
+        can = .true.
+        do k = 1, nh
+            diagonal(k) = gram(k, k)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, nh
+            can = can .and. gram(k, k) > smallest_pivot*diagonal(k)
+            if (.not. can) return
+            inverse = 1.0_wp/gram(k, k)
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    diagonal(b + i) = merge(0.0_wp, gram(b + i, k), b + i == k)
+                    gram(b + i, k) = merge(1.0_wp, 0.0_wp, b + i == k)
+                end do
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                f = gram(k, j)*inverse
+                do b = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        gram(b + i, j) = gram(b + i, j) - diagonal(b + i)*f
+                    end do
+                end do
+                gram(k, j) = f
+            end do
+        end do
+    end subroutine invert_gram
+
+    !> x := x + A y, A (width, l), x (width).
+    pure subroutine add_gram(width, l, a, y, x)
+        integer, intent(in), value :: width
+        integer, intent(in) :: l
+        real(wp), intent(in) :: a(width, l), y(l)
+        real(wp), intent(inout) :: x(width)
+        real(wp) :: f
+        integer :: b, i, j
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, l
+            f = y(j)
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(b + i) = x(b + i) + a(b + i, j)*f
+                end do
+            end do
+        end do
+    end subroutine add_gram
+
+    !> q := origin - U u.
+    pure subroutine place(n, nh, u_basis, u, origin, q)
+        integer, intent(in) :: n, nh
+        real(wp), intent(in) :: u_basis(n, nh), u(nh), origin(n)
+        real(wp), intent(out) :: q(n)
+        real(wp) :: f, part(short)
+        integer :: b, i, l
+
+        do b = 0, n - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                part(i) = origin(b + i)
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, nh
+                f = u(l)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    part(i) = part(i) - u_basis(b + i, l)*f
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                q(b + i) = part(i)
+            end do
+        end do
+        !GCC$ UNROLL 1
+        do i = n - modulo(n, short) + 1, n
+            f = origin(i)
+            !GCC$ UNROLL 1
+            do l = 1, nh
+                f = f - u_basis(i, l)*u(l)
+            end do
+            q(i) = f
+        end do
+    end subroutine place
+
+    !> Take note of where a step starts: stages of an explicit method are predicted from there.
+    subroutine start_step(self, jacobian, qdd)
+        class(position_type), intent(inout) :: self
+        !> C (m, n) and the acceleration (n) at the start of the step.
+        real(wp), intent(in), contiguous :: jacobian(:, :), qdd(:)
+        integer :: i, j
+
+        if (self%nh == 0 .or. .not. self%predicts) return
+        do i = 1, self%nh
+            self%correction(i) = 0.0_wp
+        end do
+        do j = 1, self%n
+            !GCC$ NOVECTOR
+            do i = 1, self%nh
+                self%correction(i) = self%correction(i) + jacobian(i, j)*qdd(j)
+            end do
+        end do
+        do i = 1, self%width
+            self%u_start(i) = self%u(i)
+            self%curvature(i) = 0.0_wp
+        end do
+        if (self%has_gram) then
+            call add_gram(self%width, self%nh, self%gram, self%correction, self%curvature)
+        else
+            call self%lu%solve(self%correction(:self%nh))
+            self%curvature(:) = self%correction
+        end if
+    end subroutine start_step
+
+    !> The natural scales of the rows of Phi.
+    pure subroutine set_row_scale(m, n, nh, jacobian, q, scale, row_scale)
+        integer, intent(in) :: m, n, nh
+        real(wp), intent(in) :: jacobian(m, n), q(n), scale(n)
+        real(wp), intent(inout) :: row_scale(nh)
+        real(wp) :: magnitude
+        integer :: i, j
+
+        row_scale = tiny(1.0_wp)
+        do j = 1, n
+            magnitude = max(abs(q(j)), scale(j))
+            do i = 1, nh
+                row_scale(i) = row_scale(i) + abs(jacobian(i, j))*magnitude
+            end do
+        end do
+    end subroutine set_row_scale
+
     !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
     subroutine refresh(self, jacobian, q, scale, counts, stat)
         class(position_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        real(wp) :: magnitude
-        integer :: i, j
 
         stat = status_ok
         if (self%nh == 0) return
-        self%row_scale = tiny(1.0_wp)
-        do j = 1, self%n
-            magnitude = max(abs(q(j)), scale(j))
-            do i = 1, self%nh
-                self%row_scale(i) = self%row_scale(i) + abs(jacobian(i, j))*magnitude
-            end do
-        end do
+        call set_row_scale(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%row_scale)
+        self%has_gram = .false.
         if (.not. self%refines) call self%factor(jacobian, counts, stat)
     end subroutine refresh
 
@@ -130,41 +344,74 @@ contains
         self%most_corrections = max(self%most_corrections, self%b%last_corrections)
     end subroutine refine
 
-    !> q = origin + increment - U u with Phi(t, q) = 0; leaves Phi at q in the evaluator.
-    subroutine restore(self, model, t, origin, increment, is_stage, q, counts, stat)
+    !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
+    subroutine restore(self, model, t, origin, increment, is_stage, defect, q, counts, stat)
         class(position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t
         !> q0 (n) and xi (n).
         real(wp), intent(in), contiguous :: origin(:), increment(:)
-        !> Whether the tolerance of stages suffices.
+        !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it did.
         logical, intent(in) :: is_stage
+        !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for none:
+        !> then the last u is the start value.
+        real(wp), intent(in) :: defect
         real(wp), intent(out), contiguous :: q(:)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
-        integer, parameter :: limit = 40
-        real(wp) :: error, first_error, utol
-        integer :: k
+        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart. A look within a step that began
+        !> with a prediction has none, and must not fail where the step did not.
+        integer, parameter :: of_a_step = 40, of_a_look = 100
+        !> What a correction is trusted to do: this times what the last one did, and no less than rounding allows.
+        real(wp), parameter :: distrust = 10.0_wp
+        real(wp) :: error, total, first_error, last_error, utol
+        logical :: trusts
+        integer :: i, k, limit
 
         stat = status_ok
         self%failed_row = 0
-        self%origin = origin + increment
-        q = self%origin
-        if (self%nh == 0) return
+        do i = 1, self%n
+            self%origin(i) = origin(i) + increment(i)
+        end do
+        if (self%nh == 0) then
+            do i = 1, self%n
+                q(i) = self%origin(i)
+            end do
+            return
+        end if
+        limit = of_a_step
+        if (self%predicts .and. .not. defect < huge(1.0_wp)) limit = of_a_look
+        if (defect < huge(1.0_wp) .and. self%predicts) then
+            do i = 1, self%nh
+                self%u(i) = self%u_start(i) - defect*self%curvature(i)
+            end do
+        end if
         first_error = 0.0_wp
+        last_error = 0.0_wp
         utol = merge(self%stage_utol, self%utol, is_stage)
+        trusts = is_stage .and. self%predicts
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
         do k = 0, limit
-            q = self%origin
-            call add_product(self%u_basis, self%u, -1.0_wp, q)
+            call place(self%n, self%nh, self%u_basis, self%u, self%origin, q)
+            if (k > 0 .and. trusts) then
+                if (distrust*self%rate*last_error <= utol) return
+            end if
             ! Phi does not depend on the velocity; q stands in for it.
             call model%evaluate(need_phi, t, q, q, counts, stat)
             if (stat /= status_ok) return
-            self%errors = abs(model%terms%phi)/self%row_scale
-            error = maxval(self%errors)
-            if (all(self%errors <= utol)) return
-            if (.not. sum(self%errors) <= huge(1.0_wp)) then
+            error = 0.0_wp
+            total = 0.0_wp
+            do i = 1, self%nh
+                self%errors(i) = abs(model%terms%phi(i))/self%row_scale(i)
+                error = max(error, self%errors(i))
+                total = total + self%errors(i)
+            end do
+            ! Later pairs are nearer to rounding.
+            if (k == 1) self%rate = error/last_error
+            if (error <= utol .and. total <= huge(1.0_wp)) return
+            if (.not. total <= huge(1.0_wp)) then
                 model%failed_term = 'phi'
                 stat = status_not_finite
                 self%u = 0.0_wp
@@ -172,20 +419,22 @@ contains
             end if
             if (k == 0) first_error = error
             if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
-            if (self%refines) then
-                self%correction = 0.0_wp
-                call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%correction)
+            last_error = error
+            if (self%has_gram) then
+                call add_gram(self%width, self%nh, self%gram, model%terms%phi, self%u)
+            else if (self%refines) then
+                call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
             else
-                self%correction = model%terms%phi
-                call self%lu%solve(self%correction)
+                self%correction(:self%nh) = model%terms%phi
+                call self%lu%solve(self%correction(:self%nh))
+                self%u(:) = self%u + self%correction
             end if
-            self%u = self%u + self%correction
             counts%position_corrections = counts%position_corrections + 1
             self%most_corrections = max(self%most_corrections, k + 1)
         end do
         stat = status_position_diverged
-        self%failed_row = maxloc(self%errors, dim=1)
-        self%failed_value = maxval(self%errors)
+        self%failed_row = maxloc(self%errors(:self%nh), dim=1)
+        self%failed_value = maxval(self%errors(:self%nh))
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
     end subroutine restore
@@ -195,6 +444,7 @@ contains
         class(position_type), intent(inout) :: self
 
         self%held_u = self%u
+        self%held_rate = self%rate
         if (self%refines) self%held_b = self%b%inverse
     end subroutine hold
 
@@ -203,6 +453,7 @@ contains
         class(position_type), intent(inout) :: self
 
         self%u = self%held_u
+        self%rate = self%held_rate
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
 
@@ -212,7 +463,7 @@ contains
         !> (n)
         real(wp), intent(inout), contiguous :: x(:)
 
-        if (self%nh > 0) call add_product(self%u_basis, self%u, -1.0_wp, x)
+        if (self%nh > 0) call add_product(self%u_basis, self%u(:self%nh), -1.0_wp, x)
     end subroutine subtract_correction
 
     !> B Phi_q (nh, n) at a point.
@@ -278,6 +529,11 @@ contains
         call pack%item(self%failed_value)
         call pack%item(self%most_corrections)
         call pack%item(self%u)
+        call pack%item(self%u_start)
+        call pack%item(self%curvature)
+        call pack%item(self%rate)
+        call pack%item(self%gram)
+        call pack%item(self%has_gram)
         call pack%item(self%row_scale)
         call pack%item(self%b%inverse)
         call self%lu%pack_state(pack)

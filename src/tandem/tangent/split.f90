@@ -1,11 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> How C splits the space of velocities at a point: a right inverse R (C R = I) and a basis D of null(C).
 !>
-!> Three ways to them. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps. With the
+!> Three ways to them. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps, which work with
+!> the elimination itself (`tandem_tangent_reduced`). With the
 !> chart's bases X and W, R = X H and D = (I - X H C) W (31), where H = (C X)^-1 comes from a factorisation or from the
 !> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates. With a
-!> factorisation, R and D are formed only where somebody wants them as matrices (`complete`): a correction of a stage needs no more
-!> than their products with a vector, two or three solutions with C X.
+!> factorisation, a correction of a stage needs no more than products with a vector, two or three solutions with C X. R and D are
+!> formed only where somebody wants them as matrices (`complete`).
 module tandem_tangent_split
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: elimination_type
@@ -26,9 +27,10 @@ module tandem_tangent_split
     type :: split_type
         !> R (n, m) and D (n, k), k = n - m.
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
-        !> The sign of the determinant that `update` has met, of Cd or C X: where it changes along a motion, C may have lost rank.
+        !> The sign of the determinant that `measure_orientation` has met, of Cd or C X: where it changes along a motion, C may have
+        !> lost rank.
         integer :: orientation = 1
-        !> The smallest pivot met: where it falls far, C is near to losing rank.
+        !> The smallest pivot met there: where it falls far, C is near to losing rank.
         real(wp) :: weakness = 1.0_wp
         !> After a failure: the row without a pivot, 0 where it is not one row's fault.
         integer :: failed_row = 0
@@ -39,7 +41,7 @@ module tandem_tangent_split
         integer, private :: way = by_elimination
         integer, private :: m = 0
         real(wp), private :: htol = 0.0_wp
-        type(elimination_type), private :: elimination
+        type(elimination_type) :: elimination
         type(refinement_type), private :: h
         type(lu_type), private :: c_x_lu
         !> C X (m, m), C W (m, k).
@@ -111,15 +113,8 @@ contains
         select case (self%way)
         case (by_elimination)
             call self%elimination%eliminate(jacobian, scale, self%failed_row)
-            self%weakness = self%elimination%weakness
-            if (self%failed_row /= 0) then
-                stat = status_rank_deficient
-                return
-            end if
-            call self%elimination%get_right_inverse(self%right_inverse)
-            call self%elimination%get_null_space(self%null_space)
-            self%orientation = self%elimination%orientation
-            self%is_complete = .true.
+            self%is_complete = .false.
+            if (self%failed_row /= 0) stat = status_rank_deficient
         case (by_factor)
             self%is_complete = .false.
             call set_product(jacobian, x_basis, self%c_x)
@@ -142,6 +137,11 @@ contains
 
         if (self%is_complete) return
         self%is_complete = .true.
+        if (self%way == by_elimination) then
+            call self%elimination%get_right_inverse(self%right_inverse)
+            call self%elimination%get_null_space(self%null_space)
+            return
+        end if
         if (self%way == by_factor) call self%c_x_lu%invert(self%h%inverse)
         call set_product(x_basis, self%h%inverse, self%right_inverse)
         call set_product(jacobian, w_basis, self%c_w)
@@ -183,12 +183,16 @@ contains
         call add_transposed_product(jacobian, self%y, -1.0_wp, force)
     end subroutine subtract_reaction
 
-    !> Orientation and weakness at the point of the last update, where elimination does not meet them by the way.
+    !> Orientation and weakness at the point of the last update.
     subroutine measure_orientation(self)
         class(split_type), intent(inout) :: self
         integer :: stat
 
-        if (self%way == by_elimination) return
+        if (self%way == by_elimination) then
+            self%orientation = self%elimination%orientation()
+            call self%elimination%measure_weakness(self%weakness)
+            return
+        end if
         stat = 0
         if (self%way == by_refinement) call self%c_x_lu%factor(self%c_x, stat)
         if (stat /= 0) return

@@ -1,0 +1,148 @@
+! SPDX-License-Identifier: MIT
+!> Velocities and accelerations of explicit steps, with R = [Cd^-1; 0] and D = [-Y; I] as an elimination of C gives them. Beside
+!> the general `tandem_tangent_dynamics`, which has the equations: the same results in a small part of the time.
+module tandem_tangent_reduced
+    use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: elimination_type, lane, short
+    use tandem_linalg_kernels, only: is_finite
+    use tandem_linalg_lu, only: lu_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
+    use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, set_overlap, transpose_basis
+    implicit none (type, external)
+    private
+
+    public :: reduced_type
+
+    type :: reduced_type
+        private
+        !> n coordinates, m constraints, k = n - m degrees of freedom; height and width are m and k padded.
+        integer :: n = 0, m = 0, k = 0, height = 0, width = 0
+        !> The choice of pivots that D belongs to.
+        integer :: choice = -1
+        !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^-2 (n).
+        real(wp), allocatable :: basis(:, :), origin(:, :), inverse_square(:)
+        !> D' M (width, n), D' M D or D0' D with factors in place (width, k), inverse pivots (k).
+        real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
+        !> The factors of D0' D where its pivots want a search.
+        type(lu_type) :: overlap_lu
+        !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
+        real(wp), allocatable :: z(:), r(:), x(:), work(:)
+    contains
+        procedure :: allocate => allocate_reduced
+        procedure :: load
+        procedure :: set_origin
+        procedure :: restore_velocity
+        procedure :: solve
+        procedure :: pack_state
+    end type reduced_type
+
+contains
+
+    !> Allocate for m constraints of n coordinates.
+    subroutine allocate_reduced(self, m, n, scale)
+        class(reduced_type), intent(inout) :: self
+        integer, intent(in) :: m, n
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
+
+        self%n = n
+        self%m = m
+        self%k = n - m
+        self%choice = -1
+        self%height = lane*((m + lane - 1)/lane)
+        self%width = short*((n - m + short - 1)/short)
+        self%inverse_square = 1.0_wp/scale**2
+        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, self%z, &
+            self%r, self%x, self%work)
+        associate (k => self%k, height => self%height, width => self%width)
+            allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, k), &
+                self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
+            call self%overlap_lu%allocate(k)
+        end associate
+    end subroutine allocate_reduced
+
+    !> Take D of an elimination: that of C at the point of the calls that follow.
+    subroutine load(self, elimination)
+        class(reduced_type), intent(inout) :: self
+        type(elimination_type), intent(in) :: elimination
+
+        call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%pivot, elimination%free, &
+            elimination%choice /= self%choice, elimination%eliminated, self%basis)
+        self%choice = elimination%choice
+    end subroutine load
+
+    !> Make the point the chart's origin.
+    subroutine set_origin(self)
+        class(reduced_type), intent(inout) :: self
+        integer :: i, j
+
+        do j = 1, self%n
+            do i = 1, self%width
+                self%origin(i, j) = self%basis(i, j)*self%inverse_square(j)
+            end do
+        end do
+    end subroutine set_origin
+
+    !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0.
+    subroutine restore_velocity(self, elimination, has_nu, polishes, nu, qd, stat)
+        class(reduced_type), intent(inout) :: self
+        type(elimination_type), intent(in) :: elimination
+        !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
+        logical, intent(in) :: has_nu, polishes
+        !> nu (m).
+        real(wp), intent(in), contiguous :: nu(:)
+        !> The wanted velocity qd0 + eta (n), then the one with C qd = nu.
+        real(wp), intent(inout), contiguous :: qd(:)
+        !> A status code.
+        integer, intent(out) :: stat
+
+        associate (m => self%m, n => self%n, k => self%k, e => elimination)
+            call find_velocity(m, n, k, self%height, self%width, e%pivot, e%free, e%matrix, e%eliminated, self%basis, self%origin, &
+                has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, self%inverse, qd, stat)
+            if (stat == 0) return
+            ! D0' D wants a search for pivots.
+            call set_overlap(n, k, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
+            call self%overlap_lu%factor(self%matrix(:k, :), stat)
+            stat = merge(status_ok, status_chart_left, stat == 0)
+            if (stat /= status_ok) return
+            call self%overlap_lu%solve(self%z(:k))
+            call finish(m, n, k, self%height, e%pivot, e%free, e%matrix, e%eliminated, polishes, nu, -1.0_wp, self%z, self%r, &
+                self%x, qd)
+        end associate
+    end subroutine restore_velocity
+
+    !> The acceleration at the point of `load`.
+    subroutine solve(self, elimination, polishes, mass, gamma, force, qdd, stat)
+        class(reduced_type), intent(inout) :: self
+        type(elimination_type), intent(in) :: elimination
+        !> Whether to remove what rounding leaves of C qdd + gamma.
+        logical, intent(in) :: polishes
+        !> M (n, n), gamma (m), S + Q_A (n).
+        real(wp), intent(in), contiguous :: mass(:, :), gamma(:), force(:)
+        real(wp), intent(out), contiguous :: qdd(:)
+        !> A status code.
+        integer, intent(out) :: stat
+
+        associate (e => elimination)
+            call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%pivot, e%free, e%matrix, e%eliminated, &
+                self%basis, polishes, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, self%z, self%r, self%x, &
+                self%work, qdd, stat)
+        end associate
+        if (stat /= 0) then
+            stat = status_singular_mass
+        else if (.not. is_finite(self%n, qdd)) then
+            stat = status_not_finite
+        end if
+    end subroutine solve
+
+    !> D at the current point and at the origin.
+    subroutine pack_state(self, pack)
+        class(reduced_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%basis)
+        call pack%item(self%origin)
+        call pack%item(self%choice)
+    end subroutine pack_state
+end module tandem_tangent_reduced
