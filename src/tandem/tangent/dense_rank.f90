@@ -16,7 +16,8 @@ contains
         real(wp), parameter :: largest_rest = 1.0e-6_wp
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
-        real(wp) :: share(self%m), smallest, smallest_before, fall
+        real(wp), allocatable :: share(:)
+        real(wp) :: smallest, smallest_before, fall
         integer :: i, j
 
         self%failed_row = 0
@@ -48,6 +49,8 @@ contains
         fall = self%last_weakness - self%split%weakness
         self%last_weakness = self%split%weakness
         if (self%split%orientation == self%origin_orientation .and. self%split%weakness > horizon*fall) return
+        ! Only here: an array of automatic length would be allocated at every step.
+        allocate (share(self%m))
         call weakest_combination(self%step_jacobian, self%scale, share, smallest_before)
         call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
         if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
