@@ -25,7 +25,7 @@ module tandem_tangent_dynamics
         procedure :: factor
         procedure :: solve
         procedure :: project
-        procedure, nopass :: multipliers
+        procedure :: multipliers
     end type dynamics_type
 
 contains
@@ -100,16 +100,16 @@ contains
     end subroutine project
 
     !> lambda = R' (S + Q_A - M qdd).
-    subroutine multipliers(mass, right_inverse, force, qdd, lambda)
+    subroutine multipliers(self, mass, right_inverse, force, qdd, lambda)
+        class(dynamics_type), intent(inout) :: self
         !> M (n, n), R (n, m), S + Q_A (n), qdd (n).
         real(wp), intent(in), contiguous :: mass(:, :), right_inverse(:, :), force(:), qdd(:)
         !> lambda (m).
         real(wp), intent(out), contiguous :: lambda(:)
-        real(wp) :: reaction(size(force))
 
-        reaction = force
-        call add_product(mass, qdd, -1.0_wp, reaction)
+        self%ambient = force
+        call add_product(mass, qdd, -1.0_wp, self%ambient)
         lambda = 0.0_wp
-        call add_transposed_product(right_inverse, reaction, 1.0_wp, lambda)
+        call add_transposed_product(right_inverse, self%ambient, 1.0_wp, lambda)
     end subroutine multipliers
 end module tandem_tangent_dynamics

@@ -280,9 +280,8 @@ contains
         !> V and its dual (n, nv), W and its dual (n, nw), D (n, nw).
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), null_space(:, :)
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-        real(wp) :: w(self%nw), carried(self%nw)
 
-        associate (nv => self%nv)
+        associate (nv => self%nv, w => self%force(:self%nw), carried => self%carried(:self%nw))
             self%rhs = 0.0_wp
             call add_transposed_product(v_dual, error_q, 1.0_wp, self%rhs(:nv))
             w = 0.0_wp
