@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Checkpoints: what a run remembers as a row of numbers, and back. Bases and factors are kept, never made again: a basis made anew
-!> would be another one up to rounding.
+!> What a run remembers as a row of numbers, and back, for checkpoints. Bases and factors are kept, never made again: a basis made
+!> anew would be another one up to rounding.
 submodule(tandem_simulation) tandem_simulate_checkpointing
     use tandem_pack, only: pack_type
     use tandem_status, only: status_invalid_checkpoint
