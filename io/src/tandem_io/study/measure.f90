@@ -280,7 +280,7 @@ contains
 
         self%unwatched = 0
         call system_clock(now, rate)
-        self%is_late = real(now - self%started, wp) > self%most_seconds*real(rate, wp)
+        self%is_late = real(now - self%started, wp)/real(rate, wp) > self%most_seconds
         if (self%is_late) call set_error(error, status_step_limit, 'the run took more than its '// &
             to_text(self%most_seconds)//' s', 'give more time by --budget')
     end subroutine watch
