@@ -220,8 +220,6 @@ contains
             do i = 1, short
                 even(i) = 0.0_wp
             end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
             do j = 1, l - 1, 2
                 f = sign*x(1 + (j - 1)*stride)
                 g = sign*x(1 + j*stride)
@@ -263,8 +261,6 @@ contains
             do i = 1, short
                 even(i) = 0.0_wp
             end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
             do j = 1, l - 1, 2
                 f = sign*x(j)
                 g = sign*x(j + 1)
