@@ -56,8 +56,9 @@ class Allocations(unittest.TestCase):
     def check(self, *settings):
         for scene in ("rolling_disk", "articulated_vehicle", "motorcycle"):
             with self.subTest(scene=scene):
-                # 200 and 800 steps.
-                self.assertLessEqual(self.count(scene, 0.8, *settings), self.count(scene, 0.2, *settings) + 20)
+                # 200 and 5200 steps; one allocation a step would be 5000. A closer look at the rank takes some twenty, and the
+                # disk has five of them; a breakpoint would come later.
+                self.assertLessEqual(self.count(scene, 5.2, *settings), self.count(scene, 0.2, *settings) + 150)
 
     def test_rk4(self):
         self.check("solver.stepper=rk4")

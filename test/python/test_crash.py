@@ -67,8 +67,9 @@ class Running(Case):
 
 class Killed(Running):
     def test_at_twenty_random_moments(self):
-        self.tandem("run", "rolling_disk", "--set", "time.end=60", "--set", "output.every=1", "--no-error", "--output", "whole.h5",
-                    "--quiet")
+        # Longer than any of the others gets before it is killed.
+        self.tandem("run", "rolling_disk", "--set", "time.end=400", "--set", "output.every=1", "--no-error", "--output",
+                    "whole.h5", "--quiet")
         with h5py.File(self.folder / "whole.h5") as file:
             whole = {path: file[path][:] for path in ("trajectory/time", "trajectory/q", "trajectory/qd", "diagnostics/chart")}
         chance = random.Random(1)
@@ -86,6 +87,7 @@ class Killed(Running):
                 self.assertIn("[model]", file.attrs["scene"])
                 n = min(len(file[path]) for path in whole)
                 seen.append(n)
+                self.assertLessEqual(n, len(whole["trajectory/time"]), "make the undisturbed run longer")
                 for path, values in whole.items():
                     np.testing.assert_array_equal(file[path][:n], values[:n])
             (self.folder / name).unlink()

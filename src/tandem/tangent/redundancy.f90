@@ -160,7 +160,8 @@ contains
         integer, intent(out) :: stat
         !> gamma may come from differences.
         real(wp), parameter :: noise = 1.0e-6_wp
-        real(wp) :: full(size(self%evaluator%terms%nu))
+        real(wp), dimension(size(self%evaluator%terms%nu)) :: full, gamma
+        real(wp) :: place(size(q)), speed(size(qd))
         integer :: nh
 
         nh = size(self%evaluator%terms%phi)
@@ -170,7 +171,10 @@ contains
                     call self%evaluator%evaluate(need_jacobian + need_gamma, t, q, qd, counts, stat)
                 else
                     call self%evaluator%evaluate(need_jacobian, t, q, qd, counts, stat)
-                    if (stat == status_ok) call self%differences%evaluate_gamma(t, q, qd, terms%gamma, counts, stat)
+                    place = q
+                    speed = qd
+                    if (stat == status_ok) call self%differences%evaluate_gamma(t, place, speed, gamma, counts, stat)
+                    terms%gamma = gamma
                 end if
                 if (stat == status_ok) call compare(terms%gamma, qd, max(tolerance, noise), 3)
                 return
