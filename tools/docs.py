@@ -21,7 +21,7 @@ PAGES = ROOT / "build" / "docs-pages"
 OUTPUT = ROOT / "build" / "docs"
 FORD = ROOT / ".venv" / "bin" / "ford"
 # In the order of the contents.
-ORDER = ["scene.md", "theory.md", "output.md", "statuses.md", "linking.md"]
+ORDER = ["scene.md", "theory.md", "output.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
 
 failures = 0
 
@@ -155,6 +155,8 @@ def main():
     run = subprocess.run(
         [FORD, str(ROOT / "doc" / "reference.md")], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
+    # FORD would take a folder of figures for pages.
+    shutil.copytree(ROOT / "doc" / "figures", OUTPUT / "page" / "figures")
     told = [line for line in run.stdout.splitlines() if re.search("warning|error", line, re.I)]
     check("ford-has-nothing-to-warn-of", told + [f"exit code {run.returncode}"] * bool(run.returncode))
     wanted = ["index.html", "module/tandem.html", "type/model_type.html", "proc/tdintg.html", "page/linking.html"]

@@ -166,8 +166,8 @@ contains
         jacobian(2, 9) = -s
     end subroutine set_jacobian
 
-    !> gamma: the second derivative of A alpha without second derivatives is B(pd, alpha) pd + 2 B(p, alphad) pd, as A is quadratic
-    !> in p; that of A beta alike.
+    !> gamma. The second derivative of A alpha without second derivatives is B(pd, alpha) pd + 2 B(p, alphad) pd, as A is
+    !> quadratic in p; that of A beta alike.
     pure subroutine set_gamma(q, qd, gamma)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: gamma(6)
@@ -190,7 +190,7 @@ contains
         gamma(5:6) = centripetal(1:2) + mixed(1:2)
     end subroutine set_gamma
 
-    !> M: the mass, and 4 G' J G.
+    !> M, of the mass and 4 G' J G.
     pure subroutine set_mass(self, q, mass)
         class(rolling_disk_type), intent(in) :: self
         real(wp), intent(in) :: q(:)
