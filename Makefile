@@ -22,7 +22,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test coverage docs plots bench bench-count install uninstall clean
+.PHONY: help setup build run test sanitize coverage docs plots bench bench-count install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -32,6 +32,10 @@ test: ## all that verifies the project; the last line is "N passed, N failed" (P
 	@tools/setup.sh test
 	@tools/setup.sh docs
 	@python3 tools/verify.py $(PARTS)
+
+sanitize: ## look for wrong use of memory and undefined behaviour, by sanitizers and valgrind; takes its time
+	@tools/setup.sh test
+	@tools/sanitize.py
 
 coverage: ## which lines of src/ the tests run, as a table; those that they do not are in build/coverage/coverage.txt
 	@tools/setup.sh test

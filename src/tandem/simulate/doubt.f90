@@ -9,7 +9,7 @@ module tandem_simulate_doubt
     use tandem_options, only: options_type
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_warning, only: add_warning, warning_type
     use tandem_status, only: status_interrupted, status_invalid_option
     implicit none (type, external)
     private
@@ -39,32 +39,32 @@ contains
         tolerance = options%relative_tolerance()
         advice = 'take smaller steps'
         if (options%is_adaptive()) advice = 'tighten rtol'
-        if (statistics%local_error_sum > large) doubts = [doubts, warning_type('the steps alone leave errors of '// &
-            two_digits(statistics%local_error_sum)//' of the state: '//trim(advice))]
+        if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &
+            two_digits(statistics%local_error_sum)//' of the state: '//trim(advice))
         if (present(failure)) then
             if (allocated(failure)) then
                 ! That events keep a second run from being compared, or that somebody stops it, says nothing about the first.
-                if (all(failure%stat /= [status_invalid_option, status_interrupted])) doubts = [doubts, warning_type( &
-                    'a second, more accurate run has failed, so this one may be right by chance only: '//trim(advice))]
+                if (all(failure%stat /= [status_invalid_option, status_interrupted])) call add_warning(doubts, &
+                    'a second, more accurate run has failed, so this one may be right by chance only: '//trim(advice))
             end if
         end if
         limit = large
         if (options%is_adaptive()) limit = min(large, times*tolerance)
-        if (statistics%velocity_gap > limit) doubts = [doubts, warning_type('the velocity changes by '// &
+        if (statistics%velocity_gap > limit) call add_warning(doubts, 'the velocity changes by '// &
             two_digits(statistics%velocity_gap)//' of itself without an acceleration in the step to t = '// &
             to_text(statistics%t_gap)//': where the velocity constraints jump, give the model a breakpoint with nu_jumps; '// &
-            'else '//trim(advice))]
-        if (statistics%dense_error > limit) doubts = [doubts, warning_type('between steps, where the output looks, the motion '// &
+            'else '//trim(advice))
+        if (statistics%dense_error > limit) call add_warning(doubts, 'between steps, where the output looks, the motion '// &
             'is off by up to '//two_digits(statistics%dense_error)//' of the state: '//trim(advice)//merge(' or set max_step', &
-            '                ', options%is_adaptive()))]
+            '                ', options%is_adaptive()))
         if (.not. present(global_error)) return
         if (.not. global_error%is_known) return
         associate (largest => global_error%largest)
             if (options%is_adaptive() .and. largest > times*tolerance) then
-                doubts = [doubts, warning_type('the error reaches '//two_digits(largest/tolerance)// &
-                    ' times the tolerance, since the motion amplifies what steps leave: '//trim(advice))]
+                call add_warning(doubts, 'the error reaches '//two_digits(largest/tolerance)// &
+                    ' times the tolerance, since the motion amplifies what steps leave: '//trim(advice))
             else if (largest > large) then
-                doubts = [doubts, warning_type('the error reaches '//two_digits(largest)//' of the state: '//trim(advice))]
+                call add_warning(doubts, 'the error reaches '//two_digits(largest)//' of the state: '//trim(advice))
             end if
         end associate
     end subroutine find_doubts

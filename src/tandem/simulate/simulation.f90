@@ -16,7 +16,7 @@ module tandem_simulation
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
-    use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_warning, only: add_warning, warning_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
@@ -652,7 +652,7 @@ contains
         do i = 1, size(self%warnings)
             if (self%warnings(i)%text == text) return
         end do
-        self%warnings = [self%warnings, warning_type(text)]
+        call add_warning(self%warnings, text)
     end subroutine warn
 
     !> The meaning of a status code, with blanks behind.

@@ -399,9 +399,11 @@ contains
         call self%find(key, found, source, required)
         if (associated(found)) then
             call convert(self%sources(source), found, values, problem)
-            if (problem == '' .and. size(values) /= length) then
-                problem = 'has '//to_toml(size(values))//' elements; it must have '//to_toml(length)
+            if (problem /= '') then
+                call self%refuse_value(key, found, source, problem)
+                return
             end if
+            if (size(values) /= length) problem = 'has '//to_toml(size(values))//' elements; it must have '//to_toml(length)
             do i = 1, size(values)
                 if (problem /= '') exit
                 problem = violated(values(i), check)
