@@ -19,7 +19,12 @@ contains
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
         self%uses_svd = options%basis == 'svd'
-        call self%model%initialize(model, kept)
+        ! Handed on where it is absent, gfortran computes with bounds that it has not.
+        if (present(kept)) then
+            call self%model%initialize(model, kept)
+        else
+            call self%model%initialize(model)
+        end if
         self%n = model%n
         self%nh = size(self%model%terms%phi)
         self%m = size(self%model%terms%nu)
