@@ -187,7 +187,7 @@ contains
         call pack%item(self%lambda)
         call pack%item(self%lambda_is_current)
         do i = 1, size(self%watched)
-            call pack_watched(self%watched(i), pack)
+            call self%watched(i)%pack_state(pack)
         end do
         call pack%item(self%n_events)
         if (pack%is_reading) then
@@ -207,21 +207,4 @@ contains
             if (pack%has_failed) return
         end do
     end subroutine pack_events
-
-    !> One event; the rest serves within a step.
-    subroutine pack_watched(watched, pack)
-        type(watched_type), intent(inout) :: watched
-        type(pack_type), intent(inout) :: pack
-
-        call watched%event%pack_state(pack)
-        call pack%item(watched%value)
-        call pack%item(watched%sign_before)
-        call pack%item(watched%is_open)
-        call pack%item(watched%rests)
-        call pack%item(watched%direction)
-        call pack%item(watched%noise)
-        call pack%item(watched%is_sent_back)
-        call pack%item(watched%judged_until)
-        call pack%item(watched%reach)
-    end subroutine pack_watched
 end submodule tandem_simulate_checkpointing

@@ -16,13 +16,13 @@ module tandem_simulation
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
-    use tandem_simulate_warning, only: add_warning, warning_type
+    use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_watched, only: watched_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
-        status_inconsistent_start, status_invalid_model, status_invalid_option, status_newton_failed, status_not_evaluable, &
-        status_not_finite, status_of, status_ok, status_position_diverged, status_rank_deficient, status_singular_mass, &
-        status_step_limit, status_step_underflow, status_work_limit
+        status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
+        status_position_diverged, status_rank_deficient, status_step_limit, status_step_underflow, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_names
     use tandem_stepper_state, only: state_type
@@ -48,25 +48,6 @@ module tandem_simulation
     contains
         procedure(observe_interface), deferred :: observe
     end type observer_type
-
-    !> An event that is watched.
-    type :: watched_type
-        class(event_type), pointer :: event => null()
-        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step.
-        real(wp) :: value = 0.0_wp, largest = 0.0_wp
-        integer :: sign_before = 0
-        !> Whether a zero at the current state is still to be judged: at the start of the run, or at the end of the last step.
-        logical :: is_open = .true.
-        !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
-        logical :: rests = .false.
-        integer :: direction = 0
-        !> While it rests: what rounding of the state makes of g.
-        real(wp) :: noise = 0.0_wp
-        !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
-        !> have gone on otherwise, and g before it.
-        logical :: is_due = .false., is_sent_back = .false.
-        real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
-    end type watched_type
 
     !> A run of a model: `initialize` it, then `integrate` or `step`, and `look_at` times within the last step.
     type :: simulation_type
@@ -167,6 +148,50 @@ module tandem_simulation
     end interface
 
     interface
+        !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold
+        !> with all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part
+        !> in the integration: the steps are bitwise the same with and without.
+        module subroutine look_at(self, t, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Not before the start of the last step, not after its end.
+            real(wp), intent(in) :: t
+            !> invalid_option where t is elsewhere; what evaluating the model there may give.
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine look_at
+
+        !> Return to the state at the end of the last step.
+        module subroutine look_back(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine look_back
+
+        !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
+        !> the model cannot be evaluated there any more.
+        module subroutine multipliers(self, lambda)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(out), contiguous :: lambda(:)
+        end subroutine multipliers
+
+        !> The kinetic energy at the current state.
+        module subroutine kinetic_energy(self, energy, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(out) :: energy
+            !> A status code, or the status of the model's own procedure.
+            integer, intent(out) :: stat
+        end subroutine kinetic_energy
+
+        !> The potential energy at the current state; only where the model has one.
+        module subroutine potential_energy(self, energy, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(out) :: energy
+            !> The status of the model's procedure.
+            integer, intent(out) :: stat
+        end subroutine potential_energy
+
         !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
         module subroutine choose_rows_anew(self, stat)
             implicit none (type, external)
@@ -250,6 +275,35 @@ module tandem_simulation
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
         end subroutine note_dense_error
+
+        !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
+        module subroutine fail(self, stat, where_, error)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            integer, intent(in) :: stat
+            !> The place in words.
+            character(len=*), intent(in) :: where_
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine fail
+
+        !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
+        recursive module function with_rows(self, rows, row, before) result(text)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            !> Rows of C, and the one that is named already (0: none).
+            integer, intent(in) :: rows(:), row
+            !> What stands before the first.
+            character(len=*), intent(in) :: before
+            character(len=len(before) + most_names*(label_length + 4) + 11) :: text
+        end function with_rows
+
+        !> Keep a warning, once.
+        module subroutine warn(self, text)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> What was seen and what to do about it.
+            character(len=*), intent(in) :: text
+        end subroutine warn
     end interface
 
 contains
@@ -411,71 +465,6 @@ contains
         self%cpu_from = cpu
     end subroutine book_time
 
-    !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
-    !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the
-    !> integration: the steps are bitwise the same with and without.
-    subroutine look_at(self, t, error)
-        class(simulation_type), intent(inout) :: self
-        !> Not before the start of the last step, not after its end.
-        real(wp), intent(in) :: t
-        !> invalid_option where t is elsewhere; what evaluating the model there may give.
-        type(error_type), allocatable, intent(out) :: error
-        integer :: rows(3), stat
-
-        if (.not. self%is_looking) then
-            call self%kept%copy(self%state)
-            self%kept_errors = self%errors
-            self%kept_segment = self%model%segment
-            if (self%has_step) call self%chart%hold()
-        end if
-        self%is_looking = .true.
-        if (abs(t - self%kept%t) <= 0.0_wp) then
-            call self%look_back()
-            return
-        end if
-        if (.not. self%has_step .or. .not. (t >= self%start%t .and. t <= self%kept%t)) then
-            call self%look_back()
-            call set_error(error, status_invalid_option, 't = '//to_text(t)//' is not within the last step', &
-                'ask for times that the last step has passed')
-            return
-        end if
-        if (self%model%segment /= self%segment_of_step) then
-            self%model%segment = self%segment_of_step
-            call self%chart%forget()
-        end if
-        associate (state => self%state, chart => self%chart)
-            state%t = t
-            call self%stepper%interpolate(chart, self%start, self%next, t, state%dq, state%dqd, stat)
-            if (stat == status_ok) call chart%restore_position(t, state%dq, state%q, stat)
-            if (stat == status_ok) call chart%restore_velocity(t, state%q, state%dqd, state%qd, stat)
-            if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
-            if (stat == status_ok) then
-                call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
-            end if
-        end associate
-        if (stat == status_ok) then
-            call self%note_dense_error()
-            return
-        end if
-        call self%fail(stat, 'between steps at t = '//to_text(t), error)
-        call self%look_back()
-    end subroutine look_at
-
-    !> Return to the state at the end of the last step.
-    subroutine look_back(self)
-        class(simulation_type), intent(inout) :: self
-
-        if (.not. self%is_looking) return
-        self%is_looking = .false.
-        call self%state%copy(self%kept)
-        self%errors = self%kept_errors
-        if (.not. self%has_step) return
-        call self%chart%release()
-        if (self%model%segment == self%kept_segment) return
-        self%model%segment = self%kept_segment
-        call self%chart%forget()
-    end subroutine look_back
-
     !> What the run has cost and how wrong it was, so far.
     function statistics(self) result(statistics_)
         class(simulation_type), intent(in) :: self
@@ -494,42 +483,6 @@ contains
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end function statistics
-
-    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
-    !> the model cannot be evaluated there any more.
-    subroutine multipliers(self, lambda)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out), contiguous :: lambda(:)
-        integer :: stat
-
-        call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
-    end subroutine multipliers
-
-    !> The kinetic energy at the current state.
-    subroutine kinetic_energy(self, energy, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out) :: energy
-        !> A status code, or the status of the model's own procedure.
-        integer, intent(out) :: stat
-
-        if (associated(self%model%kinetic_energy)) then
-            self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
-            call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
-        else
-            call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
-        end if
-    end subroutine kinetic_energy
-
-    !> The potential energy at the current state; only where the model has one.
-    subroutine potential_energy(self, energy, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out) :: energy
-        !> The status of the model's procedure.
-        integer, intent(out) :: stat
-
-        self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
-        call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
-    end subroutine potential_energy
 
     !> Make the current state the origin of a new chart and count the reason.
     subroutine renew_chart(self, reason, error)
@@ -586,85 +539,6 @@ contains
             end do
         end associate
     end subroutine measure_errors
-
-    !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
-    subroutine fail(self, stat, where_, error)
-        class(simulation_type), intent(in) :: self
-        integer, intent(in) :: stat
-        !> The place in words.
-        character(len=*), intent(in) :: where_
-        type(error_type), allocatable, intent(out) :: error
-        character(len=:), allocatable :: message
-
-        message = trim(adjustl(meaning(stat)))//' '//where_
-        if (self%chart%failed_row > 0) then
-            message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
-            if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
-                message = message//trim(self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with '))
-            end if
-            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
-                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
-            end if
-        end if
-        if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
-            message = 'the mass matrix is not symmetric '//where_//', entry '//self%chart%failed_term
-        end if
-        if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
-            allocated(self%chart%failed_term)) then
-            message = message//', term '//self%chart%failed_term
-        end if
-        call set_error(error, stat, message)
-    end subroutine fail
-
-    !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
-    recursive function with_rows(self, rows, row, before) result(text)
-        class(simulation_type), intent(in) :: self
-        !> Rows of C, and the one that is named already (0: none).
-        integer, intent(in) :: rows(:), row
-        !> What stands before the first.
-        character(len=*), intent(in) :: before
-        character(len=len(before) + most_names*(label_length + 4) + 11) :: text
-        character(len=:), allocatable :: list
-        integer :: i, n_named
-
-        list = ''
-        n_named = 0
-        do i = 1, size(rows)
-            if (rows(i) == row) cycle
-            n_named = n_named + 1
-            if (n_named > most_names) exit
-            if (n_named == 1) list = before
-            if (n_named > 1) list = list//', '
-            list = list//'"'//self%model%row_name(rows(i))//'"'
-        end do
-        if (n_named > most_names) list = list//' and others'
-        text = list
-    end function with_rows
-
-    !> Keep a warning, once.
-    subroutine warn(self, text)
-        class(simulation_type), intent(inout) :: self
-        !> What was seen and what to do about it.
-        character(len=*), intent(in) :: text
-        integer :: i
-
-        if (.not. allocated(self%warnings)) allocate (self%warnings(0))
-        do i = 1, size(self%warnings)
-            if (self%warnings(i)%text == text) return
-        end do
-        call add_warning(self%warnings, text)
-    end subroutine warn
-
-    !> The meaning of a status code, with blanks behind.
-    pure function meaning(stat) result(text)
-        use tandem_status, only: status_type
-        integer, intent(in) :: stat
-        type(status_type) :: row
-        character(len=len(row%meaning)) :: text
-
-        row = status_of(stat)
-        text = row%meaning
-    end function meaning
 
     !> Names joined by commas.
     pure function names_in_a_row(names) result(text)

@@ -1,0 +1,105 @@
+! SPDX-License-Identifier: MIT
+!> What there is to see of the motion: the dense output at times within the last step, and at any state looked at its multipliers
+!> and energies. Looking takes no part in the integration.
+submodule(tandem_simulation) tandem_simulate_looking
+    implicit none (type, external)
+
+contains
+
+    !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
+    !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the
+    !> integration: the steps are bitwise the same with and without.
+    module subroutine look_at(self, t, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        type(error_type), allocatable, intent(out) :: error
+        integer :: rows(3), stat
+
+        if (.not. self%is_looking) then
+            call self%kept%copy(self%state)
+            self%kept_errors = self%errors
+            self%kept_segment = self%model%segment
+            if (self%has_step) call self%chart%hold()
+        end if
+        self%is_looking = .true.
+        if (abs(t - self%kept%t) <= 0.0_wp) then
+            call self%look_back()
+            return
+        end if
+        if (.not. self%has_step .or. .not. (t >= self%start%t .and. t <= self%kept%t)) then
+            call self%look_back()
+            call set_error(error, status_invalid_option, 't = '//to_text(t)//' is not within the last step', &
+                'ask for times that the last step has passed')
+            return
+        end if
+        if (self%model%segment /= self%segment_of_step) then
+            self%model%segment = self%segment_of_step
+            call self%chart%forget()
+        end if
+        associate (state => self%state, chart => self%chart)
+            state%t = t
+            call self%stepper%interpolate(chart, self%start, self%next, t, state%dq, state%dqd, stat)
+            if (stat == status_ok) call chart%restore_position(t, state%dq, state%q, stat)
+            if (stat == status_ok) call chart%restore_velocity(t, state%q, state%dqd, state%qd, stat)
+            if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) then
+                call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            end if
+        end associate
+        if (stat == status_ok) then
+            call self%note_dense_error()
+            return
+        end if
+        call self%fail(stat, 'between steps at t = '//to_text(t), error)
+        call self%look_back()
+    end subroutine look_at
+
+    !> Return to the state at the end of the last step.
+    module subroutine look_back(self)
+        class(simulation_type), intent(inout) :: self
+
+        if (.not. self%is_looking) return
+        self%is_looking = .false.
+        call self%state%copy(self%kept)
+        self%errors = self%kept_errors
+        if (.not. self%has_step) return
+        call self%chart%release()
+        if (self%model%segment == self%kept_segment) return
+        self%model%segment = self%kept_segment
+        call self%chart%forget()
+    end subroutine look_back
+
+    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
+    !> the model cannot be evaluated there any more.
+    module subroutine multipliers(self, lambda)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer :: stat
+
+        call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
+    end subroutine multipliers
+
+    !> The kinetic energy at the current state.
+    module subroutine kinetic_energy(self, energy, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+
+        if (associated(self%model%kinetic_energy)) then
+            self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
+            call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
+        else
+            call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
+        end if
+    end subroutine kinetic_energy
+
+    !> The potential energy at the current state; only where the model has one.
+    module subroutine potential_energy(self, energy, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+
+        self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
+        call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
+    end subroutine potential_energy
+end submodule tandem_simulate_looking

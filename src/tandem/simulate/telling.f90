@@ -1,0 +1,83 @@
+! SPDX-License-Identifier: MIT
+!> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
+submodule(tandem_simulation) tandem_simulate_telling
+    use tandem_simulate_warning, only: add_warning
+    use tandem_status, only: status_invalid_model, status_not_evaluable, status_of, status_singular_mass, status_type
+    implicit none (type, external)
+
+contains
+
+    !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
+    module subroutine fail(self, stat, where_, error)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: stat
+        character(len=*), intent(in) :: where_
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: message
+
+        message = trim(adjustl(meaning(stat)))//' '//where_
+        if (self%chart%failed_row > 0) then
+            message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
+            if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
+                message = message//trim(self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with '))
+            end if
+            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
+                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+            end if
+        end if
+        if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
+            message = 'the mass matrix is not symmetric '//where_//', entry '//self%chart%failed_term
+        end if
+        if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
+            allocated(self%chart%failed_term)) then
+            message = message//', term '//self%chart%failed_term
+        end if
+        call set_error(error, stat, message)
+    end subroutine fail
+
+    !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
+    recursive module function with_rows(self, rows, row, before) result(text)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: rows(:), row
+        character(len=*), intent(in) :: before
+        character(len=len(before) + most_names*(label_length + 4) + 11) :: text
+        character(len=:), allocatable :: list
+        integer :: i, n_named
+
+        list = ''
+        n_named = 0
+        do i = 1, size(rows)
+            if (rows(i) == row) cycle
+            n_named = n_named + 1
+            if (n_named > most_names) exit
+            if (n_named == 1) list = before
+            if (n_named > 1) list = list//', '
+            list = list//'"'//self%model%row_name(rows(i))//'"'
+        end do
+        if (n_named > most_names) list = list//' and others'
+        text = list
+    end function with_rows
+
+    !> Keep a warning, once.
+    module subroutine warn(self, text)
+        class(simulation_type), intent(inout) :: self
+        character(len=*), intent(in) :: text
+        integer :: i
+
+        if (.not. allocated(self%warnings)) allocate (self%warnings(0))
+        do i = 1, size(self%warnings)
+            if (self%warnings(i)%text == text) return
+        end do
+        call add_warning(self%warnings, text)
+    end subroutine warn
+
+    !> The meaning of a status code, with blanks behind.
+    pure function meaning(stat) result(text)
+        integer, intent(in) :: stat
+        type(status_type) :: row
+        character(len=len(row%meaning)) :: text
+
+        row = status_of(stat)
+        text = row%meaning
+    end function meaning
+end submodule tandem_simulate_telling
