@@ -6,18 +6,15 @@
 !> HDF5 is one for the whole process. For every user of it there, this module turns the printing of its error stack off, and
 !> the closing of what is open when the program ends.
 module tandem_io_output_hdf5
-    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5aopen_by_name_f, h5aread_f, h5awrite_f, &
-        h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, h5dread_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, &
-        h5f_acc_rdonly_f, h5f_acc_rdwr_f, h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, &
-        h5fopen_f, h5gclose_f, h5gcreate_f, h5kind_to_type, h5ldelete_f, h5oclose_f, h5oopen_f, h5open_f, &
-        h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5s_scalar_f, h5s_select_set_f, &
-        h5s_unlimited_f, h5sclose_f, h5screate_f, h5screate_simple_f, &
-        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5t_cset_utf8_f, h5t_fortran_s1, &
-        h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, &
-        h5tset_size_f, h5tset_strpad_f, hid_t, hsize_t, size_t
+    use hdf5, only: h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdwr_f, &
+        h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
+        h5open_f, h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5s_select_set_f, h5s_unlimited_f, &
+        h5sclose_f, h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, &
+        h5t_str_nullpad_f, h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_io_output_access, only: end_of, make_access, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
+    use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
     private
@@ -33,13 +30,6 @@ module tandem_io_output_hdf5
         procedure :: create
         procedure :: start_appending
         procedure :: reopen
-        procedure :: open_to_append
-        procedure :: open_dataset
-        procedure :: rows_of
-        procedure :: cut
-        procedure :: remove
-        procedure :: add_words
-        procedure :: write_words
         procedure :: flush
         procedure :: close
         procedure :: add_group
@@ -47,16 +37,25 @@ module tandem_io_output_hdf5
         procedure :: append
         procedure :: append_texts
         procedure :: close_dataset
+        procedure, private :: note
+        ! Attributes.
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
-        procedure, private :: attach_value
-        procedure, private :: note
+        procedure :: get_attribute
+        ! Whole datasets.
         generic :: put => put_integers, put_reals, put_strings
         procedure, private :: put_integers, put_reals, put_strings
         procedure :: open_to_read
         procedure :: get
+        ! Runs that go on.
+        procedure :: open_to_append
+        procedure :: open_dataset
+        procedure :: rows_of
+        procedure :: cut
+        procedure :: remove
+        procedure :: add_words
+        procedure :: write_words
         procedure :: get_words
-        procedure :: get_attribute
     end type hdf5_type
 
     interface
@@ -138,16 +137,6 @@ module tandem_io_output_hdf5
             integer(long), allocatable, target, intent(out) :: words(:)
         end subroutine get_words
 
-        !> Read an attribute that is a whole number; 0 where there is none.
-        module subroutine get_attribute(self, path, name, value, is_there)
-            implicit none (type, external)
-            class(hdf5_type), intent(inout) :: self
-            !> Path of the object, and the attribute's name.
-            character(len=*), intent(in) :: path, name
-            integer(long), target, intent(out) :: value
-            logical, intent(out) :: is_there
-        end subroutine get_attribute
-
         !> Cut a dataset back to its first rows.
         module subroutine cut(self, dataset, path, width, rows)
             implicit none (type, external)
@@ -165,6 +154,89 @@ module tandem_io_output_hdf5
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine remove
+
+        !> Give an object an integer attribute.
+        module subroutine attach_integer(self, path, name, value)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Path of the object, and the attribute's name.
+            character(len=*), intent(in) :: path, name
+            integer(long), intent(in) :: value
+        end subroutine attach_integer
+
+        !> Give an object a real attribute.
+        module subroutine attach_real(self, path, name, value)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path, name
+            real(wp), intent(in) :: value
+        end subroutine attach_real
+
+        !> Give an object a text, blanks at its end dropped.
+        module subroutine attach_string(self, path, name, value)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path, name
+            character(len=*), intent(in) :: value
+        end subroutine attach_string
+
+        !> Give an object an array of texts, blanks at their ends dropped.
+        module subroutine attach_strings(self, path, name, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path, name
+            character(len=*), intent(in) :: values(:)
+        end subroutine attach_strings
+
+        !> Read an attribute that is a whole number; 0 where there is none.
+        module subroutine get_attribute(self, path, name, value, is_there)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Path of the object, and the attribute's name.
+            character(len=*), intent(in) :: path, name
+            integer(long), target, intent(out) :: value
+            logical, intent(out) :: is_there
+        end subroutine get_attribute
+
+        !> Make a dataset of integers (rows).
+        module subroutine put_integers(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            integer(long), intent(in) :: values(:)
+        end subroutine put_integers
+
+        !> Make a dataset of numbers (rows).
+        module subroutine put_reals(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            real(wp), intent(in) :: values(:)
+        end subroutine put_reals
+
+        !> Make a dataset of texts (rows), blanks at their ends dropped.
+        module subroutine put_strings(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            character(len=*), intent(in) :: values(:)
+        end subroutine put_strings
+
+        !> Open a file to read from it.
+        module subroutine open_to_read(self, path)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+        end subroutine open_to_read
+
+        !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
+        module subroutine get(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> Not allocated where it could not be read.
+            real(wp), allocatable, target, intent(out) :: values(:, :)
+        end subroutine get
     end interface
 
 contains
@@ -399,246 +471,6 @@ contains
         end if
         dataset = -1_hid_t
     end subroutine close_dataset
-
-    !> Give an object an integer attribute.
-    subroutine attach_integer(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        !> Path of the object, and the attribute's name.
-        character(len=*), intent(in) :: path, name
-        integer(long), intent(in) :: value
-        integer(long), target :: copy
-
-        copy = value
-        if (allocated(self%problem)) return
-        call self%attach_value(path, name, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), -1)
-    end subroutine attach_integer
-
-    !> Give an object a real attribute.
-    subroutine attach_real(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        real(wp), intent(in) :: value
-        real(wp), target :: copy
-
-        copy = value
-        call self%attach_value(path, name, h5t_ieee_f64le, h5t_native_double, c_loc(copy), -1)
-    end subroutine attach_real
-
-    !> Give an object a text, blanks at its end dropped.
-    subroutine attach_string(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: value
-
-        call attach_texts(self, path, name, [value], -1)
-    end subroutine attach_string
-
-    !> Give an object an array of texts, blanks at their ends dropped.
-    subroutine attach_strings(self, path, name, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: values(:)
-
-        call attach_texts(self, path, name, values, size(values))
-    end subroutine attach_strings
-
-    !> Texts of variable length in UTF-8, which Python reads as str.
-    subroutine attach_texts(self, path, name, values, length)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: values(:)
-        !> Length of the array, -1 for a single text.
-        integer, intent(in) :: length
-        character(kind=c_char), allocatable, target :: letters(:)
-        type(c_ptr), target :: starts(size(values))
-        integer(hid_t) :: text_type
-        integer :: stat
-
-        if (allocated(self%problem)) return
-        call set_letters(values, letters, starts)
-        call make_text_type(text_type)
-        call self%attach_value(path, name, text_type, text_type, c_loc(starts), length)
-        call h5tclose_f(text_type, stat)
-    end subroutine attach_texts
-
-    !> The type of texts of variable length in UTF-8.
-    subroutine make_text_type(text_type)
-        integer(hid_t), intent(out) :: text_type
-        integer :: stat
-
-        call h5tcopy_f(h5t_string, text_type, stat)
-        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
-    end subroutine make_text_type
-
-    !> The type of texts of one length in UTF-8, as Fortran has them. Only such may be appended.
-    subroutine make_fixed_type(length, text_type)
-        integer, intent(in) :: length
-        integer(hid_t), intent(out) :: text_type
-        integer :: stat
-
-        call h5tcopy_f(h5t_fortran_s1, text_type, stat)
-        call h5tset_size_f(text_type, int(length, size_t), stat)
-        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
-    end subroutine make_fixed_type
-
-    !> Texts as C has them: letters that end in a null, and where they start.
-    subroutine set_letters(values, letters, starts)
-        character(len=*), intent(in) :: values(:)
-        character(kind=c_char), allocatable, target, intent(out) :: letters(:)
-        type(c_ptr), intent(out) :: starts(:)
-        integer :: i, j, place
-
-        allocate (letters(sum(len_trim(values) + 1)))
-        place = 0
-        do i = 1, size(values)
-            starts(i) = c_loc(letters(place + 1))
-            do j = 1, len_trim(values(i))
-                letters(place + j) = values(i) (j:j)
-            end do
-            place = place + len_trim(values(i)) + 1
-            letters(place) = c_null_char
-        end do
-    end subroutine set_letters
-
-    !> Write an attribute; one of this name is replaced.
-    subroutine attach_value(self, path, name, file_type, memory_type, values, length)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        integer(hid_t), intent(in) :: file_type, memory_type
-        type(c_ptr), intent(in) :: values
-        !> Length of an array, -1 for a scalar.
-        integer, intent(in) :: length
-        integer(hid_t) :: object, space, attribute
-        logical :: exists
-        integer :: stat
-
-        if (allocated(self%problem)) return
-        call h5oopen_f(self%file, path, object, stat)
-        call self%note(stat, 'open '//path)
-        if (stat /= 0) return
-        call h5aexists_f(object, name, exists, stat)
-        if (exists) call h5adelete_f(object, name, stat)
-        if (length < 0) then
-            call h5screate_f(h5s_scalar_f, space, stat)
-        else
-            call h5screate_simple_f(1, [int(length, hsize_t)], space, stat)
-        end if
-        call h5acreate_f(object, name, file_type, space, attribute, stat)
-        call self%note(stat, 'make the attribute '//name//' of '//path)
-        if (stat == 0) then
-            call h5awrite_f(attribute, memory_type, values, stat)
-            call self%note(stat, 'write the attribute '//name//' of '//path)
-            call h5aclose_f(attribute, stat)
-        end if
-        call h5sclose_f(space, stat)
-        call h5oclose_f(object, stat)
-    end subroutine attach_value
-
-    !> Make a dataset of integers (rows).
-    subroutine put_integers(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(long), intent(in) :: values(:)
-        integer(long), target :: copy(size(values))
-
-        copy = values
-        call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), size(values))
-    end subroutine put_integers
-
-    !> Make a dataset of numbers (rows).
-    subroutine put_reals(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        real(wp), intent(in) :: values(:)
-        real(wp), target :: copy(size(values))
-
-        copy = values
-        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), size(values))
-    end subroutine put_reals
-
-    !> Make a dataset of texts (rows), blanks at their ends dropped.
-    subroutine put_strings(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        character(len=*), intent(in) :: values(:)
-        character(kind=c_char), allocatable, target :: letters(:)
-        type(c_ptr), target :: starts(size(values))
-        integer(hid_t) :: text_type
-        integer :: stat
-
-        call set_letters(values, letters, starts)
-        call make_text_type(text_type)
-        call put_values(self, path, text_type, text_type, c_loc(starts), size(values))
-        call h5tclose_f(text_type, stat)
-    end subroutine put_strings
-
-    !> Make a dataset of one dimension with all its values.
-    subroutine put_values(self, path, file_type, memory_type, values, rows)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(hid_t), intent(in) :: file_type, memory_type
-        type(c_ptr), intent(in) :: values
-        integer, intent(in) :: rows
-        integer(hid_t) :: space, dataset
-        integer :: stat
-
-        if (allocated(self%problem)) return
-        call h5screate_simple_f(1, [int(rows, hsize_t)], space, stat)
-        call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
-        call self%note(stat, 'make '//path)
-        if (stat == 0) then
-            if (rows > 0) call h5dwrite_f(dataset, memory_type, values, stat)
-            call self%note(stat, 'write '//path)
-            call h5dclose_f(dataset, stat)
-        end if
-        call h5sclose_f(space, stat)
-    end subroutine put_values
-
-    !> Open a file to read from it.
-    subroutine open_to_read(self, path)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer :: stat
-
-        call start_library(stat)
-        call self%note(stat, 'start HDF5')
-        if (allocated(self%problem)) return
-        call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat)
-        call self%note(stat, 'open '//path)
-    end subroutine open_to_read
-
-    !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
-    subroutine get(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> Not allocated where it could not be read.
-        real(wp), allocatable, target, intent(out) :: values(:, :)
-        integer(hid_t) :: dataset, space
-        integer(hsize_t) :: sizes(2), largest(2)
-        type(c_ptr) :: place
-        integer :: stat, rank
-
-        if (allocated(self%problem)) return
-        call h5dopen_f(self%file, path, dataset, stat)
-        call self%note(stat, 'find '//path)
-        if (stat /= 0) return
-        call h5dget_space_f(dataset, space, stat)
-        call h5sget_simple_extent_ndims_f(space, rank, stat)
-        if (rank == 1 .or. rank == 2) then
-            sizes = 1
-            call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
-            allocate (values(sizes(1), sizes(2)))
-            stat = 0
-            place = c_loc(values)
-            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, place, stat)
-        else
-            stat = -1
-        end if
-        call self%note(stat, 'read '//path)
-        if (stat /= 0 .and. allocated(values)) deallocate (values)
-        call h5sclose_f(space, stat)
-        call h5dclose_f(dataset, stat)
-    end subroutine get
 
     !> Keep the first failure.
     subroutine note(self, stat, action)

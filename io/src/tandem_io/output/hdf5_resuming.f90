@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> What HDF5 has to do where a run goes on in its file: open what is there, cut rows off, and keep whole numbers that are no rows.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
+    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5kind_to_type, h5ldelete_f, h5sget_simple_extent_dims_f, &
+        h5sget_simple_extent_ndims_f
     implicit none (type, external)
 
 contains
@@ -129,28 +131,6 @@ contains
         call self%note(stat, 'read '//path)
         call h5dclose_f(dataset, stat)
     end subroutine get_words
-
-    !> Read an attribute that is a whole number; 0 where there is none.
-    module subroutine get_attribute(self, path, name, value, is_there)
-        class(hdf5_type), intent(inout) :: self
-        !> Path of the object, and the attribute's name.
-        character(len=*), intent(in) :: path, name
-        integer(long), target, intent(out) :: value
-        logical, intent(out) :: is_there
-        integer(hid_t) :: attribute
-        type(c_ptr) :: start
-        integer :: stat
-
-        value = 0
-        is_there = .false.
-        if (allocated(self%problem)) return
-        start = c_loc(value)
-        call h5aopen_by_name_f(self%file, path, name, attribute, stat)
-        if (stat /= 0) return
-        call h5aread_f(attribute, h5kind_to_type(long, h5_integer_kind), start, stat)
-        is_there = stat == 0
-        call h5aclose_f(attribute, stat)
-    end subroutine get_attribute
 
     !> Cut a dataset back to its first rows.
     module subroutine cut(self, dataset, path, width, rows)

@@ -4,20 +4,19 @@
 !> Rows are gathered in memory and brought to the disk in blocks, at the latest a second later. What is there survives whatever
 !> ends the program. A field that was not asked for is neither computed nor written.
 module tandem_io_output_trajectory
-    use hdf5, only: hid_t
-    use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, model_type, &
-        observer_type, pack_type, set_error, simulation_type, status_output_failed, to_text, wp
+    use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, observer_type, &
+        pack_type, set_error, simulation_type, status_output_failed, to_text, wp
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_events, only: event_output_type
-    use tandem_io_output_fields, only: each_constraint, each_coordinate, field_acceleration_error, field_chart, &
-        field_kinetic_energy, field_lambda, field_length, field_names, field_position_error, field_potential_energy, &
-        field_q, field_qd, field_qdd, field_step, field_type, field_velocity_error, fields, one, output_type
+    use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_kinetic_energy, field_lambda, &
+        field_length, field_names, field_position_error, field_potential_energy, field_q, field_qd, field_qdd, field_step, &
+        field_velocity_error, fields, output_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_report, only: write_global_error, write_report
+    use tandem_io_output_series, only: label_columns, series_type, width_of
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
-    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, &
-        status_invalid_option
+    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
 
@@ -25,17 +24,6 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows.
     integer, parameter :: largest_buffer = 2**17, most_rows = 512
-
-    !> A dataset and the rows that it does not have yet.
-    type :: series_type
-        !> Index in `fields`; 0 for the time.
-        integer :: field = 0
-        !> Numbers in a row as the file counts them: 0 for a single one.
-        integer :: width = 0
-        character(len=:), allocatable :: path
-        integer(hid_t) :: dataset = -1_hid_t
-        real(wp), allocatable :: rows(:, :)
-    end type series_type
 
     !> How an energy, where it was written, has changed since the start.
     type :: energy_type
@@ -74,7 +62,6 @@ module tandem_io_output_trajectory
         procedure :: observe
         procedure :: close
         procedure :: add_error
-        procedure, private :: add_series
         procedure, private :: gather
         procedure, private :: gather_between
         procedure, private :: write_rows
@@ -206,9 +193,10 @@ contains
             end do
             self%capacity = max(1, min(most_rows, largest_buffer/width))
             allocate (self%series(0:size(output%fields)))
-            call self%add_series(0, 0, model)
+            call self%series(0)%make(self%file, 0, model, self%capacity, self%goes_on)
             do i = 1, size(output%fields)
-                call self%add_series(i, index_of(output%fields(i)), model)
+                call self%series(i)%make(self%file, index_of(output%fields(i)), model, self%capacity, self%goes_on, &
+                    self%series(0)%dataset)
             end do
         end associate
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
@@ -323,43 +311,6 @@ contains
         call self%events%open(self%file, simulation, names, q_units, qd_units)
     end subroutine open_events
 
-    !> Make a dataset, or open it where the run goes on, and its buffer.
-    subroutine add_series(self, place, field, model)
-        class(trajectory_type), intent(inout) :: self
-        !> Index of the series, and of the field: 0 for the time.
-        integer, intent(in) :: place, field
-        class(model_type), intent(in) :: model
-        character(len=label_length), allocatable :: names(:), units(:)
-
-        associate (series => self%series(place))
-            series%field = field
-            allocate (series%rows(max(1, width_of(field, model)), self%capacity))
-            if (field == 0) then
-                series%path = '/trajectory/time'
-                if (self%goes_on) call self%file%open_dataset(series%path, series%dataset)
-                if (self%goes_on) return
-                call self%file%add_dataset(series%path, 0, self%capacity, .false., series%dataset)
-                call self%file%attach(series%path, 'unit', 's')
-                call self%file%attach(series%path, 'meaning', 'the time of each row')
-                return
-            end if
-            series%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
-            if (fields(field)%width /= one) series%width = width_of(field, model)
-            if (self%goes_on) call self%file%open_dataset(series%path, series%dataset)
-            if (self%goes_on) return
-            call self%file%add_dataset(series%path, series%width, self%capacity, fields(field)%counts, series%dataset, &
-                self%series(0)%dataset)
-            call self%file%attach(series%path, 'meaning', fields(field)%meaning)
-            call label_columns(model, fields(field), names, units)
-            if (fields(field)%width == one) then
-                call self%file%attach(series%path, 'unit', fields(field)%unit)
-            else
-                call self%file%attach(series%path, 'names', names)
-                if (fields(field)%width == each_coordinate) call self%file%attach(series%path, 'units', units)
-            end if
-        end associate
-    end subroutine add_series
-
     !> Compute the fields of the current state and keep them as a row.
     subroutine gather(self, simulation, error)
         class(trajectory_type), intent(inout) :: self
@@ -444,9 +395,7 @@ contains
 
         if (.not. allocated(self%series)) return
         do i = 0, ubound(self%series, 1)
-            associate (series => self%series(i))
-                call self%file%append(series%dataset, series%path, series%width, self%rows, self%gathered, series%rows)
-            end associate
+            call self%series(i)%append(self%file, self%rows, self%gathered)
         end do
         if (allocated(self%file%problem)) return
         self%rows = self%rows + self%gathered
@@ -533,45 +482,6 @@ contains
         call file%remove('/report')
         call file%add_group('/report')
     end subroutine remove_report
-
-    !> Names and units of a field's columns.
-    subroutine label_columns(model, field, names, units)
-        class(model_type), intent(in) :: model
-        type(field_type), intent(in) :: field
-        character(len=label_length), allocatable, intent(out) :: names(:), units(:)
-        character(len=4), parameter :: per(0:2) = [character(len=4) :: '', '/s', '/s^2']
-        integer :: i
-
-        select case (field%width)
-        case (one)
-            return
-        case (each_constraint)
-            allocate (names(model%n_constraints()))
-            do i = 1, size(names)
-                names(i) = model%row_name(i)
-            end do
-        case default
-            allocate (names(model%n), units(model%n))
-            do i = 1, model%n
-                names(i) = 'q'//to_text(i)
-                units(i) = '1'
-                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
-                if (allocated(model%coordinate_unit)) units(i) = model%coordinate_unit(i)
-                units(i) = trim(units(i))//per(-field%rate)
-            end do
-        end select
-    end subroutine label_columns
-
-    !> Numbers in a row of a field; 1 for the time.
-    pure integer function width_of(field, model)
-        integer, intent(in) :: field
-        class(model_type), intent(in) :: model
-
-        width_of = 1
-        if (field == 0) return
-        if (fields(field)%width == each_coordinate) width_of = model%n
-        if (fields(field)%width == each_constraint) width_of = model%n_constraints()
-    end function width_of
 
     !> The index of a field's name.
     pure integer function index_of(name)

@@ -1,0 +1,125 @@
+! SPDX-License-Identifier: MIT
+!> What objects of a file say of themselves: numbers and texts as attributes.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
+    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5aopen_by_name_f, h5aread_f, &
+        h5awrite_f, h5kind_to_type, h5oclose_f, h5oopen_f, h5s_scalar_f, h5screate_f
+    use tandem_io_output_hdf5_texts, only: make_text_type, set_letters
+    implicit none (type, external)
+
+contains
+
+    !> Give an object an integer attribute.
+    module subroutine attach_integer(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        integer(long), intent(in) :: value
+        integer(long), target :: copy
+
+        copy = value
+        if (allocated(self%problem)) return
+        call attach_value(self, path, name, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), -1)
+    end subroutine attach_integer
+
+    !> Give an object a real attribute.
+    module subroutine attach_real(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        real(wp), intent(in) :: value
+        real(wp), target :: copy
+
+        copy = value
+        call attach_value(self, path, name, h5t_ieee_f64le, h5t_native_double, c_loc(copy), -1)
+    end subroutine attach_real
+
+    !> Give an object a text, blanks at its end dropped.
+    module subroutine attach_string(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: value
+
+        call attach_texts(self, path, name, [value], -1)
+    end subroutine attach_string
+
+    !> Give an object an array of texts, blanks at their ends dropped.
+    module subroutine attach_strings(self, path, name, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: values(:)
+
+        call attach_texts(self, path, name, values, size(values))
+    end subroutine attach_strings
+
+    !> Texts of variable length in UTF-8, which Python reads as str.
+    subroutine attach_texts(self, path, name, values, length)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: values(:)
+        !> Length of the array, -1 for a single text.
+        integer, intent(in) :: length
+        character(kind=c_char), allocatable, target :: letters(:)
+        type(c_ptr), target :: starts(size(values))
+        integer(hid_t) :: text_type
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call set_letters(values, letters, starts)
+        call make_text_type(text_type)
+        call attach_value(self, path, name, text_type, text_type, c_loc(starts), length)
+        call h5tclose_f(text_type, stat)
+    end subroutine attach_texts
+
+    !> Write an attribute; one of this name is replaced.
+    subroutine attach_value(self, path, name, file_type, memory_type, values, length)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        integer(hid_t), intent(in) :: file_type, memory_type
+        type(c_ptr), intent(in) :: values
+        !> Length of an array, -1 for a scalar.
+        integer, intent(in) :: length
+        integer(hid_t) :: object, space, attribute
+        logical :: exists
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5oopen_f(self%file, path, object, stat)
+        call self%note(stat, 'open '//path)
+        if (stat /= 0) return
+        call h5aexists_f(object, name, exists, stat)
+        if (exists) call h5adelete_f(object, name, stat)
+        if (length < 0) then
+            call h5screate_f(h5s_scalar_f, space, stat)
+        else
+            call h5screate_simple_f(1, [int(length, hsize_t)], space, stat)
+        end if
+        call h5acreate_f(object, name, file_type, space, attribute, stat)
+        call self%note(stat, 'make the attribute '//name//' of '//path)
+        if (stat == 0) then
+            call h5awrite_f(attribute, memory_type, values, stat)
+            call self%note(stat, 'write the attribute '//name//' of '//path)
+            call h5aclose_f(attribute, stat)
+        end if
+        call h5sclose_f(space, stat)
+        call h5oclose_f(object, stat)
+    end subroutine attach_value
+
+    !> Read an attribute that is a whole number; 0 where there is none.
+    module subroutine get_attribute(self, path, name, value, is_there)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        integer(long), target, intent(out) :: value
+        logical, intent(out) :: is_there
+        integer(hid_t) :: attribute
+        type(c_ptr) :: start
+        integer :: stat
+
+        value = 0
+        is_there = .false.
+        if (allocated(self%problem)) return
+        start = c_loc(value)
+        call h5aopen_by_name_f(self%file, path, name, attribute, stat)
+        if (stat /= 0) return
+        call h5aread_f(attribute, h5kind_to_type(long, h5_integer_kind), start, stat)
+        is_there = stat == 0
+        call h5aclose_f(attribute, stat)
+    end subroutine get_attribute
+end submodule tandem_io_output_hdf5_attributes

@@ -1,0 +1,115 @@
+! SPDX-License-Identifier: MIT
+!> Datasets that are there at once, all their values in one call: written for reports, and read.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
+    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, &
+        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
+    use tandem_io_output_hdf5_texts, only: make_text_type, set_letters
+    implicit none (type, external)
+
+contains
+
+    !> Make a dataset of integers (rows).
+    module subroutine put_integers(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(long), intent(in) :: values(:)
+        integer(long), target :: copy(size(values))
+
+        copy = values
+        call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), size(values))
+    end subroutine put_integers
+
+    !> Make a dataset of numbers (rows).
+    module subroutine put_reals(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        real(wp), intent(in) :: values(:)
+        real(wp), target :: copy(size(values))
+
+        copy = values
+        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), size(values))
+    end subroutine put_reals
+
+    !> Make a dataset of texts (rows), blanks at their ends dropped.
+    module subroutine put_strings(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        character(len=*), intent(in) :: values(:)
+        character(kind=c_char), allocatable, target :: letters(:)
+        type(c_ptr), target :: starts(size(values))
+        integer(hid_t) :: text_type
+        integer :: stat
+
+        call set_letters(values, letters, starts)
+        call make_text_type(text_type)
+        call put_values(self, path, text_type, text_type, c_loc(starts), size(values))
+        call h5tclose_f(text_type, stat)
+    end subroutine put_strings
+
+    !> Make a dataset of one dimension with all its values.
+    subroutine put_values(self, path, file_type, memory_type, values, rows)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(hid_t), intent(in) :: file_type, memory_type
+        type(c_ptr), intent(in) :: values
+        integer, intent(in) :: rows
+        integer(hid_t) :: space, dataset
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5screate_simple_f(1, [int(rows, hsize_t)], space, stat)
+        call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
+        call self%note(stat, 'make '//path)
+        if (stat == 0) then
+            if (rows > 0) call h5dwrite_f(dataset, memory_type, values, stat)
+            call self%note(stat, 'write '//path)
+            call h5dclose_f(dataset, stat)
+        end if
+        call h5sclose_f(space, stat)
+    end subroutine put_values
+
+    !> Open a file to read from it.
+    module subroutine open_to_read(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer :: stat
+
+        call start_library(stat)
+        call self%note(stat, 'start HDF5')
+        if (allocated(self%problem)) return
+        call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat)
+        call self%note(stat, 'open '//path)
+    end subroutine open_to_read
+
+    !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
+    module subroutine get(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        real(wp), allocatable, target, intent(out) :: values(:, :)
+        integer(hid_t) :: dataset, space
+        integer(hsize_t) :: sizes(2), largest(2)
+        type(c_ptr) :: place
+        integer :: stat, rank
+
+        if (allocated(self%problem)) return
+        call h5dopen_f(self%file, path, dataset, stat)
+        call self%note(stat, 'find '//path)
+        if (stat /= 0) return
+        call h5dget_space_f(dataset, space, stat)
+        call h5sget_simple_extent_ndims_f(space, rank, stat)
+        if (rank == 1 .or. rank == 2) then
+            sizes = 1
+            call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
+            allocate (values(sizes(1), sizes(2)))
+            stat = 0
+            place = c_loc(values)
+            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, place, stat)
+        else
+            stat = -1
+        end if
+        call self%note(stat, 'read '//path)
+        if (stat /= 0 .and. allocated(values)) deallocate (values)
+        call h5sclose_f(space, stat)
+        call h5dclose_f(dataset, stat)
+    end subroutine get
+end submodule tandem_io_output_hdf5_tables

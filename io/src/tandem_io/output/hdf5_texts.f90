@@ -1,0 +1,51 @@
+! SPDX-License-Identifier: MIT
+!> Texts as HDF5 has them: the types of variable and of fixed length, and letters as C keeps them.
+module tandem_io_output_hdf5_texts
+    use hdf5, only: h5t_cset_utf8_f, h5t_fortran_s1, h5t_string, h5tcopy_f, h5tset_cset_f, h5tset_size_f, hid_t, size_t
+    use, intrinsic :: iso_c_binding, only: c_char, c_loc, c_null_char, c_ptr
+    implicit none (type, external)
+    private
+
+    public :: make_text_type, make_fixed_type, set_letters
+
+contains
+
+    !> The type of texts of variable length in UTF-8.
+    subroutine make_text_type(text_type)
+        integer(hid_t), intent(out) :: text_type
+        integer :: stat
+
+        call h5tcopy_f(h5t_string, text_type, stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+    end subroutine make_text_type
+
+    !> The type of texts of one length in UTF-8, as Fortran has them. Only such may be appended.
+    subroutine make_fixed_type(length, text_type)
+        integer, intent(in) :: length
+        integer(hid_t), intent(out) :: text_type
+        integer :: stat
+
+        call h5tcopy_f(h5t_fortran_s1, text_type, stat)
+        call h5tset_size_f(text_type, int(length, size_t), stat)
+        call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
+    end subroutine make_fixed_type
+
+    !> Texts as C has them: letters that end in a null, and where they start.
+    subroutine set_letters(values, letters, starts)
+        character(len=*), intent(in) :: values(:)
+        character(kind=c_char), allocatable, target, intent(out) :: letters(:)
+        type(c_ptr), intent(out) :: starts(:)
+        integer :: i, j, place
+
+        allocate (letters(sum(len_trim(values) + 1)))
+        place = 0
+        do i = 1, size(values)
+            starts(i) = c_loc(letters(place + 1))
+            do j = 1, len_trim(values(i))
+                letters(place + j) = values(i) (j:j)
+            end do
+            place = place + len_trim(values(i)) + 1
+            letters(place) = c_null_char
+        end do
+    end subroutine set_letters
+end module tandem_io_output_hdf5_texts

@@ -1,0 +1,119 @@
+! SPDX-License-Identifier: MIT
+!> A series of a result file: the time or one field, a dataset that grows by rows, and the rows that it does not have yet.
+module tandem_io_output_series
+    use hdf5, only: hid_t
+    use tandem, only: label_length, long, model_type, to_text, wp
+    use tandem_io_output_fields, only: each_constraint, each_coordinate, field_type, fields, one
+    use tandem_io_output_hdf5, only: hdf5_type
+    implicit none (type, external)
+    private
+
+    public :: series_type, label_columns, width_of
+
+    !> A dataset and the rows that it does not have yet.
+    type :: series_type
+        !> Index in `fields`; 0 for the time.
+        integer :: field = 0
+        !> Numbers in a row as the file counts them: 0 for a single one.
+        integer :: width = 0
+        character(len=:), allocatable :: path
+        integer(hid_t) :: dataset = -1_hid_t
+        real(wp), allocatable :: rows(:, :)
+    contains
+        procedure :: make
+        procedure :: append
+    end type series_type
+
+contains
+
+    !> Make the dataset, or open it where the run goes on, and the buffer.
+    subroutine make(self, file, field, model, capacity, goes_on, time)
+        class(series_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        !> Index of the field, 0 for the time.
+        integer, intent(in) :: field
+        class(model_type), intent(in) :: model
+        !> Rows of the buffer.
+        integer, intent(in) :: capacity
+        !> Whether the dataset is there.
+        logical, intent(in) :: goes_on
+        !> The dataset of the time; absent for the time itself.
+        integer(hid_t), intent(in), optional :: time
+        character(len=label_length), allocatable :: names(:), units(:)
+
+        self%field = field
+        allocate (self%rows(max(1, width_of(field, model)), capacity))
+        self%path = '/trajectory/time'
+        if (field > 0) then
+            self%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
+            if (fields(field)%width /= one) self%width = width_of(field, model)
+        end if
+        if (goes_on) then
+            call file%open_dataset(self%path, self%dataset)
+        else if (field == 0) then
+            call file%add_dataset(self%path, 0, capacity, .false., self%dataset)
+            call file%attach(self%path, 'unit', 's')
+            call file%attach(self%path, 'meaning', 'the time of each row')
+        else
+            call file%add_dataset(self%path, self%width, capacity, fields(field)%counts, self%dataset, time)
+            call file%attach(self%path, 'meaning', fields(field)%meaning)
+            if (fields(field)%width == one) then
+                call file%attach(self%path, 'unit', fields(field)%unit)
+                return
+            end if
+            call label_columns(model, fields(field), names, units)
+            call file%attach(self%path, 'names', names)
+            if (fields(field)%width == each_coordinate) call file%attach(self%path, 'units', units)
+        end if
+    end subroutine make
+
+    !> Write the gathered rows.
+    subroutine append(self, file, before, gathered)
+        class(series_type), intent(in) :: self
+        type(hdf5_type), intent(inout) :: file
+        !> Rows that the dataset has, and rows in the buffer.
+        integer(long), intent(in) :: before
+        integer, intent(in) :: gathered
+
+        call file%append(self%dataset, self%path, self%width, before, gathered, self%rows)
+    end subroutine append
+
+    !> Names and units of a field's columns.
+    subroutine label_columns(model, field, names, units)
+        class(model_type), intent(in) :: model
+        type(field_type), intent(in) :: field
+        character(len=label_length), allocatable, intent(out) :: names(:), units(:)
+        character(len=4), parameter :: per(0:2) = [character(len=4) :: '', '/s', '/s^2']
+        integer :: i
+
+        select case (field%width)
+        case (one)
+            return
+        case (each_constraint)
+            allocate (names(model%n_constraints()))
+            do i = 1, size(names)
+                names(i) = model%row_name(i)
+            end do
+        case default
+            allocate (names(model%n), units(model%n))
+            do i = 1, model%n
+                names(i) = 'q'//to_text(i)
+                units(i) = '1'
+                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
+                if (allocated(model%coordinate_unit)) units(i) = model%coordinate_unit(i)
+                units(i) = trim(units(i))//per(-field%rate)
+            end do
+        end select
+    end subroutine label_columns
+
+    !> Numbers in a row of a field; 1 for the time.
+    pure integer function width_of(field, model)
+        integer, intent(in) :: field
+        class(model_type), intent(in) :: model
+
+        width_of = 1
+        if (field == 0) return
+        if (fields(field)%width == each_coordinate) width_of = model%n
+        if (fields(field)%width == each_constraint) width_of = model%n_constraints()
+    end function width_of
+end module tandem_io_output_series
