@@ -14,6 +14,12 @@ module tandem
     use tandem_models_rolling_disk, only: rolling_disk_type
     use tandem_options, only: basis_methods, chart_policies, options_type, refresh_modes
     use tandem_pack, only: pack_type
+    use tandem_profile_chart, only: profiled_chart_type
+    use tandem_profile_ledger, only: mark_type, profile_type
+    use tandem_profile_model, only: profiled_model_type
+    use tandem_profile_observer, only: profiled_observer_type
+    use tandem_profile_parts, only: n_part_groups, n_parts, part_blocks, part_checkpoint, part_group, part_group_name, part_name, &
+        part_open, part_rows, part_start, part_watch, terms_of_part
     use tandem_simulate_doubt, only: allowed_error, find_doubts, short_run
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
@@ -40,6 +46,9 @@ module tandem
     public :: statistics_type, n_reasons, reason_name, warning_type
     public :: assembly_type, assemble, velocity_metrics
     public :: global_error_type, find_doubts, allowed_error, short_run
+    public :: profile_type, mark_type, profiled_model_type, profiled_chart_type, profiled_observer_type
+    public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
+    public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type
     public :: properties_type, new_stepper, stepper_names
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type

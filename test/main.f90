@@ -28,6 +28,7 @@ program main
     use test_motorcycle, only: collect_motorcycle
     use test_options, only: collect_options
     use test_order, only: collect_order
+    use test_profile, only: collect_profile
     use test_rank, only: collect_rank
     use test_rank_models, only: collect_rank_models
     use test_reference, only: collect_reference
@@ -76,6 +77,7 @@ program main
         new_testsuite('charts', collect_charts), &
         new_testsuite('counters', collect_counters), &
         new_testsuite('breakpoints', collect_breakpoints), &
+        new_testsuite('profile', collect_profile), &
         new_testsuite('control', collect_control), &
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &

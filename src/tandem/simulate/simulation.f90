@@ -76,6 +76,8 @@ module tandem_simulation
         logical :: is_stopped = .false.
         character(len=label_length) :: stopped_by = ''
         class(chart_type), allocatable, private :: chart
+        !> What it was allocated from, if not anew.
+        class(chart_type), allocatable, private :: blank
         class(stepper_type), allocatable, private :: stepper
         type(state_type), private :: next, start, kept
         real(wp), private :: kept_errors(3) = 0.0_wp
@@ -127,6 +129,7 @@ module tandem_simulation
         procedure, private :: renew_values
         procedure, private :: accept_start
         procedure, private :: choose_rows_anew
+        procedure, private :: allocate_chart
         procedure, private :: renew_chart
         procedure, private :: measure_errors
         procedure, private :: fail
@@ -310,7 +313,7 @@ contains
 
     !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors: invalid_model,
     !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite.
-    subroutine initialize(self, model, options, t, q, qd, error, assembly)
+    subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
         class(simulation_type), intent(inout) :: self
         !> The model; it must outlive the simulation and serves only this one.
         class(model_type), intent(inout), target :: model
@@ -320,6 +323,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> How to assemble the start, and what that did; without it a start that violates the constraints is refused.
         type(assembly_type), intent(inout), optional :: assembly
+        !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
+        class(chart_type), intent(in), optional :: chart
 
         call check_model(model, error)
         if (allocated(error)) return
@@ -353,8 +358,9 @@ contains
         self%chart_is_current = .false.
         if (allocated(self%warnings)) deallocate (self%warnings)
         self%n_redundant = 0
-        if (allocated(self%chart)) deallocate (self%chart)
-        allocate (dense_chart_type :: self%chart)
+        if (allocated(self%blank)) deallocate (self%blank)
+        if (present(chart)) allocate (self%blank, source=chart)
+        call self%allocate_chart()
         self%method = self%stepper%properties()
         if (options%is_adaptive() .and. self%method%estimate_order == 0) then
             call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
@@ -483,6 +489,18 @@ contains
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end function statistics
+
+    !> A chart that knows nothing yet.
+    subroutine allocate_chart(self)
+        class(simulation_type), intent(inout) :: self
+
+        if (allocated(self%chart)) deallocate (self%chart)
+        if (allocated(self%blank)) then
+            allocate (self%chart, source=self%blank)
+        else
+            allocate (dense_chart_type :: self%chart)
+        end if
+    end subroutine allocate_chart
 
     !> Make the current state the origin of a new chart and count the reason.
     subroutine renew_chart(self, reason, error)

@@ -177,8 +177,7 @@ contains
         type(counts_type) :: counts
 
         counts = self%chart%counts
-        deallocate (self%chart)
-        allocate (dense_chart_type :: self%chart)
+        call self%allocate_chart()
         call self%chart%initialize(self%model, self%options, self%method%implicit, error, kept)
         self%chart%counts = counts
     end subroutine use_rows

@@ -1,0 +1,247 @@
+! SPDX-License-Identifier: MIT
+!> The chart of a simulation that books the time of what it is asked for.
+!>
+!> It extends the chart instead of forwarding to one, so that its numbers and counters are the same variables: a step takes the
+!> same course. What is not here is of no account, or done once.
+module tandem_profile_chart
+    use tandem_kinds, only: wp
+    use tandem_profile_ledger, only: mark_type, profile_type
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_energy, part_errors, part_filter, part_health, &
+        part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
+        part_velocity
+    use tandem_tangent_chart, only: health_type
+    use tandem_tangent_dense, only: dense_chart_type
+    implicit none (type, external)
+    private
+
+    public :: profiled_chart_type
+
+    !> Give one with its `profile` to `initialize` of the simulation.
+    type, extends(dense_chart_type) :: profiled_chart_type
+        !> Where the time is booked; it must outlive the simulation.
+        type(profile_type), pointer :: profile => null()
+    contains
+        procedure :: renew
+        procedure :: refresh
+        procedure :: restore_position
+        procedure :: restore_velocity
+        procedure :: solve_dynamics
+        procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: correct_stage
+        procedure :: filter_error
+        procedure :: multipliers
+        procedure :: project_velocity
+        procedure :: constraint_errors
+        procedure :: measure_rank
+        procedure :: measure_health
+        procedure :: kinetic_energy
+        procedure :: loses_rank_ahead
+    end type profiled_chart_type
+
+contains
+
+    subroutine renew(self, t, q, qd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_renew, mark)
+        call self%dense_chart_type%renew(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine renew
+
+    subroutine refresh(self, t, q, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_refresh, mark)
+        call self%dense_chart_type%refresh(t, q, stat)
+        call self%profile%leave(mark)
+    end subroutine refresh
+
+    subroutine restore_position(self, t, increment, q, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: increment(:)
+        real(wp), intent(out), contiguous :: q(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_position, mark)
+        call self%dense_chart_type%restore_position(t, increment, q, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_position
+
+    subroutine restore_velocity(self, t, q, increment, qd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(in), contiguous :: increment(:)
+        real(wp), intent(out), contiguous :: qd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_velocity, mark)
+        call self%dense_chart_type%restore_velocity(t, q, increment, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_velocity
+
+    subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out), contiguous :: qdd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_acceleration, mark)
+        call self%dense_chart_type%solve_dynamics(t, q, qd, qdd, stat)
+        call self%profile%leave(mark)
+    end subroutine solve_dynamics
+
+    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_matrix, mark)
+        call self%dense_chart_type%factor_stage(t, q, qd, qdd, ha, stat)
+        call self%profile%leave(mark)
+    end subroutine factor_stage
+
+    subroutine reuse_stage(self, ha, can)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_reuse, mark)
+        call self%dense_chart_type%reuse_stage(ha, can)
+        call self%profile%leave(mark)
+    end subroutine reuse_stage
+
+    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_correction, mark)
+        call self%dense_chart_type%correct_stage(t, q, qd, ha, rate_q, rate_qd, change, stat)
+        call self%profile%leave(mark)
+    end subroutine correct_stage
+
+    subroutine filter_error(self, error_q, error_qd)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_filter, mark)
+        call self%dense_chart_type%filter_error(error_q, error_qd)
+        call self%profile%leave(mark)
+    end subroutine filter_error
+
+    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_multipliers, mark)
+        call self%dense_chart_type%multipliers(t, q, qd, qdd, lambda, stat)
+        call self%profile%leave(mark)
+    end subroutine multipliers
+
+    subroutine project_velocity(self, t, q, qd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(inout), contiguous :: qd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_projection, mark)
+        call self%dense_chart_type%project_velocity(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine project_velocity
+
+    subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_errors, mark)
+        call self%dense_chart_type%constraint_errors(t, q, qd, qdd, errors, rows, stat)
+        call self%profile%leave(mark)
+    end subroutine constraint_errors
+
+    subroutine measure_rank(self, t, q, room, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out) :: room
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_rank, mark)
+        call self%dense_chart_type%measure_rank(t, q, room, stat)
+        call self%profile%leave(mark)
+    end subroutine measure_rank
+
+    subroutine measure_health(self, t, q, qd, health, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        type(health_type), intent(out) :: health
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_health, mark)
+        call self%dense_chart_type%measure_health(t, q, qd, health, stat)
+        call self%profile%leave(mark)
+    end subroutine measure_health
+
+    subroutine kinetic_energy(self, t, q, qd, energy, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_energy, mark)
+        call self%dense_chart_type%kinetic_energy(t, q, qd, energy, stat)
+        call self%profile%leave(mark)
+    end subroutine kinetic_energy
+
+    logical function loses_rank_ahead(self, t, q, qd, h)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: h
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_rank, mark)
+        loses_rank_ahead = self%dense_chart_type%loses_rank_ahead(t, q, qd, h)
+        call self%profile%leave(mark)
+    end function loses_rank_ahead
+end module tandem_profile_chart

@@ -1,0 +1,38 @@
+! SPDX-License-Identifier: MIT
+!> An observer that forwards to another one and books its time.
+module tandem_profile_observer
+    use tandem_error, only: error_type
+    use tandem_profile_ledger, only: mark_type, profile_type
+    use tandem_profile_parts, only: part_watch
+    use tandem_simulation, only: observer_type, simulation_type
+    implicit none (type, external)
+    private
+
+    public :: profiled_observer_type
+
+    type, extends(observer_type) :: profiled_observer_type
+        !> The observer that does the work, and where its time is booked; both must outlive this one.
+        class(observer_type), pointer :: inner => null()
+        type(profile_type), pointer :: profile => null()
+        !> As what: `part_rows` for one that writes.
+        integer :: part = part_watch
+    contains
+        procedure :: observe
+    end type profiled_observer_type
+
+contains
+
+    !> Forward.
+    subroutine observe(self, simulation, occasion, error)
+        class(profiled_observer_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step`, `at_end` or `at_event`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+        type(mark_type) :: mark
+
+        call self%profile%enter(self%part, mark)
+        call self%inner%observe(simulation, occasion, error)
+        call self%profile%leave(mark)
+    end subroutine observe
+end module tandem_profile_observer

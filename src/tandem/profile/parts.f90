@@ -1,0 +1,129 @@
+! SPDX-License-Identifier: MIT
+!> The parts of a run that a profile tells apart: what they are called, and to which group each belongs.
+module tandem_profile_parts
+    use tandem_model_derivatives, only: derivative_name, n_derivatives, need_all_derivatives
+    use tandem_model_terms, only: n_terms, term_name
+    implicit none (type, external)
+    private
+
+    public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
+    public :: part_control, part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
+    public :: part_renew, part_refresh, part_position, part_velocity, part_acceleration, part_errors, part_rank, part_health, &
+        part_multipliers, part_energy, part_projection
+    public :: part_matrix, part_reuse, part_correction, part_filter
+    public :: part_single, part_terms, part_derivatives
+    public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
+
+    !> Whatever is in no other part: the steppers' sums, the choice of steps, the state, events.
+    integer, parameter :: part_control = 1
+    !> The start of a simulation; observers that do not write.
+    integer, parameter :: part_start = 2, part_watch = 3
+    !> Output: rows gathered in memory, brought to the disk, the state of the run for a checkpoint, the file opened and closed.
+    integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
+    !> What a chart is asked for.
+    integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &
+        part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
+    !> Newton's iteration: matrices formed and factored, taken over from steps before, corrections, errors through the matrix.
+    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_filter = 22
+    !> Number i of the single procedures of a model (`single_name`) is the part `part_single + i`.
+    integer, parameter :: part_single = 22, n_singles = 19
+    !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
+    integer, parameter :: part_terms = part_single + n_singles, part_derivatives = part_terms + 2**n_terms - 1
+    !> How many parts there are.
+    integer, parameter :: n_parts = part_derivatives + need_all_derivatives
+
+    !> The groups.
+    integer, parameter :: group_model = 1, group_chart = 2, group_newton = 3, group_control = 4, group_output = 5, &
+        group_start = 6, group_watch = 7
+    !> How many there are, and what they are called.
+    integer, parameter :: n_part_groups = 7
+    character(len=20), parameter :: part_group_name(n_part_groups) = [character(len=20) :: 'model', 'chart', 'Newton', &
+        'stepper and control', 'output', 'start', 'watching']
+
+    !> Length of the name of a part.
+    integer, parameter :: name_length = 88
+
+    character(len=name_length), parameter :: own_name(part_single) = [character(len=name_length) :: 'stepper and control', &
+        'start', 'watching', 'rows', 'writing and flushing', 'state for a checkpoint', 'opening and closing', 'new charts', &
+        'old charts kept', 'position', 'velocity', 'acceleration', 'constraint errors', 'rank', 'state of the chart', &
+        'multipliers', 'kinetic energy', 'velocity after a jump', 'matrices', 'matrices kept', 'corrections', &
+        'error filter']
+
+    !> The procedures of a model that give one term each, in the order of `model_type`, and the bit of the term where it is one of
+    !> `term_name`.
+    character(len=24), parameter :: single_name(n_singles) = [character(len=24) :: 'holonomic', 'holonomic_jacobian', &
+        'holonomic_rate', 'nonholonomic_jacobian', 'nonholonomic_rhs', 'constraint_acceleration', 'mass_matrix', &
+        'inertia_force', 'applied_force', 'kinetic_energy', 'potential_energy', 'jacobian_derivative', 'nu_derivative', &
+        'gamma_q', 'gamma_qd', 'mass_derivative', 'reaction_derivative', 'force_q', 'force_qd']
+    integer, parameter :: single_term(n_singles) = [1, 2, 4, 2, 4, 8, 16, 32, 32, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+
+contains
+
+    !> The name of a part, with blanks behind; those of the model are the names of its procedures.
+    pure function part_name(part) result(name)
+        !> Its number.
+        integer, intent(in) :: part
+        character(len=name_length) :: name
+
+        if (part > part_derivatives) then
+            name = 'evaluate_derivatives: all'
+            if (part - part_derivatives < need_all_derivatives) call add_names(part - part_derivatives, derivative_name, name(22:))
+        else if (part > part_terms) then
+            name = 'evaluate:'
+            call add_names(part - part_terms, term_name, name(10:))
+        else if (part > part_single) then
+            name = single_name(part - part_single)
+        else
+            name = own_name(part)
+        end if
+    end function part_name
+
+    !> The names that a need mask stands for, with a blank before each.
+    pure subroutine add_names(mask, names, text)
+        integer, intent(in) :: mask
+        !> In the order of their bits.
+        character(len=*), intent(in) :: names(:)
+        character(len=*), intent(out) :: text
+        integer :: i, last
+
+        text = ''
+        do i = 1, size(names)
+            if (.not. btest(mask, i - 1)) cycle
+            last = len_trim(text)
+            text(last + 2:) = names(i)
+        end do
+    end subroutine add_names
+
+    !> The group of a part.
+    pure integer function part_group(part)
+        !> Its number.
+        integer, intent(in) :: part
+
+        select case (part)
+        case (part_control)
+            part_group = group_control
+        case (part_start)
+            part_group = group_start
+        case (part_watch)
+            part_group = group_watch
+        case (part_rows:part_open)
+            part_group = group_output
+        case (part_renew:part_projection)
+            part_group = group_chart
+        case (part_matrix:part_filter)
+            part_group = group_newton
+        case default
+            part_group = group_model
+        end select
+    end function part_group
+
+    !> The terms of the model that a call counted under a part evaluates, a sum of need bits.
+    pure integer function terms_of_part(part)
+        !> Its number.
+        integer, intent(in) :: part
+
+        terms_of_part = 0
+        if (part > part_terms .and. part <= part_derivatives) terms_of_part = part - part_terms
+        if (part > part_single .and. part <= part_terms) terms_of_part = single_term(part - part_single)
+    end function terms_of_part
+end module tandem_profile_parts
