@@ -25,6 +25,8 @@ module test_checkpoint
     !> Kicks the motion now and then, a little more each time: an event with a memory, as its model has one.
     type, extends(time_event_type) :: kick_type
         real(wp) :: strength = 0.1_wp
+        !> Whether it lists an item that it does not have elsewhere, which is wrong.
+        logical :: lists_more = .false.
     contains
         procedure :: act => kick
         procedure :: pack_state => pack_kick
@@ -379,6 +381,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%strength)
+        if (self%lists_more) call pack%item(self%lists_more)
     end subroutine pack_kick
 
     subroutine pack_changing(self, pack)
@@ -495,7 +498,7 @@ contains
         call check_true(error, real(now - from, wp) < 0.045_wp*real(rate, wp), 'no more than the rest of the time is spent')
     end subroutine test_work_limits
 
-    !> What does not belong to the simulation is refused, and it goes on as if nothing had been.
+    !> What does not belong to the simulation is refused, and it goes on as if nothing had been. The message says what to do.
     subroutine test_refusals(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run, other
@@ -505,6 +508,9 @@ contains
         type(pack_type) :: pack
         integer(long), allocatable :: words(:), unread(:)
         integer :: number
+        character(len=*), parameter :: other_row = 'give what save_state of this version gave, or start the run anew'
+        character(len=*), parameter :: other_set_up = 'set the simulation up as the one that was saved'
+        character(len=*), parameter :: other_items = 'let pack_state of your model and events list the same items'
 
         call empty%save_state(words, failure)
         call check_failure(error, failure, 'invalid_checkpoint', 'there is no run to save')
@@ -514,55 +520,59 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         call empty%restore_state(words, failure)
-        call check_failure(error, failure, 'invalid_checkpoint', 'there is no simulation to restore')
-        call refused(run, words(:0), 'it is empty or cut off', error)
-        call refused(run, words(:size(words) - 1), 'it is cut off', error)
+        call check_failure(error, failure, 'invalid_checkpoint', 'there is no simulation to restore; call initialize first')
+        call refused(run, words(:0), 'it is empty or cut off', other_row, error)
+        call refused(run, words(:size(words) - 1), 'it is cut off', other_row, error)
         unread = words
         unread(3) = unread(3) + 1
-        call refused(run, unread, 'a newer version of tandem made it', error)
+        call refused(run, unread, 'a newer version of tandem made it', other_row, error)
         unread(3) = 0
-        call refused(run, unread, 'an older version of tandem made it', error)
+        call refused(run, unread, 'an older version of tandem made it', other_row, error)
         unread(1) = 0
-        call refused(run, unread, 'it is something else', error)
+        call refused(run, unread, 'it is something else', other_row, error)
         number = 1
         call pack%begin_writing()
         call pack%item(number)
         call pack%end_writing('mine', unread)
-        call refused(run, unread, 'it is something else', error)
+        call refused(run, unread, 'it is something else', other_row, error)
 
         call set_up(other, 'disk', options, failure)
-        call refused(other, words, 'the model is "pendulum" there, not "rolling_disk"', error)
+        call refused(other, words, 'the model is "pendulum" there, not "rolling_disk"', other_set_up, error)
         options%step = 2.0e-3_wp
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another step', error)
+        call refused(other, words, 'it was made with another step', other_set_up, error)
         options = options_type(stepper='dopri5')
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another stepper', error)
+        call refused(other, words, 'it was made with another stepper', other_set_up, error)
         options = options_type(atol_q=[1.0e-6_wp, 1.0e-6_wp])
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another atol_q', error)
+        call refused(other, words, 'it was made with another atol_q', other_set_up, error)
         options = options_type()
         call set_up(other, 'pendulum', options, failure)
         other%kick%name = 'push'
-        call refused(other, words, 'event 2 is "kick" there, not "push"', error)
+        call refused(other, words, 'event 2 is "kick" there, not "push"', other_set_up, error)
         call other%simulation%add_event(other%beat)
-        call refused(other, words, 'it has 4 events watched, not 5', error)
+        call refused(other, words, 'it has 4 events watched, not 5', other_set_up, error)
+        call set_up(other, 'pendulum', options, failure)
+        other%kick%lists_more = .true.
+        call refused(other, words, 'it holds other items than are read here', other_items, error)
         ! Limits that only end a run may change.
+        other%kick%lists_more = .false.
         options%max_steps = 1000
         call set_up(other, 'pendulum', options, failure)
         call other%simulation%restore_state(words, failure)
         call check_no_failure(error, failure)
     end subroutine test_refusals
 
-    subroutine refused(self, words, why, error)
+    subroutine refused(self, words, why, advice, error)
         type(case_type), intent(inout) :: self
         integer(long), intent(in) :: words(:)
-        character(len=*), intent(in) :: why
+        character(len=*), intent(in) :: why, advice
         type(error_type), allocatable, intent(inout) :: error
         type(failure_type), allocatable :: failure
 
         call self%simulation%restore_state(words, failure)
-        call check_failure(error, failure, 'invalid_checkpoint', why)
+        call check_failure(error, failure, 'invalid_checkpoint', 'the state cannot be restored: '//why//'; '//advice)
     end subroutine refused
 
     !> Whatever bit is flipped, the row is refused.

@@ -49,13 +49,28 @@ contains
         end if
         call self%look_back()
         call pack%begin_reading(kind_of_row, words, problem)
-        if (problem == '') call pack_identity(self, pack, problem)
-        if (problem == '') then
-            call pack_run(self, pack)
-            call pack%end_reading()
-            if (pack%has_failed) problem = 'it does not hold what it should'
+        if (problem /= '') then
+            call refuse('give what save_state of this version gave, or start the run anew')
+            return
         end if
-        if (problem /= '') call set_error(error, status_invalid_checkpoint, 'the state cannot be restored: '//trim(problem))
+        call pack_identity(self, pack, problem)
+        if (problem /= '') then
+            call refuse('set the simulation up as the one that was saved: the same model, options, start and events')
+            return
+        end if
+        call pack_run(self, pack)
+        call pack%end_reading()
+        if (.not. pack%has_failed) return
+        problem = 'it holds other items than are read here'
+        call refuse('let pack_state of your model and events list the same items whenever it is called')
+
+    contains
+
+        subroutine refuse(advice)
+            character(len=*), intent(in) :: advice
+
+            call set_error(error, status_invalid_checkpoint, 'the state cannot be restored: '//trim(problem), advice)
+        end subroutine refuse
     end subroutine restore_state
 
     !> What must be the same where the run is taken up.
