@@ -6,7 +6,8 @@ module asserts
     implicit none (type, external)
     private
 
-    public :: check_below, check_between, check_count, check_text, check_no_failure, check_failure, check_close, check_true
+    public :: check_below, check_between, check_count, check_text, check_no_failure, check_failure, check_stopped, check_close, &
+        check_true
     public :: format_real
 
     !> Counters come in two kinds.
@@ -121,19 +122,41 @@ contains
         character(len=*), intent(in) :: name
         character(len=*), intent(in), optional :: piece
 
-        if (allocated(error)) return
-        if (.not. allocated(failure)) then
-            call test_failed(error, 'tandem should have reported '//name)
-        else if (status_name(failure%stat) /= name) then
-            call test_failed(error, 'expected '//name//', tandem reported: '//failure%message)
-        else if (present(piece)) then
-            call check_text(error, failure%message, piece)
-        end if
-        if (allocated(error)) return
-        ! Every message begins with its status, says something and gives advice.
-        call check_text(error, failure%message, name//': ')
-        call check_text(error, failure%message, '; ')
+        call check_stopped(error, failure, [name], piece)
     end subroutine check_failure
+
+    !> Fail unless tandem reported a failure, with one of some statuses and a message that contains a piece where they are given.
+    subroutine check_stopped(error, failure, names, piece, place)
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable, intent(in) :: failure
+        !> The names of the statuses that may be.
+        character(len=*), intent(in), optional :: names(:)
+        character(len=*), intent(in), optional :: piece
+        !> Which of many runs it is.
+        character(len=*), intent(in), optional :: place
+        character(len=:), allocatable :: expected
+
+        if (allocated(error)) return
+        expected = 'a failure'
+        if (present(names)) then
+            expected = trim(names(1))
+            if (size(names) > 1) expected = expected//' or the like'
+        end if
+        if (.not. allocated(failure)) then
+            call test_failed(error, 'tandem should have reported '//expected)
+        else
+            if (present(names)) then
+                if (.not. any(names == status_name(failure%stat))) then
+                    call test_failed(error, 'expected '//expected//', tandem reported: '//failure%message)
+                end if
+            end if
+            if (present(piece)) call check_text(error, failure%message, piece)
+            ! Every message begins with its status, says something and gives advice.
+            call check_text(error, failure%message, status_name(failure%stat)//': ')
+            call check_text(error, failure%message, '; ')
+        end if
+        if (allocated(error) .and. present(place)) error%message = error%message//' ['//place//']'
+    end subroutine check_stopped
 
     !> A real number as text.
     function format_real(value) result(text)

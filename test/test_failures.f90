@@ -1,7 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of every way in which a start or a run can fail: the status, the message, and what is left behind.
 module test_failures
-    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
+        check_true
+    use faulty_runs, only: check_state_left, run_with_fault
     use model_belt_wheel, only: belt_wheel_type
     use model_heavy_top, only: heavy_top_type
     use model_knife_edge, only: knife_edge_type
@@ -11,10 +13,10 @@ module test_failures
     use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use runs, only: choose, get_start, run
-    use tandem, only: at_end, at_step, failure_type => error_type, model_type, n_terms, need_mass, observer_type, options_type, &
-        rolling_disk_type, set_error, simulation_type, statistics_type, status_output_failed, term_name, wp
+    use tandem, only: at_end, at_step, failure_type => error_type, model_type, n_terms, need_mass, observer_type, &
+        options_type, rolling_disk_type, set_error, simulation_type, statistics_type, status_output_failed, term_name, wp
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_positive_inf, ieee_quiet_nan, ieee_value
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -390,29 +392,14 @@ contains
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
         character(len=:), allocatable :: place
-        real(wp) :: q(2), qd(2)
 
-        inner%swing = 0.1_wp
-        call inner%define()
-        inner%constant_mass = .false.
-        call inner%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
-        call spy%wrap(inner)
-        spy%fault = fault
-        spy%fault_term = 2**(term - 1)
-        spy%fault_time = time
-        call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
-        call check_failure(error, failure, name)
-        if (allocated(error)) then
-            place = ' ['//trim(term_name(term))//', '//trim(options%chart)//', '//options%refresh//']'
-            error%message = error%message//place
-            return
-        end if
-        call check_text(error, failure%message, trim(term_name(term)))
+        call run_with_fault(simulation, spy, inner, options, fault, term, time, failure)
+        place = trim(term_name(term))//', '//trim(options%chart)//', '//options%refresh
+        call check_stopped(error, failure, [name], trim(term_name(term)), place)
         if (.not. time > 0.0_wp) return
         ! The fault hits the step from 0.05 to 0.06, at a stage inside or at its end.
         call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
-        call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-            'the state left behind should be finite')
+        call check_state_left(error, simulation)
     end subroutine check_fault
 
     !> A fault that goes away leaves no trace: the run continues as if it had never been.
@@ -557,13 +544,8 @@ contains
             do j = 1, size(modes)
                 options = choose(step=0.5_wp, chart=charts(i), refresh=modes(j), v_limit=0.7_wp)
                 call run(simulation, model, options, 0.0_wp, q, qd, 40.0_wp, failure)
-                if (.not. allocated(failure)) then
-                    call test_failed(error, 'h = 0.5 should fail on the disk with '//charts(i)//modes(j))
-                    return
-                end if
-                call check_text(error, failure%message, 'smaller step')
-                call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                    'the state left behind should be finite')
+                call check_stopped(error, failure, piece='smaller step', place=charts(i)//modes(j))
+                call check_state_left(error, simulation)
                 statistics = simulation%statistics()
                 ! Bounded work: the iteration for u ends after some tens of corrections.
                 call check_true(error, statistics%position_corrections < 2000, 'corrections')
@@ -583,12 +565,8 @@ contains
         call model%define()
         call get_start('stiff_pendulum', q, qd)
         call run(simulation, model, choose(step=1.0e-3_wp), 0.0_wp, q, qd, 2.0_wp, failure)
-        if (.not. allocated(failure)) then
-            call test_failed(error, 'h = 1e-3 should fail on the stiff pendulum')
-            return
-        end if
-        call check_text(error, failure%message, 'smaller step')
-        call check_true(error, all(ieee_is_finite(simulation%state%q)), 'the state left behind should be finite')
+        call check_stopped(error, failure, piece='smaller step')
+        call check_state_left(error, simulation)
     end subroutine test_stiff_step
 
     !> A pendulum that turns over leaves the half circle that its first chart can reach.
@@ -604,11 +582,7 @@ contains
         do j = 1, size(modes)
             call model%start(0.0_wp, 12.0_wp, q, qd)
             call run(simulation, model, choose(chart='paper', refresh=modes(j)), 0.0_wp, q, qd, 2.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, 'one chart cannot cover the circle, with '//modes(j))
-                return
-            end if
-            call check_text(error, failure%message, 'renew the chart more often')
+            call check_stopped(error, failure, piece='renew the chart more often', place=modes(j))
             ! The quarter turn is reached at t = 0.15; all before it is accurate.
             call check_true(error, simulation%state%t > 0.1_wp .and. simulation%state%t < 0.2_wp, 'the time left behind')
             if (allocated(error)) return

@@ -1,26 +1,23 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of faults with every stepper: how soon a point is given up, iterations that cannot converge, numbers that overflow.
 module test_faults
-    use asserts, only: check_below, check_close, check_failure, check_no_failure, check_text, check_true
+    use asserts, only: check_below, check_close, check_failure, check_no_failure, check_stopped, check_true
+    use faulty_runs, only: check_state_left, faults, run_with_fault, status_of_fault
     use model_moving_pivot, only: moving_pivot_type
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
     use model_perturbed, only: perturbed_type
-    use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
+    use model_spy, only: spy_type
     use runs, only: choose, run
     use tandem, only: assembly_type, derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, &
-        n_terms, options_type, rolling_disk_type, simulation_type, statistics_type, status_name, term_name, wp
-    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+        n_terms, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
+    use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
 
     public :: collect_faults
 
     character(len=9), parameter :: steppers(5) = [character(len=9) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
-    !> What a faulty procedure does, and the status that tells of it.
-    integer, parameter :: faults(4) = [fault_nan, fault_infinity, fault_retry, fault_stop]
-    character(len=15), parameter :: names(4) = [character(len=15) :: 'not_finite', 'not_finite', 'not_evaluable', 'callback_failed']
     !> Evaluations after which a point must be given up.
     integer, parameter :: patience = 20
 
@@ -83,13 +80,8 @@ contains
         type(simulation_type) :: simulation
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        real(wp) :: q(2), qd(2)
         integer :: i, k, term
 
-        inner%swing = 0.1_wp
-        call inner%define()
-        inner%constant_mass = .false.
-        call inner%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
         do i = 1, size(steppers)
             if (rtol > 0.0_wp .and. steppers(i) == 'rk4') cycle
             do k = 1, size(faults)
@@ -97,22 +89,17 @@ contains
                     if (allocated(error)) return
                     options = choose(step=1.0e-2_wp, stepper=steppers(i))
                     options%rtol = rtol
-                    call spy%wrap(inner)
-                    spy%fault = faults(k)
-                    spy%fault_term = 2**(term - 1)
-                    spy%fault_time = time
-                    call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
-                    call check_failure(error, failure, trim(names(k)), trim(term_name(term)))
+                    call run_with_fault(simulation, spy, inner, options, faults(k), term, time, failure)
+                    call check_failure(error, failure, trim(status_of_fault(k)), trim(term_name(term)))
                     call check_true(error, spy%most_at_a_point <= patience, 'a point is given up, not tried again and again')
                     ! Under error control a step is tried again with smaller ones until these are too small.
                     call check_true(error, spy%n_faults <= merge(64, 1, rtol > 0.0_wp)*patience, 'the run ends soon')
                     if (time > 0.0_wp) then
                         call check_true(error, simulation%state%t <= 0.06_wp, 'the time left behind')
-                        call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, &
-                            simulation%state%qdd])), 'the state left behind is finite')
+                        call check_state_left(error, simulation)
                     end if
-                    if (allocated(error)) error%message = error%message//' ['//trim(steppers(i))//', '//trim(names(k))//', '// &
-                        trim(term_name(term))//']'
+                    if (allocated(error)) error%message = error%message//' ['//trim(steppers(i))//', '// &
+                        trim(status_of_fault(k))//', '//trim(term_name(term))//']'
                 end do
             end do
         end do
@@ -220,12 +207,8 @@ contains
             model%noisy_from = 0.0505_wp
             call model%start(0.3_wp, 0.0_wp, q, qd)
             call run(simulation, model, choose(step=1.0e-2_wp, stepper=steppers(k)), 0.0_wp, q, qd, 1.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, trim(steppers(k))//' should notice that the position cannot be found')
-                return
-            end if
-            call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'position_diverged', 'newton_failed', &
-                'constraints_not_held']), 'a status that names the iteration, not '//failure%message)
+            call check_stopped(error, failure, [character(len=24) :: 'position_diverged', 'newton_failed', &
+                'constraints_not_held'], place=steppers(k))
             call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
             ! Two steps before the end at most, and a bounded number of corrections in the last one.
             call check_true(error, model%calls < 600, 'the work is bounded')
@@ -249,17 +232,12 @@ contains
             options = choose(step=0.4_wp, stepper=steppers(k), chart='paper', refresh='refine')
             options%max_evaluations = 100000
             call run(simulation, model, options, 0.0_wp, q, qd, 100.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, trim(steppers(k))//' cannot hold one chart for all the swing')
-                return
-            end if
-            call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'position_diverged', 'chart_left', &
-                'newton_failed']), 'a status that names the iteration, not '//failure%message)
+            call check_stopped(error, failure, [character(len=24) :: 'position_diverged', 'chart_left', 'newton_failed'], &
+                place=steppers(k))
             statistics = simulation%statistics()
             call check_true(error, statistics%b_corrections + statistics%h_corrections < 100*(statistics%right_hand_sides + 100), &
                 'the corrections are bounded')
-            call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                'the state left behind is finite')
+            call check_state_left(error, simulation)
         end do
     end subroutine test_b_and_h
 
@@ -356,15 +334,9 @@ contains
                 options = choose(step=1.0e-2_wp, stepper=steppers(k))
                 if (i == 2) options%rtol = 1.0e-6_wp
                 call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(1.0_wp, 1, 3), 2.0_wp, failure)
-                if (.not. allocated(failure)) then
-                    call test_failed(error, trim(steppers(k))//' went through infinity')
-                    return
-                end if
-                call check_true(error, any(status_name(failure%stat) == [character(len=24) :: 'not_finite', 'step_underflow', &
-                    'newton_failed']), 'a status that fits, not '//failure%message)
-                call check_text(error, failure%message, 't = ')
-                call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                    'the state left behind is finite')
+                call check_stopped(error, failure, [character(len=24) :: 'not_finite', 'step_underflow', 'newton_failed'], &
+                    't = ', steppers(k))
+                call check_state_left(error, simulation)
                 if (i == 2) call check_true(error, abs(simulation%state%t - 1.0_wp) < 1.0e-3_wp, 'the end is where infinity is')
                 if (allocated(error)) return
             end do

@@ -2,16 +2,16 @@
 !> Tests of rank awareness: redundant rows that are consistent, those that are not or stop being so, and velocity constraints that
 !> are holonomic in disguise.
 module test_rank
-    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text
     use model_disguised, only: disguise_names, disguised_type
     use model_redundant, only: redundant_type
     use model_turning_rows, only: turning_rows_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use runs, only: choose, get_start, new_scene, run
     use tandem, only: basis_methods, chart_policies, failure_type => error_type, model_type, options_type, refresh_modes, &
-        simulation_type, status_name, terms_type, wp
+        simulation_type, terms_type, wp
     use terms_at, only: get_terms
-    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: error_watch_type, natural_errors
     implicit none (type, external)
     private
@@ -456,22 +456,6 @@ contains
             end do
         end do
     end subroutine test_turning_rows
-
-    !> Fail unless a run ended with one of some statuses and a message that contains a piece.
-    subroutine check_stopped(error, failure, names, piece)
-        type(error_type), allocatable, intent(inout) :: error
-        type(failure_type), allocatable, intent(in) :: failure
-        character(len=*), intent(in) :: names(:), piece
-
-        if (allocated(error)) return
-        if (.not. allocated(failure)) then
-            call test_failed(error, 'the run should have been stopped')
-        else if (.not. any(names == status_name(failure%stat))) then
-            call test_failed(error, 'expected '//trim(names(1))//' or the like, tandem reported: '//failure%message)
-        else
-            call check_text(error, failure%message, piece)
-        end if
-    end subroutine check_stopped
 
     !> The row is named, and nothing else happens.
     subroutine test_integrable(error)

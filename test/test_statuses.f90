@@ -2,20 +2,22 @@
 !> Tests of the statuses that suites failures, model_check and options leave: those of implicit steps, of constraints that
 !> degenerate on the way, of constraints that cannot be held; and of what is at hand after a failure.
 module test_statuses
-    use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_text, check_true
+    use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_stopped, &
+        check_true
+    use faulty_runs, only: check_state_left, faults, run_with_fault, start_swing, status_of_fault
     use model_belt_wheel, only: belt_wheel_type
     use model_moving_pivot, only: moving_pivot_type
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
     use model_perturbed, only: perturbed_type
     use model_sleigh, only: sleigh_type
-    use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, no_fault, spy_type
+    use model_spy, only: fault_nan, fault_retry, fault_stop, no_fault, spy_type
     use runs, only: run
     use subjects, only: new_subject
     use tandem, only: derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, n_terms, &
         need_nu, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
-    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+    use testdrive, only: error_type, new_unittest, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -254,16 +256,11 @@ contains
             options%stepper = steppers(k)
             call model%close_in()
             call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), [0.0_wp, 0.0_wp, 1.0_wp], 1.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, trim(steppers(k))//' should notice that the rows degenerate')
-                return
-            end if
-            call check_true(error, index(failure%message, 'rank_deficient: ') == 1 .or. &
-                index(failure%message, 'chart_left: ') == 1, 'the status is rank_deficient or chart_left, not: '//failure%message)
+            call check_stopped(error, failure, [character(len=24) :: 'rank_deficient', 'chart_left'], place=steppers(k))
+            if (allocated(error)) return
             call check_true(error, .not. is_input_error(failure%stat), 'the input is not at fault')
             call check_true(error, simulation%state%t > 0.08_wp .and. simulation%state%t < 0.11_wp, 'the time left behind')
-            call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                'the state left behind is finite')
+            call check_state_left(error, simulation)
             if (allocated(error)) return
         end do
     end subroutine check_closing
@@ -347,16 +344,13 @@ contains
     !> A fault in each term in turn in the step from 0.05; a nu that is no number is a matter of suite failures.
     subroutine test_implicit_faults(error)
         type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: faults(4) = [fault_nan, fault_infinity, fault_stop, fault_retry]
-        character(len=15), parameter :: names(4) = [character(len=15) :: 'not_finite', 'not_finite', 'callback_failed', &
-            'not_evaluable']
         integer :: i, k, term
 
         do k = 2, 3
             do i = 1, size(faults)
                 do term = 1, n_terms
                     if (2**(term - 1) == need_nu .and. i <= 2) cycle
-                    call check_implicit_fault(steppers(k), faults(i), term, trim(names(i)), error)
+                    call check_implicit_fault(steppers(k), faults(i), term, trim(status_of_fault(i)), error)
                 end do
             end do
         end do
@@ -371,25 +365,12 @@ contains
         type(simulation_type) :: simulation
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        real(wp) :: q(2), qd(2)
 
         if (allocated(error)) return
-        inner%swing = 0.1_wp
-        call inner%define()
-        inner%constant_mass = .false.
-        call inner%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
-        call spy%wrap(inner)
-        spy%fault = fault
-        spy%fault_term = 2**(term - 1)
-        spy%fault_time = 0.0505_wp
         options%stepper = stepper
         options%step = 1.0e-2_wp
-        call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
-        call check_failure(error, failure, name, trim(term_name(term)))
-        if (allocated(error)) then
-            error%message = error%message//' ['//trim(stepper)//', '//trim(term_name(term))//']'
-            return
-        end if
+        call run_with_fault(simulation, spy, inner, options, fault, term, 0.0505_wp, failure)
+        call check_stopped(error, failure, [name], trim(term_name(term)), trim(stepper)//', '//trim(term_name(term)))
         call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
     end subroutine check_implicit_fault
 
@@ -448,16 +429,10 @@ contains
         do i = 1, n_derivatives
             model%derivative = i
             call run(simulation, model, options, 0.0_wp, q, qd, 4.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, 'no notice of a NaN in '//derivative_name(i))
-                return
-            end if
-            call check_true(error, index(failure%message, 'newton_failed: ') == 1 .or. &
-                index(failure%message, 'not_finite: ') == 1, 'the status fits, not: '//failure%message)
+            call check_stopped(error, failure, [character(len=24) :: 'newton_failed', 'not_finite'], place=derivative_name(i))
             ! Where a matrix was wanted next.
             call check_between(error, simulation%state%t, 0.045_wp, 3.9_wp, 'time left behind')
-            call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                'the state left behind is finite')
+            call check_state_left(error, simulation)
         end do
     end subroutine test_derivative_nan
 
@@ -491,26 +466,14 @@ contains
         integer :: stat
 
         if (allocated(error)) return
-        inner%swing = 0.1_wp
-        call inner%define()
-        inner%constant_mass = .false.
-        call inner%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
-        call spy%wrap(inner)
-        spy%fault = fault
-        spy%fault_term = 2**(term - 1)
-        spy%fault_time = 0.0505_wp
         options%stepper = stepper
         options%step = 1.0e-2_wp
-        call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
-        if (.not. allocated(failure)) then
-            call test_failed(error, 'no notice of a fault in '//trim(term_name(term))//' with '//trim(stepper))
-            return
-        end if
+        call run_with_fault(simulation, spy, inner, options, fault, term, 0.0505_wp, failure)
+        call check_stopped(error, failure, place=trim(stepper)//', '//trim(term_name(term)))
+        if (allocated(error)) return
         ! The fault goes away, so that the state can be looked at.
         spy%fault = no_fault
-        other%swing = 0.1_wp
-        call other%define()
-        other%constant_mass = .false.
+        call start_swing(other, q, qd)
         call run(expected, other, options, 0.0_wp, q, qd, 0.05_wp, failure)
         call check_no_failure(error, failure)
         ! The end of the stopped run is the fifth point of the grid: the same steps.
@@ -542,10 +505,8 @@ contains
             options%stepper = steppers(k)
             options%step = 0.5_wp
             call run(simulation, model, options, 0.0_wp, q, qd, 40.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, 'h = 0.5 should fail on the disk with '//trim(steppers(k)))
-                return
-            end if
+            call check_stopped(error, failure, place=steppers(k))
+            if (allocated(error)) return
             options%step = 1.0e-3_wp
             q = simulation%state%q
             qd = simulation%state%qd
@@ -570,13 +531,8 @@ contains
         do k = 1, 2
             options%stepper = merge('sdirk54  ', 'trapezoid', k == 1)
             call run(simulation, model, options, 0.0_wp, q, qd, 40.0_wp, failure)
-            if (.not. allocated(failure)) then
-                call test_failed(error, 'h = 0.5 should fail on the disk')
-                return
-            end if
-            call check_text(error, failure%message, 'smaller step')
-            call check_true(error, all(ieee_is_finite([simulation%state%q, simulation%state%qd, simulation%state%qdd])), &
-                'the state left behind is finite')
+            call check_stopped(error, failure, piece='smaller step', place=options%stepper)
+            call check_state_left(error, simulation)
             statistics = simulation%statistics()
             ! Bounded work: three attempts of a dozen corrections a stage.
             call check_true(error, statistics%newton_corrections < 2000, 'corrections')

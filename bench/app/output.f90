@@ -3,8 +3,9 @@
 program output
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type, simulation_type, statistics_type, wp
-    use tandem_bench_clock, only: cpu_seconds, median, wall_seconds
+    use tandem_bench_clock, only: cpu_seconds, wall_seconds
     use tandem_io, only: find_scene, read_scene, scene_type, trajectory_type
+    use tandem_io_study_measure, only: median
     implicit none (type, external)
     integer, parameter :: rounds = 5
     type(scene_type), target :: scene

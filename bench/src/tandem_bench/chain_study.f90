@@ -4,8 +4,9 @@ module tandem_bench_chain_study
     use tandem, only: error_type, finding_type, new_stepper, options_type, properties_type, set_error, simulation_type, &
         statistics_type, to_text, verify_model, wp
     use tandem_bench_chain, only: chain_type
-    use tandem_bench_clock, only: cpu_seconds, median
+    use tandem_bench_clock, only: cpu_seconds
     use tandem_io, only: column_type, journal_type, tandem_version
+    use tandem_io_study_measure, only: median
     use tandem_io_study_table, only: cell_length, count_column, real_column, text_column
     use tandem_status, only: status_constraints_not_held
     use tandem_stepper, only: stepper_type

@@ -6,7 +6,7 @@ module tandem_bench_clock
     implicit none (type, external)
     private
 
-    public :: cpu_seconds, wall_seconds, median
+    public :: cpu_seconds, wall_seconds
 
     !> CLOCK_MONOTONIC and CLOCK_PROCESS_CPUTIME_ID of Linux.
     integer(c_int), parameter :: of_wall = 1, of_process = 2
@@ -48,24 +48,4 @@ contains
         if (clock_gettime(clock, time) /= 0) return
         seconds_of = real(time%seconds, wp) + 1.0e-9_wp*real(time%nanoseconds, wp)
     end function seconds_of
-
-    !> The middle one of some values.
-    pure real(wp) function median(values)
-        real(wp), intent(in) :: values(:)
-        real(wp) :: sorted(size(values)), value
-        integer :: i, j
-
-        sorted = values
-        do i = 2, size(sorted)
-            value = sorted(i)
-            j = i - 1
-            do while (j >= 1)
-                if (sorted(j) <= value) exit
-                sorted(j + 1) = sorted(j)
-                j = j - 1
-            end do
-            sorted(j + 1) = value
-        end do
-        median = 0.5_wp*(sorted((size(sorted) + 1)/2) + sorted(size(sorted)/2 + 1))
-    end function median
 end module tandem_bench_clock

@@ -1,12 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Interfaces to the C functions of SUNDIALS (6.x) that solve a differential-algebraic system by IDA with dense matrices.
-!> Source: Hindmarsh et al., User Documentation for IDA.
+!> A negative status is a failure. Source: Hindmarsh et al., User Documentation for IDA.
 module tandem_bench_ida_interface
     use, intrinsic :: iso_c_binding, only: c_double, c_funptr, c_int, c_int64_t, c_long, c_ptr
     implicit none (type, external)
     public
 
     interface
+        !> What all objects of SUNDIALS belong to; `comm` is a null pointer without MPI.
         function suncontext_create(comm, context) result(stat) bind(c, name='SUNContext_Create')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -15,6 +16,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function suncontext_create
 
+        !> Free it.
         function suncontext_free(context) result(stat) bind(c, name='SUNContext_Free')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -32,6 +34,7 @@ module tandem_bench_ida_interface
             type(c_ptr) :: vector
         end function make_vector
 
+        !> The values of a vector.
         function vector_values(vector) result(values) bind(c, name='N_VGetArrayPointer')
             import :: c_ptr
             implicit none (type, external)
@@ -39,12 +42,14 @@ module tandem_bench_ida_interface
             type(c_ptr) :: values
         end function vector_values
 
+        !> Free a vector, not the values.
         subroutine destroy_vector(vector) bind(c, name='N_VDestroy')
             import :: c_ptr
             implicit none (type, external)
             type(c_ptr), value :: vector
         end subroutine destroy_vector
 
+        !> A matrix, by columns.
         function dense_matrix(rows, columns, context) result(matrix) bind(c, name='SUNDenseMatrix')
             import :: c_int64_t, c_ptr
             implicit none (type, external)
@@ -53,6 +58,7 @@ module tandem_bench_ida_interface
             type(c_ptr) :: matrix
         end function dense_matrix
 
+        !> The entries of a matrix, by columns.
         function matrix_values(matrix) result(values) bind(c, name='SUNDenseMatrix_Data')
             import :: c_ptr
             implicit none (type, external)
@@ -60,12 +66,14 @@ module tandem_bench_ida_interface
             type(c_ptr) :: values
         end function matrix_values
 
+        !> Free a matrix.
         subroutine destroy_matrix(matrix) bind(c, name='SUNMatDestroy')
             import :: c_ptr
             implicit none (type, external)
             type(c_ptr), value :: matrix
         end subroutine destroy_matrix
 
+        !> A solver by LU factors for a matrix and vectors of its size.
         function dense_solver(vector, matrix, context) result(solver) bind(c, name='SUNLinSol_Dense')
             import :: c_ptr
             implicit none (type, external)
@@ -73,6 +81,7 @@ module tandem_bench_ida_interface
             type(c_ptr) :: solver
         end function dense_solver
 
+        !> Free a solver.
         function free_solver(solver) result(stat) bind(c, name='SUNLinSolFree')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -80,6 +89,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function free_solver
 
+        !> The memory of a run.
         function ida_create(context) result(memory) bind(c, name='IDACreate')
             import :: c_ptr
             implicit none (type, external)
@@ -87,12 +97,14 @@ module tandem_bench_ida_interface
             type(c_ptr) :: memory
         end function ida_create
 
+        !> Free it.
         subroutine ida_free(memory) bind(c, name='IDAFree')
             import :: c_ptr
             implicit none (type, external)
             type(c_ptr), intent(inout) :: memory
         end subroutine ida_free
 
+        !> Set up a run of F(t, y, yd) = 0 from a consistent start.
         function ida_init(memory, residual, t, y, yd) result(stat) bind(c, name='IDAInit')
             import :: c_double, c_funptr, c_int, c_ptr
             implicit none (type, external)
@@ -102,6 +114,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_init
 
+        !> Start it anew, with what was set.
         function ida_reinit(memory, t, y, yd) result(stat) bind(c, name='IDAReInit')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -110,6 +123,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_reinit
 
+        !> A relative tolerance, and an absolute one for each component.
         function ida_tolerances(memory, rtol, atol) result(stat) bind(c, name='IDASVtolerances')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -118,6 +132,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_tolerances
 
+        !> What the callbacks get.
         function ida_set_user_data(memory, data) result(stat) bind(c, name='IDASetUserData')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -125,6 +140,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_user_data
 
+        !> How linear systems are solved.
         function ida_set_linear_solver(memory, solver, matrix) result(stat) bind(c, name='IDASetLinearSolver')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -132,6 +148,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_linear_solver
 
+        !> The procedure for dF/dy + c dF/dyd.
         function ida_set_jacobian(memory, jacobian) result(stat) bind(c, name='IDASetJacFn')
             import :: c_funptr, c_int, c_ptr
             implicit none (type, external)
@@ -140,6 +157,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_jacobian
 
+        !> Which components are differential: 1, or algebraic: 0.
         function ida_set_id(memory, id) result(stat) bind(c, name='IDASetId')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -147,6 +165,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_id
 
+        !> Whether algebraic components are left out of the error test: 1 or 0.
         function ida_suppress_algebraic(memory, suppress) result(stat) bind(c, name='IDASetSuppressAlg')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -155,6 +174,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_suppress_algebraic
 
+        !> Most steps of one call of `ida_solve`.
         function ida_set_max_steps(memory, most) result(stat) bind(c, name='IDASetMaxNumSteps')
             import :: c_int, c_long, c_ptr
             implicit none (type, external)
@@ -163,6 +183,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_max_steps
 
+        !> The time that no step may pass.
         function ida_set_stop(memory, t) result(stat) bind(c, name='IDASetStopTime')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -179,6 +200,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_messages
 
+        !> Go on to `t_wanted`, or by one step, as the task says; `t` is where the run stands then.
         function ida_solve(memory, t_wanted, t, y, yd, task) result(stat) bind(c, name='IDASolve')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -189,6 +211,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_solve
 
+        !> Steps so far.
         function ida_steps(memory, number) result(stat) bind(c, name='IDAGetNumSteps')
             import :: c_int, c_long, c_ptr
             implicit none (type, external)
@@ -197,6 +220,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_steps
 
+        !> Steps that the error test has rejected.
         function ida_failed_tests(memory, number) result(stat) bind(c, name='IDAGetNumErrTestFails')
             import :: c_int, c_long, c_ptr
             implicit none (type, external)

@@ -4,7 +4,7 @@
 !> without the preparation, and medians over the rounds; a ratio is the median of the ratios of each round.
 module tandem_bench_measure
     use tandem, only: long, wp
-    use tandem_bench_clock, only: cpu_seconds, median
+    use tandem_bench_clock, only: cpu_seconds
     use tandem_bench_solver, only: problem_type, solver_holder_type, solver_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
     implicit none (type, external)

@@ -2,11 +2,11 @@
 !> Tables of what was measured: a row a run, and a row a solver. Files are those of a study (`journal_type`): CSV, HDF5.
 module tandem_bench_report
     use tandem, only: error_type, to_text, wp
-    use tandem_bench_clock, only: median
     use tandem_bench_measure, only: point_type, series_type, time_to_error
     use tandem_bench_solver, only: problem_type, solver_holder_type
     use tandem_bench_solvers, only: by_hand, yardstick
     use tandem_io, only: column_type, journal_type, tandem_version
+    use tandem_io_study_measure, only: median
     use tandem_io_study_table, only: cell_length, count_column, real_column, text_column
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
     use, intrinsic :: iso_fortran_env, only: compiler_options, compiler_version

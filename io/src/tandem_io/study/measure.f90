@@ -11,7 +11,7 @@ module tandem_io_study_measure
     implicit none (type, external)
     private
 
-    public :: sampler_type, outcome_type, settle_scene, sample_run, time_run, make_reference, motion_of, over_budget
+    public :: sampler_type, outcome_type, settle_scene, sample_run, time_run, make_reference, motion_of, median, over_budget
 
     !> The status of a run that was stopped since it would have taken too long.
     character(len=*), parameter :: over_budget = 'over_budget'
