@@ -45,7 +45,7 @@ plots: build ## measure what README and doc/ show, and make their figures and ta
 	@tools/setup.sh plot
 	@tools/plots.sh
 
-bench: setup ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
+bench: build ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
 	@tools/setup.sh plot
 	@tools/setup.sh bench
 	@tools/bench.sh

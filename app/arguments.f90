@@ -16,11 +16,11 @@ module tandem_app_arguments
     end type option_type
 
     !> Every option of any subcommand.
-    type(option_type), parameter :: options(13) = [option_type('--set', .true.), option_type('--output', .true.), &
+    type(option_type), parameter :: options(14) = [option_type('--set', .true.), option_type('--output', .true.), &
         option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.), &
         option_type('--steppers', .true.), option_type('--reference', .true.), option_type('--samples', .true.), &
         option_type('--repeats', .true.), option_type('--budget', .true.), option_type('--quick', .false.), &
-        option_type('--error', .false.), option_type('--no-error', .false.)]
+        option_type('--error', .false.), option_type('--no-error', .false.), option_type('--profile', .false.)]
 
     type :: arguments_type
         !> The subcommand, empty where there is none; of `study`, two words.
@@ -31,7 +31,8 @@ module tandem_app_arguments
         !> The settings `table.key=value`, blanks at their ends dropped.
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
-        logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false.
+        logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
+            profile = .false.
         !> The options of a study that have a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
@@ -150,6 +151,8 @@ contains
             self%error = .true.
         case ('--no-error')
             self%no_error = .true.
+        case ('--profile')
+            self%profile = .true.
         case ('--force')
             self%force = .true.
         case ('--quick')

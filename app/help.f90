@@ -38,6 +38,8 @@ module tandem_app_help
         'Options of run and resume:', &
         '  --error                 estimate the error at the end by a second, more accurate run, however long it takes', &
         '  --no-error              never do that (default: where the run took at most 2 s)', &
+        'Options of run:', &
+        '  --profile               where the time goes, part by part; clocks make the run slower, which is taken off', &
         'Options of run, resume and study:', &
         '  --quiet                 no progress on stderr', &
         '  --force                 overwrite a file that exists; a study: start anew', &

@@ -32,11 +32,14 @@ contains
         type(error_type), allocatable :: error
 
         call watch_signals()
-        call arguments%parse([character(len=10) :: '--set', '--error', '--no-error', '--quiet', '--help'], .true., error)
+        call arguments%parse([character(len=10) :: '--set', '--error', '--no-error', '--quiet', '--profile', &
+            '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
             call help(code)
             return
         end if
+        if (.not. allocated(error) .and. arguments%profile) call set_error(error, status_invalid_option, &
+            'resume cannot profile: a profile is that of a whole run', 'use tandem run SCENE --profile')
         if (.not. allocated(error)) call check_settings(arguments%settings, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then

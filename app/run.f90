@@ -1,11 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_app_run
-    use tandem, only: at_end, error_type, short_run, simulation_type, statistics_type, status_output_failed
+    use tandem, only: at_end, error_type, mark_type, part_open, part_start, profile_type, profiled_chart_type, short_run, &
+        simulation_type, statistics_type, status_output_failed, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
     use tandem_app_messages, only: complain, done, input_wrong, run_failed, signalled
+    use tandem_app_profile_table, only: print_profile
+    use tandem_app_profiling, only: profiling_type
     use tandem_app_progress, only: progress_type
     use tandem_app_report, only: print_report
     use tandem_app_rescue, only: save_last_state
@@ -27,27 +30,29 @@ contains
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory
         type(interruptible_error_type), target :: global_error
+        type(profiling_type), allocatable, target :: profiling
         type(error_type), allocatable :: error
 
         call watch_signals()
-        call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--quiet', &
+        call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--profile', '--quiet', &
             '--force', '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
             call help(code)
             return
         end if
-        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
+        if (arguments%profile) allocate (profiling)
+        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         if (allocated(error)) then
             call complain(error%message)
             code = input_wrong
             return
         end if
 
-        call carry_out(arguments, scene, simulation, trajectory, global_error, code)
+        call carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
     end subroutine run
 
     !> The run itself, or the rest of one, and what comes after it.
-    subroutine carry_out(arguments, scene, simulation, trajectory, global_error, code)
+    subroutine carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
@@ -56,18 +61,31 @@ contains
         type(interruptible_error_type), intent(inout), target :: global_error
         !> Exit code.
         integer, intent(out) :: code
-        type(error_type), allocatable :: error, output_error, estimate_error
+        !> Takes the time, where that was asked for.
+        type(profiling_type), intent(inout), optional, target :: profiling
+        type(error_type), allocatable :: error, output_error, estimate_error, profile_error
+        type(mark_type) :: mark
 
-        call integrate(arguments, scene, simulation, trajectory, global_error, error)
+        call integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         ! The file is complete before the second run begins, which may be ended or killed.
+        if (present(profiling)) call profiling%profile%enter(part_open, mark)
         call trajectory%close(simulation, error, output_error)
+        if (present(profiling)) call profiling%profile%leave(mark)
         if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        if (present(profiling)) then
+            call profiling%profile%finish()
+            if (.not. allocated(error)) call compare(scene, simulation, profiling%profile, profile_error)
+            if (.not. allocated(output_error)) call trajectory%add_profile(profiling%profile, output_error)
+            if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        end if
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
             call estimate(scene, global_error, estimate_error)
             call trajectory%add_error(global_error, error)
         end if
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
+        if (present(profiling)) call print_profile(profiling%profile)
         code = done
+        if (is_interruption(profile_error)) code = signalled + caught_signal()
         if (is_interruption(estimate_error)) code = signalled + caught_signal()
         if (.not. allocated(error)) return
         call complain(error%message)
@@ -85,38 +103,57 @@ contains
     end function is_interruption
 
     !> Everything up to the first step. The result file is made last, so that an error of the input leaves nothing behind.
-    subroutine prepare(arguments, scene, simulation, trajectory, global_error, error)
+    subroutine prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout) :: trajectory
         type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
+        type(profiling_type), intent(inout), optional, target :: profiling
         character(len=:), allocatable :: path
+        type(mark_type) :: mark
 
         call find_scene(arguments%scene, path, error)
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error)
         if (allocated(error)) return
-        call set_up(scene, simulation, global_error, error)
+        call set_up(scene, simulation, global_error, error, profiling)
         if (allocated(error)) return
         if (scene%output%file == path) then
             allocate (error)
             error%message = 'the result file '//path//' is the scene itself; choose another'
             return
         end if
+        if (present(profiling)) then
+            trajectory%profile => profiling%profile
+            call profiling%profile%enter(part_open, mark)
+        end if
         call trajectory%open(scene%output, simulation, error, scene%text, command_line(), arguments%force, global_error)
+        if (present(profiling)) call profiling%profile%leave(mark)
     end subroutine prepare
 
     !> A simulation at the start of its scene, and what watches it.
-    subroutine set_up(scene, simulation, global_error, error)
+    subroutine set_up(scene, simulation, global_error, error, profiling)
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(inout) :: simulation
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
+        !> Takes the time from here on, where it is given.
+        type(profiling_type), intent(inout), optional, target :: profiling
+        type(profiled_chart_type) :: chart
+        type(mark_type) :: mark
         integer :: i
 
-        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        if (present(profiling)) then
+            call profiling%begin(scene%model, chart)
+            call profiling%profile%enter(part_start, mark)
+            call simulation%initialize(profiling%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, &
+                chart)
+            call profiling%profile%leave(mark)
+        else
+            call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        end if
         if (allocated(error)) return
         if (allocated(scene%assembly)) then
             ! What was assembled is where a second run starts.
@@ -130,7 +167,7 @@ contains
     end subroutine set_up
 
     !> The run, watched by the result file and by the progress.
-    subroutine integrate(arguments, scene, simulation, trajectory, global_error, error)
+    subroutine integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
@@ -138,16 +175,23 @@ contains
         !> Watches what it costs nothing to watch.
         type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
+        type(profiling_type), intent(inout), optional, target :: profiling
         type(progress_type), target :: progress
         type(interruption_type), target :: interruption
+        type(observer_list_type), target :: watchers
         type(observer_list_type) :: observers
 
-        call observers%add(global_error)
-        call observers%add(interruption)
+        call watchers%add(global_error)
+        call watchers%add(interruption)
         progress = progress_type(t_start=simulation%state%t, t_end=scene%t_end)
-        if (.not. arguments%quiet) call observers%add(progress)
-        ! Last, because it saves what the others have seen.
-        call observers%add(trajectory)
+        if (.not. arguments%quiet) call watchers%add(progress)
+        ! The file last, because it saves what the others have seen.
+        if (present(profiling)) then
+            call profiling%observe(watchers, trajectory, observers)
+        else
+            observers = watchers
+            call observers%add(trajectory)
+        end if
         if (simulation%is_stopped .or. simulation%state%t >= scene%t_end) then
             ! The run was killed between its end and its report.
             call observers%observe(simulation, at_end, error)
@@ -155,6 +199,66 @@ contains
             call simulation%integrate(scene%t_end, error, observers)
         end if
     end subroutine integrate
+
+    !> The beginning of the run again, in turns with clocks and without, for `compare` of its profile: a tenth of a second of it at
+    !> most, of which the least times of the processor count, because others work on the machine.
+    subroutine compare(scene, simulation, profile, error)
+        type(scene_type), intent(in) :: scene
+        !> The run.
+        type(simulation_type), intent(in) :: simulation
+        type(profile_type), intent(inout) :: profile
+        !> A signal has come.
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: longest = 0.1_wp, long_enough = 1.0_wp
+        integer, parameter :: least_rounds = 4, most_rounds = 20
+        type(profiling_type), target :: profiling
+        type(statistics_type) :: statistics
+        real(wp) :: t_end, clocked, plain, seconds, total
+        integer :: i
+
+        statistics = simulation%statistics()
+        t_end = scene%t_start + (simulation%state%t - scene%t_start)*min(1.0_wp, longest/max(statistics%wall_seconds, longest))
+        if (.not. t_end > scene%t_start) return
+        clocked = huge(1.0_wp)
+        plain = huge(1.0_wp)
+        total = 0.0_wp
+        do i = 1, most_rounds
+            call time_again(scene, t_end, seconds, error)
+            if (allocated(error)) return
+            plain = min(plain, seconds)
+            total = total + seconds
+            call time_again(scene, t_end, seconds, error, profiling)
+            if (allocated(error)) return
+            clocked = min(clocked, seconds)
+            total = total + seconds
+            if (i >= least_rounds .and. total > long_enough) exit
+        end do
+        call profile%compare(clocked, plain, profiling%profile%pairs)
+    end subroutine compare
+
+    !> The time that the beginning of a run takes which nobody writes.
+    subroutine time_again(scene, t_end, seconds, error, profiling)
+        type(scene_type), intent(in) :: scene
+        real(wp), intent(in) :: t_end
+        !> Of the processor, without the set-up.
+        real(wp), intent(out) :: seconds
+        type(error_type), allocatable, intent(out) :: error
+        !> Takes the time of parts, where it is given.
+        type(profiling_type), intent(inout), optional, target :: profiling
+        type(scene_type), target :: again
+        type(simulation_type) :: simulation
+        type(interruptible_error_type) :: global_error
+        type(interruption_type) :: interruption
+        type(statistics_type) :: statistics
+        character(len=1) :: no_settings(0)
+
+        seconds = 0.0_wp
+        call read_scene('the scene', no_settings, again, error, scene%text)
+        if (.not. allocated(error)) call set_up(again, simulation, global_error, error, profiling)
+        if (.not. allocated(error)) call simulation%integrate(t_end, error, interruption)
+        statistics = simulation%statistics()
+        seconds = statistics%cpu_seconds
+    end subroutine time_again
 
     !> Whether to make a second run: on request, and for a short run without it.
     logical function wants_estimate(arguments, simulation)

@@ -7,6 +7,7 @@
 #        tools/bench.sh figures    figures and tables of what is there
 #        tools/bench.sh count      compare instructions with bench/counts.txt (`make bench-count`)
 #        tools/bench.sh record     write bench/counts.txt anew
+#        tools/bench.sh profiles   measure only where the time of two runs goes
 #        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
 #
 # Environment: ARCH  flags for the machine at hand (-march=native)
@@ -31,10 +32,27 @@ measure() {
         build $program "${ARCH:--march=native}"
         taskset -c "${CORE:-0}" "$out/$program" "$out"
     done
+    profiles
+}
+
+profile() { # NAME SCENE [SETTING...]: leaves build/bench/profile_NAME.h5
+    local name=$1
+    shift
+    taskset -c "${CORE:-0}" build/tandem run "$@" --profile --no-error --quiet --force --output "$out/profile_$name.h5"
+}
+
+profiles() {
+    mkdir -p "$out"
+    profile disk rolling_disk
+    profile vehicle articulated_vehicle --set solver.stepper=dop853 --set time.end=100
 }
 
 case ${1:-} in
 figures) ;;
+profiles)
+    profiles
+    exit
+    ;;
 count | record)
     # Without AVX-512, which valgrind does not know; a base line is for one set of flags.
     build count -march=x86-64-v3

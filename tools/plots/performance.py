@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 from matplotlib.lines import Line2D
 
@@ -139,4 +140,35 @@ class Tables:
             value = c["agreement"][c["scene"] == scene][0]
             if value > 0:
                 lines.append(row(scene, brief(value)))
+        return lines
+
+    def profile(self, name):
+        """Where the time of a run went, part by part."""
+        lines = head("part", "", "calls", "time [ms]", "share [%]", "a call [ns]")
+        with h5py.File(self.folder / f"profile_{name}.h5") as file:
+            table = file["report/profile"]
+            total = table.attrs["seconds"]
+            texts = {key: [text.decode() for text in table[key][:]] for key in ("group", "part")}
+            calls, seconds = table["calls"][:], table["seconds"][:]
+        order = [group for group in ("model", "chart", "Newton", "stepper and control", "output", "start", "watching")
+                 if group in texts["group"]]
+        for group in order:
+            members = [k for k in range(len(calls)) if texts["group"][k] == group]
+            alone = len(members) == 1 and texts["part"][members[0]] == group
+            for rows, part in [(members, "")] + [([k], texts["part"][k]) for k in members if not alone]:
+                n, time = calls[rows].sum(), seconds[rows].sum()
+                lines.append(row(group if not part else "", part, str(n) if n else "", f"{1e3 * time:.2f}", f"{100 * time / total:.1f}",
+                                 f"{1e9 * time / n:.0f}" if n else ""))
+        lines.append(row("all", "", "", f"{1e3 * total:.2f}", "100.0", ""))
+        return lines
+
+    def clocks(self):
+        """What the clocks of profiles cost, and what output took."""
+        lines = head("run", "output over the rest [%]", "readings", "two readings, taken off [ns]", "in a loop [ns]")
+        for path in sorted(self.folder.glob("profile_*.h5")):
+            with h5py.File(path) as file:
+                a = file["report/profile"].attrs
+                lines.append(row(path.stem.removeprefix("profile_"), number(100 * a["output_seconds"] / a["bare_seconds"]),
+                                 str(2 * a["clock_pairs"]), f"{1e9 * a['clock_pair_seconds']:.0f}",
+                                 f"{1e9 * a['clock_pair_seconds_in_loop']:.0f}"))
         return lines

@@ -4,7 +4,7 @@
 !> The clock is read once where a part is entered and once where it is left, so that the times of all parts sum to that of the
 !> whole. A reading costs some 20 to 60 ns, as much as a small part of a step, and is booked on both sides of it: what an
 !> empty part shows on either side is measured in a loop, and taken off for each call. In a run it costs more, because it keeps the
-!> processor from looking ahead: `compare` finds how much from a run without clocks.
+!> processor from looking ahead: `compare` finds how much from a run with clocks and the same without them.
 !>
 !> Nothing of the library knows of this: a model, a chart and observers are wrapped (`profiled_model_type`, `profiled_chart_type`,
 !> `profiled_observer_type`), and a run without them pays nothing.
@@ -32,8 +32,8 @@ module tandem_profile_ledger
         real(wp) :: cost_within = 0.0_wp, cost_around = 0.0_wp
         !> Both together, measured in a loop.
         real(wp) :: cost_in_loop = 0.0_wp
-        !> Seconds of a run without clocks that neither writes nor is watched; 0 where there was none.
-        real(wp) :: plain = 0.0_wp
+        !> Seconds of the two runs of `compare`, with clocks and without; 0 where there were none.
+        real(wp) :: clocked = 0.0_wp, plain = 0.0_wp
         !> How often a part was left: each time the clock was read twice.
         integer(long) :: pairs = 0
         !> Seconds from `begin` to `finish`, clocks included.
@@ -80,6 +80,7 @@ contains
             self%cost_around = min(self%cost_around, real(trial%ticks(part_control), wp)/(real(trial%rate, wp)*batch))
         end do
         self%cost_in_loop = self%cost_within + self%cost_around
+        self%clocked = 0.0_wp
         self%plain = 0.0_wp
         call self%start_clock()
     end subroutine begin
@@ -146,21 +147,22 @@ contains
         self%measured = real(sum(self%ticks), wp)/real(self%rate, wp)
     end subroutine finish
 
-    !> Take off for the clock what makes the time of the run, without output and watching, that of a run without clocks, but not
-    !> less than it costs in a loop, nor more than `most` times as much: beyond that, one of the two was disturbed.
-    subroutine compare(self, plain)
+    !> Take off for the clock what it has cost in another run, but not less than it costs in a loop, nor more than `most` times as
+    !> much: beyond that, one of the two was disturbed.
+    subroutine compare(self, clocked, plain, pairs)
         class(profile_type), intent(inout) :: self
-        !> Seconds of that run.
-        real(wp), intent(in) :: plain
+        !> Seconds of that run with clocks and without.
+        real(wp), intent(in) :: clocked, plain
+        !> How often parts were left in it.
+        integer(long), intent(in) :: pairs
         real(wp), parameter :: most = 3.0_wp
         real(wp) :: factor
-        integer(long) :: pairs
 
+        self%clocked = clocked
         self%plain = plain
-        pairs = self%pairs - sum(self%within([part_rows, part_open, part_watch]))
         if (pairs == 0) return
-        factor = 1.0_wp + (self%bare_seconds() - plain)/(self%cost_in_loop*real(pairs, wp))
-        factor = min(max(factor, 1.0_wp), most)
+        factor = (clocked - plain)/(real(pairs, wp)*self%cost_in_loop)
+        factor = min(max(factor, 1.0_wp), most)*self%cost_in_loop/(self%cost_within + self%cost_around)
         self%cost_within = factor*self%cost_within
         self%cost_around = factor*self%cost_around
     end subroutine compare
@@ -201,7 +203,7 @@ contains
         output_seconds = self%whole_seconds(part_rows) + self%whole_seconds(part_open)
     end function output_seconds
 
-    !> Seconds of all parts but output and watching, to be compared with a run without clocks.
+    !> Seconds of all parts but output and watching.
     pure real(wp) function bare_seconds(self)
         class(profile_type), intent(in) :: self
 

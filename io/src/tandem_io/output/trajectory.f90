@@ -4,14 +4,16 @@
 !> Rows are gathered in memory and brought to the disk in blocks, at the latest a second later. What is there survives whatever
 !> ends the program. A field that was not asked for is neither computed nor written.
 module tandem_io_output_trajectory
-    use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, observer_type, &
-        pack_type, set_error, simulation_type, status_output_failed, to_text, wp
+    use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, mark_type, &
+        observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
+        status_output_failed, to_text, wp
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_events, only: event_output_type
     use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_kinetic_energy, field_lambda, &
         field_length, field_names, field_position_error, field_potential_energy, field_q, field_qd, field_qdd, field_step, &
         field_velocity_error, fields, output_type
     use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_profile, only: write_profile
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_series, only: label_columns, series_type, width_of
     use tandem_io_output_target, only: check_target, remove_file
@@ -38,6 +40,8 @@ module tandem_io_output_trajectory
         type(energy_type) :: energy
         !> Rows in the file.
         integer(long) :: rows = 0
+        !> Where the time of writing is booked, if anybody takes it.
+        type(profile_type), pointer :: profile => null()
         type(hdf5_type), private :: file
         !> Where and what the run would go on from, and when that was written last; what watches the run besides.
         type(checkpoint_type), private :: checkpoint
@@ -62,12 +66,14 @@ module tandem_io_output_trajectory
         procedure :: observe
         procedure :: close
         procedure :: add_error
+        procedure :: add_profile
         procedure, private :: gather
         procedure, private :: gather_between
         procedure, private :: write_rows
         procedure, private :: bring
         procedure, private :: watch
         procedure, private :: save
+        procedure, private :: save_simulation
         procedure, private :: close_datasets
         procedure, private :: prepare
         procedure, private :: fail
@@ -286,6 +292,18 @@ contains
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
 
+    !> Write where the time of the run went into the file that `close` has closed.
+    subroutine add_profile(self, profile, error)
+        class(trajectory_type), intent(inout) :: self
+        type(profile_type), intent(in) :: profile
+        type(error_type), allocatable, intent(out) :: error
+
+        call self%file%reopen(self%path)
+        call write_profile(self%file, profile)
+        call self%file%close()
+        if (allocated(self%file%problem)) call self%fail(error)
+    end subroutine add_profile
+
     !> Close all datasets.
     subroutine close_datasets(self)
         class(trajectory_type), intent(inout) :: self
@@ -406,11 +424,14 @@ contains
     subroutine bring(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
+        type(mark_type) :: mark
 
+        if (associated(self%profile)) call self%profile%enter(part_blocks, mark)
         call self%write_rows()
         call self%events%append(self%file, simulation)
         call self%file%flush()
         call system_clock(self%flushed_at)
+        if (associated(self%profile)) call self%profile%leave(mark)
     end subroutine bring
 
     !> Do that if it was not done for a second.
@@ -427,10 +448,21 @@ contains
     subroutine save(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable :: error
+        type(mark_type) :: mark
 
         call system_clock(self%saved_at)
         call self%bring(simulation)
+        if (associated(self%profile)) call self%profile%enter(part_checkpoint, mark)
+        call self%save_simulation(simulation)
+        if (associated(self%profile)) call self%profile%leave(mark)
+    end subroutine save
+
+    !> Bring the state of the run to the disk, whose rows are there.
+    subroutine save_simulation(self, simulation)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable :: error
+
         ! Between an event and its action there is no state to go on from; the last one serves.
         call simulation%save_state(self%snapshot%simulation, error)
         if (allocated(error)) return
@@ -447,7 +479,7 @@ contains
         end if
         call self%checkpoint%write(self%file, self%snapshot)
         call self%file%flush()
-    end subroutine save
+    end subroutine save_simulation
 
     !> The file's problem as an error.
     subroutine fail(self, error)

@@ -1,0 +1,93 @@
+! SPDX-License-Identifier: MIT
+!> Shows where the time of a run went: a table of its parts, what the file costs, and what is uncertain.
+module tandem_app_profile_table
+    use, intrinsic :: iso_fortran_env, only: output_unit
+    use tandem, only: long, n_part_groups, n_parts, part_group, part_group_name, part_name, profile_type, wp
+    use tandem_app_report, only: count_text, print_line, short
+    implicit none (type, external)
+    private
+
+    public :: print_profile
+
+    !> Columns of the names, and of the line.
+    integer, parameter :: name_width = 44
+    character(len=*), parameter :: row = '(2x, a44, a12, f13.6, f9.1, a15)'
+
+contains
+
+    !> Print the profile of a run.
+    subroutine print_profile(profile)
+        type(profile_type), intent(in) :: profile
+        integer :: parts(n_parts), i, group, n
+
+        write (output_unit, '(2x, a44, a12, a13, a9, a15)') 'where the time went'//repeat(' ', name_width), 'calls', 'seconds', &
+            'share', 'ns a call'
+        do group = 1, n_part_groups
+            n = 0
+            do i = 1, n_parts
+                ! The first is what is in no other.
+                if (part_group(i) /= group .or. (profile%calls(i) == 0 .and. i > 1)) cycle
+                n = n + 1
+                parts(n) = i
+            end do
+            if (n == 0) cycle
+            call print_row(profile, part_group_name(group), parts(:n))
+            ! A group of one part that is called alike needs no second line.
+            if (n == 1 .and. part_name(parts(1)) == part_group_name(group)) cycle
+            do i = 1, n
+                call print_row(profile, '  '//part_name(parts(i)), parts(i:i))
+            end do
+        end do
+        write (output_unit, row) 'all without the clock'//repeat(' ', name_width), '', profile%total(), 100.0_wp, ''
+        associate (bare => profile%bare_seconds(), output => profile%output_seconds())
+            call print_line('output', short(100*output/bare, 2)//' % of the '//short(bare, 3)//' s without it, '// &
+                'whatever the model and the chart did for it included')
+        end associate
+        call print_line('the clock', 'read '//count_text(2*profile%pairs)//' times, '// &
+            nanoseconds(profile%cost_within + profile%cost_around)//' ns for two were taken off, '// &
+            short(profile%clock_seconds(), 2)//' s in all, which the run time above has in it')
+        if (profile%plain > 0.0_wp) then
+            call print_line('uncertain', 'by up to '//nanoseconds(profile%cost_within + profile%cost_around - &
+                profile%cost_in_loop)//' ns a call (two readings take '//nanoseconds(profile%cost_in_loop)// &
+                ' ns in a loop, but the run took '//short(profile%clocked, 2)//' s with clocks against '// &
+                short(profile%plain, 2)//' s), and by what others did on the machine')
+        else
+            call print_line('uncertain', 'by about as much again a call, since the run was not compared with one without clocks')
+        end if
+    end subroutine print_profile
+
+    !> A line of the table, for one part or several.
+    subroutine print_row(profile, name, parts)
+        type(profile_type), intent(in) :: profile
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: parts(:)
+        character(len=12) :: calls_text
+        character(len=15) :: each
+        real(wp) :: seconds
+        integer(long) :: calls
+        integer :: i
+
+        calls = sum(profile%calls(parts))
+        seconds = 0.0_wp
+        do i = 1, size(parts)
+            seconds = seconds + profile%seconds(parts(i))
+        end do
+        calls_text = ''
+        each = ''
+        if (calls > 0) then
+            write (calls_text, '(i12)') calls
+            write (each, '(f15.0)') 1.0e9_wp*seconds/real(calls, wp)
+            each(15:) = ''
+            each = adjustr(each)
+        end if
+        write (output_unit, row) name//repeat(' ', name_width), calls_text, seconds, 100*seconds/profile%total(), each
+    end subroutine print_row
+
+    !> Seconds as whole nanoseconds.
+    function nanoseconds(seconds) result(text)
+        real(wp), intent(in) :: seconds
+        character(len=:), allocatable :: text
+
+        text = count_text(nint(1.0e9_wp*seconds, long))
+    end function nanoseconds
+end module tandem_app_profile_table

@@ -1,0 +1,56 @@
+! SPDX-License-Identifier: MIT
+!> What takes the time of a run, for `tandem run --profile`.
+module tandem_app_profiling
+    use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_chart_type, profiled_model_type, &
+        profiled_observer_type
+    use tandem_io, only: observer_list_type
+    implicit none (type, external)
+    private
+
+    public :: profiling_type
+
+    !> It must be a target and outlive the run.
+    type :: profiling_type
+        !> The times.
+        type(profile_type) :: profile
+        !> Stands in for the model of the run.
+        type(profiled_model_type) :: model
+        type(profiled_observer_type), private :: watching, writing
+    contains
+        procedure :: begin
+        procedure :: observe
+    end type profiling_type
+
+contains
+
+    !> Take the time from now on.
+    subroutine begin(self, model, chart)
+        class(profiling_type), intent(inout), target :: self
+        !> The model of the run.
+        class(model_type), intent(inout), target :: model
+        !> What `initialize` of the simulation takes as its chart.
+        type(profiled_chart_type), intent(inout) :: chart
+
+        call self%profile%begin()
+        call self%model%wrap(model, self%profile)
+        chart%profile => self%profile
+    end subroutine begin
+
+    !> Take the time of observers.
+    subroutine observe(self, watchers, writer, observers)
+        class(profiling_type), intent(inout), target :: self
+        !> Those that do not write, and the one that does.
+        class(observer_type), intent(inout), target :: watchers, writer
+        !> What stands in for them.
+        type(observer_list_type), intent(inout) :: observers
+
+        self%watching%inner => watchers
+        self%watching%profile => self%profile
+        self%watching%part = part_watch
+        self%writing%inner => writer
+        self%writing%profile => self%profile
+        self%writing%part = part_rows
+        call observers%add(self%watching)
+        call observers%add(self%writing)
+    end subroutine observe
+end module tandem_app_profiling

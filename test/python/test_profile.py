@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""tandem run --profile: the run is the one without it, the parts sum to the whole, and calls are those of the counters."""
+
+import re
+import signal
+import subprocess
+import time
+import unittest
+
+import h5py
+import numpy as np
+from test_output import ROOT, TANDEM, Case
+
+TERMS = ["phi", "jacobian", "nu", "gamma", "mass", "force"]
+RUNS = {
+    "rk4": ["rolling_disk", "--set", "time.end=0.5"],
+    "implicit": ["motorcycle_chopper", "--set", "time.end=0.5", "--set", "solver.stepper=sdirk54", "--set", "solver.rtol=1e-8"],
+    "interval": ["articulated_vehicle", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-8", "--set",
+                 "output.interval=0.05", "--set", 'output.fields=["q", "lambda", "kinetic_energy"]'],
+}
+
+
+def values(path):
+    """Everything in a result file that a run makes: datasets, and counters without times."""
+    found = {}
+    with h5py.File(path) as file:
+        for group in "trajectory", "diagnostics":
+            for name, dataset in file.get(group, {}).items():
+                found[f"{group}/{name}"] = dataset[:].tobytes()
+        found |= {name: value for name, value in file["report"].attrs.items() if "seconds" not in name}
+    return found
+
+
+class Profile(Case):
+    def profile(self, *arguments, code=0, name="profile.h5"):
+        done = self.tandem("run", *arguments, "--profile", "--no-error", "--quiet", "--output", name, "--force", code=code)
+        with h5py.File(self.folder / name) as file:
+            group = file["report/profile"]
+            table = {key: group[key][:] for key in ("calls", "seconds")}
+            table |= {key: [text.decode() for text in group[key][:]] for key in ("part", "group")}
+            return done, table, dict(group.attrs), dict(file["report"].attrs)
+
+    def test_the_run_is_the_same(self):
+        for name, arguments in RUNS.items():
+            with self.subTest(name):
+                self.tandem("run", *arguments, "--no-error", "--quiet", "--output", "plain.h5", "--force")
+                done, *_ = self.profile(*arguments)
+                self.assertIn("where the time went", done.stdout)
+                self.assertEqual(values(self.folder / "plain.h5"), values(self.folder / "profile.h5"))
+                with h5py.File(self.folder / "plain.h5") as file:
+                    self.assertNotIn("profile", file["report"])
+
+    def test_the_parts_sum_to_the_whole(self):
+        for name, arguments in RUNS.items():
+            with self.subTest(name):
+                done, table, attributes, _ = self.profile(*arguments)
+                total = attributes["seconds"]
+                self.assertGreater(total, 0)
+                self.assertAlmostEqual(table["seconds"].sum() / total, 1, 9)
+                output = sum(s for s, group in zip(table["seconds"], table["group"]) if group == "output")
+                # What the model and the chart did for output is in the other one.
+                self.assertGreaterEqual(attributes["output_seconds"] / output, 1 - 1e-9)
+                self.assertLess(attributes["output_seconds"] + attributes["bare_seconds"], total * (1 + 1e-9))
+                self.assertGreater(attributes["compared_with_clocks"], attributes["compared_without"])
+                self.assertGreater(attributes["compared_without"], 0)
+                self.assertGreaterEqual(attributes["clock_pair_seconds"], attributes["clock_pair_seconds_in_loop"])
+                self.assertEqual(attributes["clock_pairs"], table["calls"].sum())
+                groups = re.findall(r"^  (?! |all )\S.*? -?\d+\.\d{6} +(-?\d+\.\d)", done.stdout, re.M)
+                shares = [float(share) for share in groups]
+                self.assertGreaterEqual(len(shares), 5)
+                self.assertAlmostEqual(sum(shares), 100, delta=0.05 * len(shares) + 1e-9)
+
+    def test_calls_are_those_of_the_counters(self):
+        for name, arguments in RUNS.items():
+            with self.subTest(name):
+                _, table, _, report = self.profile(*arguments)
+                calls = dict(zip(zip(table["group"], table["part"]), table["calls"]))
+                for term in TERMS:
+                    self.assertEqual(sum(n for (group, part), n in calls.items() if group == "model" and term in part.split()),
+                                     report[f"evaluations_{term}"], term)
+                self.assertEqual(sum(n for (_, part), n in calls.items() if part.startswith("evaluate: ")), report["fused_calls"])
+                self.assertEqual(calls.get(("Newton", "corrections"), 0), report["newton_corrections"])
+                self.assertEqual(calls.get(("Newton", "matrices"), 0), report["newton_matrices"])
+                self.assertEqual(calls.get(("chart", "multipliers"), 0), report["multipliers"])
+                self.assertEqual(sum(n for (_, part), n in calls.items() if part == "kinetic energy" or part == "kinetic_energy"),
+                                 report["kinetic_energies"])
+                if name == "implicit":
+                    self.assertEqual(calls["model", "evaluate_derivatives: all"], report["newton_matrices"])
+
+    def test_a_run_that_fails(self):
+        done, table, attributes, _ = self.profile("rolling_disk", "--set", "solver.max_steps=50", code=1)
+        self.assertIn("where the time went", done.stdout)
+        self.assertEqual(attributes["compared_without"], 0)
+        self.assertAlmostEqual(table["seconds"].sum() / attributes["seconds"], 1, 9)
+
+    def test_a_run_that_is_interrupted_and_goes_on(self):
+        process = subprocess.Popen([TANDEM, "run", "rolling_disk", "--set", "time.end=1000", "--profile", "--quiet", "--output", "a.h5"],
+                                   cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 30
+        while not (self.folder / "a.h5").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 128 + signal.SIGINT)
+        self.assertIn("where the time went", out)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "interrupted")
+            self.assertIn("profile", file["report"])
+            end = file["trajectory/time"][-1] + 0.1
+        self.refused("resume", "a.h5", "--profile", says="resume cannot profile")
+        self.tandem("resume", "a.h5", "--set", f"time.end={end}", "--no-error", "--quiet")
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+            # It would be that of a part of the run.
+            self.assertNotIn("profile", file["report"])
+
+    def test_nothing_is_forgotten(self):
+        """What a chart can be asked for is timed, or known to be of no account; so is every procedure of a model."""
+        untimed = {"initialize", "remainder", "start_step", "forget", "forget_model", "hold", "release", "matrix_cost", "pack_state"}
+        source = ROOT / "src" / "tandem"
+        asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "tangent" / "chart.f90").read_text()))
+        timed = set(re.findall(r"call self%profile%enter.*\n.*self%dense_chart_type%(\w+)",
+                               (source / "profile" / "chart.f90").read_text()))
+        self.assertGreater(len(timed), 10)
+        self.assertEqual(asked - untimed, timed)
+        pointers = set(re.findall(r"(\w+) => null\(\)", (source / "model" / "model.f90").read_text()))
+        self.assertGreater(len(pointers), 20)
+        text = (source / "profile" / "model.f90").read_text()
+        self.assertEqual(pointers, set(re.findall(r"associated\(inner%(\w+)\)\) self%\1 => timed_\1\n", text)))
+        parts = re.findall(r"part_single \+ (\d+), mark\)\n +call self%inner%(\w+)\(", text)
+        names = re.search(r"single_name\(.*?\[character\(len=24\) :: (.*?)\]", (source / "profile" / "parts.f90").read_text(), re.S)[1]
+        self.assertEqual([name for _, name in parts], re.findall(r"'(\w+)'", names))
+        self.assertEqual([int(number) for number, _ in parts], list(np.arange(len(parts)) + 1))
+
+
+if __name__ == "__main__":
+    unittest.main()
