@@ -79,6 +79,16 @@ def has_checkpoint(path):
         return False
 
 
+def checksum(words):
+    """Fletcher's checksum of the halves of words, as pack.f90 has it."""
+    first, second = 1, 0
+    for word in words:
+        for half in int(word) & 0xFFFFFFFF, int(word) >> 32 & 0xFFFFFFFF:
+            first = (first + half) % 0xFFFFFFFF
+            second = (second + first) % 0xFFFFFFFF
+    return np.array(second << 32 | first, "u8").astype("i8")
+
+
 class Resume(Case):
     """A run that is ended by signals again and again, each time a little later."""
 
@@ -303,6 +313,31 @@ class Refused(Resume):
         self.check("it is cut off")
         change(lambda file: [place.resize(0, axis=0) for place in file["checkpoint"].values()])
         self.check("it is empty or cut off")
+
+    def test_what_another_version_has_saved(self):
+        """Only the same version knows what the state of a run means; the rows remain a result for everybody."""
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.2", "--set", "solver.max_steps=150", "--output", "run.h5", code=1)
+        whole = (self.folder / "run.h5").read_bytes()
+        with h5py.File(self.folder / "run.h5") as file:
+            own = file.attrs["tandem_version"]
+        self.assertLessEqual(len(own), 8)
+        for other in ("0.0.9", "0.9.0", own):
+            (self.folder / "run.h5").write_bytes(whole)
+            with h5py.File(self.folder / "run.h5", "r+") as file:
+                file.attrs["tandem_version"] = other
+                for place in file["checkpoint"].values():
+                    words = place[:]
+                    used = words[3]
+                    self.assertEqual(words[4], checksum(words[5:used]))
+                    # A text: that it is there, its length, its letters.
+                    self.assertEqual((words[5], words[6], words[7:8].tobytes().decode().strip()), (1, len(own), own))
+                    words[6:8] = len(other), np.frombuffer(other.ljust(8).encode(), "i8")[0]
+                    words[4] = checksum(words[5:used])
+                    place[:] = words
+            if other != own:
+                self.check(f"cannot go on from run.h5: tandem {other} wrote it, and this is {own}")
+        # What is written back as it was is no other version.
+        self.tandem("resume", "run.h5", "--set", "solver.max_steps=100000", "--no-error")
 
     def test_one_damaged_place_is_no_harm(self):
         words = ["time.end=0.2", "output.flush=0"]
