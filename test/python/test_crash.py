@@ -8,6 +8,7 @@ import fcntl
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import time
@@ -204,10 +205,11 @@ class Disk(Running):
             np.testing.assert_allclose(file["trajectory/q"][0], start["initial"]["q"], rtol=0, atol=1e-13)
         return start
 
-    def check_left(self, path):
-        """Rows that were written before the failure can be read."""
+    def check_left(self, path, says):
+        """Rows that were written before the failure can be read, and the file tells of the failure."""
         with h5py.File(path) as file:
-            self.assertEqual(file.attrs["status"], "running")
+            self.assertEqual(file.attrs["status"], "failed")
+            self.assertRegex(file.attrs["status_message"], f"^output_failed: .*{says}")
             n = min(len(file["trajectory"][name]) for name in ("time", "q", "qd"))
             self.assertGreater(n, 100)
             np.testing.assert_allclose(np.linalg.norm(file["trajectory/q"][:n, 3:7], axis=1), 1, atol=1e-12)
@@ -216,7 +218,7 @@ class Disk(Running):
         process = self.start("rolling_disk", *LONG, "--output", "a.h5", limit=2_000_000)
         _, err = self.end(process, 1)
         self.assertIn("File too large", err)
-        self.check_left(self.folder / "a.h5")
+        self.check_left(self.folder / "a.h5", "File too large")
         self.check_rescue(err)
 
     def test_a_full_disk(self):
@@ -229,11 +231,19 @@ class Disk(Running):
             out, err = self.end(self.start("rolling_disk", *LONG, "--output", "small/a.h5"), 1)
             self.assertIn("No space left on device", err)
             self.assertIn("INCOMPLETE", out)
-            self.check_left(small / "a.h5")
+            self.check_left(small / "a.h5", "No space left on device")
+            shutil.copy(small / "a.h5", self.folder / "b.h5")
             # Beside the result there is no room.
             self.check_rescue(err, temporary)
         finally:
             subprocess.run(["umount", small], check=True)
+        # Where there is room, the run goes on.
+        with h5py.File(self.folder / "b.h5") as file:
+            left = file["trajectory/time"][-1]
+        self.tandem("resume", "b.h5", "--set", f"time.end={left + 1}", "--no-error")
+        with h5py.File(self.folder / "b.h5") as file:
+            self.assertEqual((file.attrs["status"], file.attrs["status_message"]), ("complete", ""))
+            self.assertAlmostEqual(file["trajectory/time"][-1], left + 1, delta=1e-9)
 
     def test_nowhere_to_save_the_state(self):
         out, err = self.end(self.start("rolling_disk", *LONG, "--output", "a.h5", limit=300), 2)
@@ -253,7 +263,8 @@ class Disk(Running):
             with self.subTest(way):
                 name = f"{way}.h5"
                 process = self.start("rolling_disk", *LONG, "--output", name)
-                self.wait_for(self.has_rows(name), process)
+                # The first row alone is that of the start.
+                self.wait_for(self.has_rows(name, 2), process)
                 (self.folder / name).unlink()
                 if way == "replaced":
                     (self.folder / name).write_text("mine\n")

@@ -42,6 +42,8 @@ module tandem_io_output_hdf5
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
         procedure :: get_attribute
+        procedure :: get_text
+        procedure :: replace_text
         ! Whole datasets.
         generic :: put => put_integers, put_reals, put_strings
         procedure, private :: put_integers, put_reals, put_strings
@@ -197,6 +199,24 @@ module tandem_io_output_hdf5
             integer(long), target, intent(out) :: value
             logical, intent(out) :: is_there
         end subroutine get_attribute
+
+        !> Read an attribute that is a text; blank where there is none.
+        module subroutine get_text(self, path, name, value)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Path of the object, and the attribute's name.
+            character(len=*), intent(in) :: path, name
+            character(len=:), allocatable, intent(out) :: value
+        end subroutine get_text
+
+        !> Replace a text of the root after a failure to write, if that needs no new space; `close` comes next.
+        module subroutine replace_text(self, path, name, value)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Where the file stands, and the name of the attribute.
+            character(len=*), intent(in) :: path, name
+            character(len=*), intent(in) :: value
+        end subroutine replace_text
 
         !> Make a dataset of integers (rows).
         module subroutine put_integers(self, path, values)

@@ -3,7 +3,7 @@
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
     use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5aopen_by_name_f, h5aread_f, &
         h5awrite_f, h5kind_to_type, h5oclose_f, h5oopen_f, h5s_scalar_f, h5screate_f
-    use tandem_io_output_hdf5_texts, only: make_text_type, set_letters
+    use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
     implicit none (type, external)
 
 contains
@@ -122,4 +122,21 @@ contains
         is_there = stat == 0
         call h5aclose_f(attribute, stat)
     end subroutine get_attribute
+
+    !> Read an attribute that is a text; blank where there is none.
+    module subroutine get_text(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        character(len=:), allocatable, intent(out) :: value
+        integer(hid_t) :: attribute
+        integer :: stat
+
+        value = ''
+        if (allocated(self%problem)) return
+        call h5aopen_by_name_f(self%file, path, name, attribute, stat)
+        if (stat /= 0) return
+        call read_text(attribute, value, stat)
+        call self%note(stat, 'read the attribute '//name//' of '//path)
+        call h5aclose_f(attribute, stat)
+    end subroutine get_text
 end submodule tandem_io_output_hdf5_attributes

@@ -161,7 +161,7 @@ contains
             return
         end do
         if (snapshot%scene /= scene) call self%file%attach('/', 'scene', scene)
-        if (snapshot%has_report) call remove_report(self%file)
+        if (snapshot%has_outcome) call remove_report(self%file)
         call self%file%start_appending(self%path)
         do i = 0, ubound(self%series, 1)
             call self%file%cut(self%series(i)%dataset, self%series(i)%path, self%series(i)%width, snapshot%rows)
@@ -256,9 +256,26 @@ contains
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: message
 
         call self%bring(simulation)
         call self%close_datasets()
+        if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
+        if (.not. allocated(self%file%problem)) return
+        call self%fail(error)
+        message = error%message
+        if (allocated(run_error)) message = run_error%message
+        call self%file%replace_text(self%path, 'status', 'failed')
+        call self%file%replace_text(self%path, 'status_message', message)
+        call self%file%close()
+    end subroutine close
+
+    !> Write the report and the outcome into the file, and close it.
+    subroutine write_outcome(self, simulation, run_error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(in) :: run_error
+
         call self%file%close()
         ! The rows are safe now. The outcome comes last, so that it is never said too early.
         call self%file%reopen(self%path)
@@ -276,8 +293,7 @@ contains
             call self%file%attach('/report', 'status_code', 0_long)
         end if
         call self%file%close()
-        if (allocated(self%file%problem)) call self%fail(error)
-    end subroutine close
+    end subroutine write_outcome
 
     !> Write how wrong the run was into the file that `close` has closed.
     subroutine add_error(self, global_error, error)

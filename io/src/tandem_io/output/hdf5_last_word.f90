@@ -1,0 +1,51 @@
+! SPDX-License-Identifier: MIT
+!> What can still be said in a file that cannot be written any more: texts that take the place of others.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
+    use hdf5, only: h5aclose_f, h5aopen_by_name_f, h5awrite_f, h5fget_filesize_f, h5pset_fapl_stdio_f
+    use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
+    implicit none (type, external)
+
+contains
+
+    !> Replace a text of the root after a failure to write, if that needs no new space. What HDF5 still holds back for the file must
+    !> not be written: a driver of another kind makes it another file to HDF5, read anew from the disk. Texts stand in collections
+    !> with some room; HDF5 knows of it once it has read from one. Where the room is too small, the file is left as it is.
+    module subroutine replace_text(self, path, name, value)
+        class(hdf5_type), intent(inout) :: self
+        !> Where the file stands, and the name of the attribute.
+        character(len=*), intent(in) :: path, name
+        character(len=*), intent(in) :: value
+        character(len=:), allocatable :: old
+        character(kind=c_char), allocatable, target :: letters(:)
+        type(c_ptr), target :: start(1)
+        integer(hid_t) :: access, file, attribute, text_type
+        integer(c_int64_t) :: size
+        integer(hsize_t) :: new_size
+        integer :: stat, ignored
+
+        if (.not. self%guard%is_there()) return
+        call self%guard%take(path)
+        ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
+        inquire (file=path, size=size)
+        call self%guard%mend(size)
+        call make_access(access, .true.)
+        call h5pset_fapl_stdio_f(access, stat)
+        call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
+        call h5pclose_f(access, ignored)
+        if (stat == 0) call h5aopen_by_name_f(file, '/', name, attribute, stat)
+        if (stat == 0) call read_text(attribute, old, stat)
+        if (stat == 0) then
+            call set_letters([value], letters, start)
+            call make_text_type(text_type)
+            call h5awrite_f(attribute, text_type, c_loc(start), stat)
+            call h5tclose_f(text_type, ignored)
+        end if
+        if (stat == 0) call h5fget_filesize_f(file, new_size, stat)
+        ! What has grown is not closed: then it does not reach the disk.
+        if (stat == 0 .and. new_size == size) then
+            call h5aclose_f(attribute, stat)
+            call h5fclose_f(file, stat)
+        end if
+        call self%guard%mend(0_c_int64_t)
+    end subroutine replace_text
+end submodule tandem_io_output_hdf5_last_word
