@@ -18,7 +18,7 @@ module tandem_profile_parts
     integer, parameter :: part_control = 1
     !> The start of a simulation; observers that do not write.
     integer, parameter :: part_start = 2, part_watch = 3
-    !> Output: rows gathered in memory, brought to the disk, the state of the run for a checkpoint, the file opened and closed.
+    !> Parts of output: rows gathered in memory, brought to the disk, the state for a checkpoint, the file opened and closed.
     integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
     !> What a chart is asked for.
     integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &

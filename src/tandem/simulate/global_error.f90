@@ -101,9 +101,9 @@ contains
         self%is_stopped = simulation%is_stopped
         t_step = simulation%state%t
         if (.not. self%is_second) then
+            if (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end)) return
             statistics = simulation%statistics()
             self%work = statistics%right_hand_sides
-            if (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end)) return
             ! The last place is for the end.
             if (self%n_seen >= n_times - 1 .and. t_step < self%t_end) return
             hundredth = (self%t_end - self%t_start)/100.0_wp

@@ -24,6 +24,9 @@ module tandem_io_output_series
         procedure :: append
     end type series_type
 
+    !> Most rows in a chunk of the file, which is there as a whole for a single row.
+    integer, parameter :: longest_chunk = 512
+
 contains
 
     !> Make the dataset, or open it where the run goes on, and the buffer.
@@ -51,11 +54,11 @@ contains
         if (goes_on) then
             call file%open_dataset(self%path, self%dataset)
         else if (field == 0) then
-            call file%add_dataset(self%path, 0, capacity, .false., self%dataset)
+            call file%add_dataset(self%path, 0, min(capacity, longest_chunk), .false., self%dataset)
             call file%attach(self%path, 'unit', 's')
             call file%attach(self%path, 'meaning', 'the time of each row')
         else
-            call file%add_dataset(self%path, self%width, capacity, fields(field)%counts, self%dataset, time)
+            call file%add_dataset(self%path, self%width, min(capacity, longest_chunk), fields(field)%counts, self%dataset, time)
             call file%attach(self%path, 'meaning', fields(field)%meaning)
             if (fields(field)%width == one) then
                 call file%attach(self%path, 'unit', fields(field)%unit)

@@ -25,7 +25,10 @@ module tandem_io_output_trajectory
     public :: trajectory_type, energy_type
 
     !> Most numbers in the buffer of rows, and most rows.
-    integer, parameter :: largest_buffer = 2**17, most_rows = 512
+    integer, parameter :: largest_buffer = 2**17, most_rows = 4096
+    !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
+    !> the rows.
+    integer, parameter :: most_unwatched = 16
 
     !> How an energy, where it was written, has changed since the start.
     type :: energy_type
@@ -49,13 +52,15 @@ module tandem_io_output_trajectory
         type(pack_type), private :: pack
         integer(long), private :: saved_at = 0
         real(wp), private :: seconds_unflushed = 1.0_wp
+        !> Steps since the last look at the clock, which was then, and steps until the next.
+        integer, private :: unwatched = 0, patience = 1
+        integer(long), private :: watched_at = 0
         class(global_error_type), pointer, private :: watcher => null()
         !> Whether the next start is that of a run that goes on, whose first row is there.
         logical, private :: goes_on = .false.
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
-        integer(long), private :: flushed_at = 0
         real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
         !> Rows that the interval has asked for so far.
         integer(long), private :: intervals = 0
@@ -119,7 +124,6 @@ contains
         call self%prepare(output, simulation)
         call open_events(self, simulation)
         call self%file%start_appending(self%path)
-        call system_clock(self%flushed_at)
         if (allocated(self%file%problem)) then
             call self%fail(error)
             call self%file%close()
@@ -169,7 +173,6 @@ contains
         call self%events%cut(self%file, simulation%model%n, snapshot%events)
         call self%file%flush()
         call system_clock(self%saved_at)
-        self%flushed_at = self%saved_at
         self%rows = snapshot%rows
         self%first_time = snapshot%first_time
         self%last_time = snapshot%last_time
@@ -446,7 +449,6 @@ contains
         call self%write_rows()
         call self%events%append(self%file, simulation)
         call self%file%flush()
-        call system_clock(self%flushed_at)
         if (associated(self%profile)) call self%profile%leave(mark)
     end subroutine bring
 
@@ -456,7 +458,13 @@ contains
         class(simulation_type), intent(inout) :: simulation
         integer(long) :: now, rate
 
+        self%unwatched = self%unwatched + 1
+        if (self%unwatched < self%patience) return
         call system_clock(now, rate)
+        self%patience = merge(min(2*self%patience, most_unwatched), 1, 1000*(now - self%watched_at) < rate .and. &
+            self%seconds_unflushed > 0.0_wp)
+        self%unwatched = 0
+        self%watched_at = now
         if (real(now - self%saved_at, wp) >= self%seconds_unflushed*real(rate, wp)) call self%save(simulation)
     end subroutine watch
 
