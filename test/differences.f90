@@ -8,7 +8,7 @@ module differences
     implicit none (type, external)
     private
 
-    public :: check_model_procedures, random_vector
+    public :: check_model_procedures, random_vector, weight, h
 
     !> Sixth-order central differences: f' = sum_i weight_i (f(i h) - f(-i h))/h.
     real(wp), parameter :: weight(3) = [45.0_wp, -9.0_wp, 1.0_wp]/60.0_wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Runs of a model with a fault in one of its terms, and what a failure leaves behind: suites failures, faults and statuses.
+!> Runs of a model with a fault in one of its terms, and what a failure leaves behind.
 module faulty_runs
     use asserts, only: check_true
     use model_moving_pivot, only: moving_pivot_type

@@ -3,16 +3,22 @@
 program main
     use test_accuracy, only: collect_accuracy
     use test_assembly, only: collect_assembly
+    use test_nearest_velocity, only: collect_nearest_velocity
+    use test_nearest_position, only: collect_nearest_position
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
     use test_checkpoint, only: collect_checkpoint
+    use test_pack, only: collect_pack
     use test_constraints, only: collect_constraints
     use test_control, only: collect_control
     use test_coordinate_scale, only: collect_coordinate_scale
     use test_counters, only: collect_counters
     use test_dense, only: collect_dense
     use test_derivatives, only: collect_derivatives
+    use test_newton_matrix, only: collect_newton_matrix
+    use test_verification, only: collect_verification
     use test_estimates, only: collect_estimates
+    use test_global_error, only: collect_global_error
     use test_euler_parameters, only: collect_euler_parameters
     use test_event_actions, only: collect_event_actions
     use test_events, only: collect_events
@@ -62,11 +68,15 @@ program main
         new_testsuite('motorcycle', collect_motorcycle), &
         new_testsuite('tangent', collect_tangent), &
         new_testsuite('derivatives', collect_derivatives), &
+        new_testsuite('newton_matrix', collect_newton_matrix), &
+        new_testsuite('verification', collect_verification), &
         new_testsuite('stiff', collect_stiff), &
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &
         new_testsuite('assembly', collect_assembly), &
+        new_testsuite('nearest_velocity', collect_nearest_velocity), &
+        new_testsuite('nearest_position', collect_nearest_position), &
         new_testsuite('failures', collect_failures), &
         new_testsuite('faults', collect_faults), &
         new_testsuite('statuses', collect_statuses), &
@@ -81,11 +91,13 @@ program main
         new_testsuite('control', collect_control), &
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &
+        new_testsuite('global_error', collect_global_error), &
         new_testsuite('dense', collect_dense), &
         new_testsuite('root', collect_root), &
         new_testsuite('events', collect_events), &
         new_testsuite('event_actions', collect_event_actions), &
         new_testsuite('checkpoint', collect_checkpoint), &
+        new_testsuite('pack', collect_pack), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
         new_testsuite('rank_models', collect_rank_models), &

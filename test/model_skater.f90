@@ -7,7 +7,11 @@ module model_skater
     implicit none (type, external)
     private
 
-    public :: skater_type
+    public :: skater_type, single_names
+
+    !> Its single derivative procedures.
+    character(len=24), parameter :: single_names(8) = [character(len=24) :: 'jacobian_derivative', 'nu_derivative', 'gamma_q', &
+        'gamma_qd', 'mass_derivative', 'reaction_derivative', 'force_q', 'force_qd']
 
     type, extends(model_type) :: skater_type
         !> Mass, moment of inertia, its growth with x**2, gravity.

@@ -3,18 +3,18 @@
 module test_failures
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
         check_true
-    use faulty_runs, only: check_state_left, run_with_fault
+    use faulty_runs, only: check_state_left
     use model_belt_wheel, only: belt_wheel_type
     use model_heavy_top, only: heavy_top_type
     use model_knife_edge, only: knife_edge_type
     use model_moving_pivot, only: moving_pivot_type
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
-    use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
+    use model_spy, only: fault_nan, fault_retry, spy_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use runs, only: choose, get_start, run
-    use tandem, only: at_end, at_step, failure_type => error_type, model_type, n_terms, need_mass, observer_type, &
-        options_type, rolling_disk_type, set_error, simulation_type, statistics_type, status_output_failed, term_name, wp
+    use tandem, only: at_end, at_step, failure_type => error_type, n_terms, need_mass, observer_type, options_type, &
+        rolling_disk_type, set_error, simulation_type, statistics_type, status_output_failed, term_name, wp
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -54,14 +54,6 @@ contains
             new_unittest('a-constraint-without-gradient-is-refused', test_no_gradient), &
             new_unittest('mass-singular-on-the-null-space-is-refused', test_singular_mass), &
             new_unittest('negative-mass-is-refused', test_negative_mass), &
-            new_unittest('a-nan-at-the-start-is-reported', test_nan_start), &
-            new_unittest('an-infinity-at-the-start-is-reported', test_infinity_start), &
-            new_unittest('a-procedure-that-stops-at-the-start-is-named', test_stop_start), &
-            new_unittest('a-procedure-that-cannot-be-evaluated-at-the-start-is-named', test_retry_start), &
-            new_unittest('a-nan-in-a-step-is-reported', test_nan_step), &
-            new_unittest('an-infinity-in-a-step-is-reported', test_infinity_step), &
-            new_unittest('a-procedure-that-stops-in-a-step-is-named', test_stop_step), &
-            new_unittest('a-procedure-that-cannot-be-evaluated-in-a-step-is-named', test_retry_step), &
             new_unittest('a-failed-step-can-be-taken-again', test_again), &
             new_unittest('a-failed-start-can-be-made-good', test_start_again), &
             new_unittest('an-end-before-the-start-is-refused', test_end), &
@@ -312,95 +304,6 @@ contains
         call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'singular_mass')
     end subroutine test_negative_mass
-
-    subroutine test_nan_start(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_nan, 0.0_wp, 'not_finite', error)
-    end subroutine test_nan_start
-
-    subroutine test_infinity_start(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_infinity, 0.0_wp, 'not_finite', error)
-    end subroutine test_infinity_start
-
-    subroutine test_stop_start(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_stop, 0.0_wp, 'callback_failed', error)
-    end subroutine test_stop_start
-
-    subroutine test_retry_start(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_retry, 0.0_wp, 'not_evaluable', error)
-    end subroutine test_retry_start
-
-    subroutine test_nan_step(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_nan, 0.0505_wp, 'not_finite', error)
-    end subroutine test_nan_step
-
-    subroutine test_infinity_step(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_infinity, 0.0505_wp, 'not_finite', error)
-    end subroutine test_infinity_step
-
-    subroutine test_stop_step(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_stop, 0.0505_wp, 'callback_failed', error)
-    end subroutine test_stop_step
-
-    subroutine test_retry_step(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call check_faults(fault_retry, 0.0505_wp, 'not_evaluable', error)
-    end subroutine test_retry_step
-
-    !> One fault in each term in turn, with each policy and refresh mode: the status, the term's name in the message, and the
-    !> last good state left behind.
-    subroutine check_faults(fault, time, name, error)
-        integer, intent(in) :: fault
-        !> When it happens; 0 is the start.
-        real(wp), intent(in) :: time
-        character(len=*), intent(in) :: name
-        type(error_type), allocatable, intent(inout) :: error
-        integer :: term, i, j
-
-        do term = 1, n_terms
-            do i = 1, size(charts)
-                do j = 1, size(modes)
-                    if (allocated(error)) return
-                    call check_fault(fault, time, term, choose(step=1.0e-2_wp, chart=charts(i), refresh=modes(j)), name, error)
-                end do
-            end do
-        end do
-    end subroutine check_faults
-
-    subroutine check_fault(fault, time, term, options, name, error)
-        integer, intent(in) :: fault, term
-        real(wp), intent(in) :: time
-        type(options_type), intent(in) :: options
-        character(len=*), intent(in) :: name
-        type(error_type), allocatable, intent(inout) :: error
-        type(moving_pivot_type), target :: inner
-        type(spy_type), target :: spy
-        type(simulation_type) :: simulation
-        type(failure_type), allocatable :: failure
-        character(len=:), allocatable :: place
-
-        call run_with_fault(simulation, spy, inner, options, fault, term, time, failure)
-        place = trim(term_name(term))//', '//trim(options%chart)//', '//options%refresh
-        call check_stopped(error, failure, [name], trim(term_name(term)), place)
-        if (.not. time > 0.0_wp) return
-        ! The fault hits the step from 0.05 to 0.06, at a stage inside or at its end.
-        call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
-        call check_state_left(error, simulation)
-    end subroutine check_fault
 
     !> A fault that goes away leaves no trace: the run continues as if it had never been.
     subroutine test_again(error)

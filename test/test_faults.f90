@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of faults with every stepper: how soon a point is given up, iterations that cannot converge, numbers that overflow.
+!> Tests of faults: each kind in each term, how soon a point is given up, iterations that cannot converge, numbers that overflow.
 module test_faults
     use asserts, only: check_below, check_close, check_failure, check_no_failure, check_stopped, check_true
     use faulty_runs, only: check_state_left, faults, run_with_fault, status_of_fault
@@ -7,10 +7,10 @@ module test_faults
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
     use model_perturbed, only: perturbed_type
-    use model_spy, only: spy_type
+    use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
     use runs, only: choose, run
     use tandem, only: assembly_type, derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, &
-        n_terms, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
+        n_terms, need_nu, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -18,6 +18,8 @@ module test_faults
     public :: collect_faults
 
     character(len=9), parameter :: steppers(5) = [character(len=9) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
+    character(len=10), parameter :: charts(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
+    character(len=6), parameter :: modes(2) = ['factor', 'refine']
     !> Evaluations after which a point must be given up.
     integer, parameter :: patience = 20
 
@@ -42,6 +44,15 @@ contains
             new_unittest('a-point-is-given-up-within-20-evaluations-at-the-start', test_patience_start), &
             new_unittest('a-point-is-given-up-within-20-evaluations-in-a-step', test_patience_step), &
             new_unittest('a-point-is-given-up-within-20-evaluations-under-error-control', test_patience_control), &
+            new_unittest('a-nan-at-the-start-is-reported', test_nan_start), &
+            new_unittest('an-infinity-at-the-start-is-reported', test_infinity_start), &
+            new_unittest('a-procedure-that-stops-at-the-start-is-named', test_stop_start), &
+            new_unittest('a-procedure-that-cannot-be-evaluated-at-the-start-is-named', test_retry_start), &
+            new_unittest('a-nan-in-a-step-is-reported', test_nan_step), &
+            new_unittest('an-infinity-in-a-step-is-reported', test_infinity_step), &
+            new_unittest('a-procedure-that-stops-in-a-step-is-named', test_stop_step), &
+            new_unittest('a-procedure-that-cannot-be-evaluated-in-a-step-is-named', test_retry_step), &
+            new_unittest('a-fault-in-an-implicit-step-is-named', test_implicit_faults), &
             new_unittest('a-mass-matrix-that-is-not-symmetric-is-refused', test_asymmetric), &
             new_unittest('a-step-larger-than-the-span-ends-at-its-end', test_long_step), &
             new_unittest('an-iteration-for-u-that-stagnates-is-ended', test_u), &
@@ -104,6 +115,128 @@ contains
             end do
         end do
     end subroutine check_patience
+
+    subroutine test_nan_start(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_nan, 0.0_wp, 'not_finite', error)
+    end subroutine test_nan_start
+
+    subroutine test_infinity_start(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_infinity, 0.0_wp, 'not_finite', error)
+    end subroutine test_infinity_start
+
+    subroutine test_stop_start(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_stop, 0.0_wp, 'callback_failed', error)
+    end subroutine test_stop_start
+
+    subroutine test_retry_start(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_retry, 0.0_wp, 'not_evaluable', error)
+    end subroutine test_retry_start
+
+    subroutine test_nan_step(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_nan, 0.0505_wp, 'not_finite', error)
+    end subroutine test_nan_step
+
+    subroutine test_infinity_step(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_infinity, 0.0505_wp, 'not_finite', error)
+    end subroutine test_infinity_step
+
+    subroutine test_stop_step(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_stop, 0.0505_wp, 'callback_failed', error)
+    end subroutine test_stop_step
+
+    subroutine test_retry_step(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_faults(fault_retry, 0.0505_wp, 'not_evaluable', error)
+    end subroutine test_retry_step
+
+    !> One fault in each term in turn, with each policy and refresh mode: the status, the term's name in the message, and the
+    !> last good state left behind.
+    subroutine check_faults(fault, time, name, error)
+        integer, intent(in) :: fault
+        !> When it happens; 0 is the start.
+        real(wp), intent(in) :: time
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: term, i, j
+
+        do term = 1, n_terms
+            do i = 1, size(charts)
+                do j = 1, size(modes)
+                    if (allocated(error)) return
+                    call check_fault(fault, time, term, choose(step=1.0e-2_wp, chart=charts(i), refresh=modes(j)), name, error)
+                end do
+            end do
+        end do
+    end subroutine check_faults
+
+    subroutine check_fault(fault, time, term, options, name, error)
+        integer, intent(in) :: fault, term
+        real(wp), intent(in) :: time
+        type(options_type), intent(in) :: options
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(inout) :: error
+        type(moving_pivot_type), target :: inner
+        type(spy_type), target :: spy
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        character(len=:), allocatable :: place
+
+        call run_with_fault(simulation, spy, inner, options, fault, term, time, failure)
+        place = trim(term_name(term))//', '//trim(options%chart)//', '//options%refresh
+        call check_stopped(error, failure, [name], trim(term_name(term)), place)
+        if (.not. time > 0.0_wp) return
+        ! The fault hits the step from 0.05 to 0.06, at a stage inside or at its end.
+        call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
+        call check_state_left(error, simulation)
+    end subroutine check_fault
+
+    !> A fault in each term in turn in the step from 0.05; a nu that is no number is a matter of check_faults.
+    subroutine test_implicit_faults(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, k, term
+
+        do k = 4, 5
+            do i = 1, size(faults)
+                do term = 1, n_terms
+                    if (2**(term - 1) == need_nu .and. i <= 2) cycle
+                    call check_implicit_fault(steppers(k), faults(i), term, trim(status_of_fault(i)), error)
+                end do
+            end do
+        end do
+    end subroutine test_implicit_faults
+
+    subroutine check_implicit_fault(stepper, fault, term, name, error)
+        character(len=*), intent(in) :: stepper, name
+        integer, intent(in) :: fault, term
+        type(error_type), allocatable, intent(inout) :: error
+        type(moving_pivot_type), target :: inner
+        type(spy_type), target :: spy
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+
+        if (allocated(error)) return
+        options%stepper = stepper
+        options%step = 1.0e-2_wp
+        call run_with_fault(simulation, spy, inner, options, fault, term, 0.0505_wp, failure)
+        call check_stopped(error, failure, [name], trim(term_name(term)), trim(stepper)//', '//trim(term_name(term)))
+        call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
+    end subroutine check_implicit_fault
 
     subroutine lopsided_mass(self, q, value, stat)
         class(model_type), intent(inout) :: self

@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the statuses that suites failures, model_check and options leave: those of implicit steps, of constraints that
+!> Tests of the statuses that suites failures, faults, model_check and options leave: those of derivatives, of constraints that
 !> degenerate on the way, of constraints that cannot be held; and of what is at hand after a failure.
 module test_statuses
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_stopped, &
         check_true
-    use faulty_runs, only: check_state_left, faults, run_with_fault, start_swing, status_of_fault
+    use faulty_runs, only: check_state_left, run_with_fault, start_swing
     use model_belt_wheel, only: belt_wheel_type
+    use model_closing, only: closing_type
     use model_moving_pivot, only: moving_pivot_type
+    use model_near, only: near_type, start_near
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
     use model_perturbed, only: perturbed_type
@@ -15,7 +17,7 @@ module test_statuses
     use runs, only: run
     use subjects, only: new_subject
     use tandem, only: derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, n_terms, &
-        need_nu, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
+        options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -26,25 +28,10 @@ module test_statuses
     !> The steppers with fixed steps.
     character(len=16), parameter :: steppers(3) = [character(len=16) :: 'rk4', 'trapezoid', 'sdirk54']
 
-    !> A free particle whose constraints degenerate in time: row 1 is (1, 0, 0); row 2 is (1, a, 0) or (0, a, 0) with
-    !> a = slope (t_bad - t).
-    type, extends(particle_type) :: closing_type
-        real(wp) :: t_bad = 0.1_wp, slope = 1.0_wp, first = 1.0_wp
-    contains
-        procedure :: close_in
-    end type closing_type
-
     !> A pendulum whose rod is longer by this part of its length behind the first breakpoint.
     type, extends(pendulum_type) :: jumping_type
         real(wp) :: stretch = 1.0e-6_wp
     end type jumping_type
-
-    !> A particle on the unit sphere and on a second surface that is the first up to a part `part`: Phi2 = Phi1 + part (z - x y).
-    type, extends(particle_type) :: near_type
-        real(wp) :: part = 1.0e-9_wp
-    contains
-        procedure :: define_near
-    end type near_type
 
 contains
 
@@ -60,7 +47,6 @@ contains
             new_unittest('a-row-that-vanishes-later-is-named', test_zero_row_later), &
             new_unittest('indefinite-mass-is-refused', test_indefinite), &
             new_unittest('every-mixture-of-constraints-works-with-every-stepper', test_mixtures), &
-            new_unittest('a-fault-in-an-implicit-step-is-named', test_implicit_faults), &
             new_unittest('a-derivative-that-fails-is-reported', test_derivative_stat), &
             new_unittest('a-derivative-that-is-no-number-is-reported', test_derivative_nan), &
             new_unittest('a-failure-leaves-the-last-state-with-its-multipliers', test_left_behind), &
@@ -71,119 +57,6 @@ contains
             new_unittest('near-redundant-constraints-are-held', test_near_redundant), &
             new_unittest('two-simulations-in-turns-are-two-simulations-alone', test_turns)]
     end subroutine collect_statuses
-
-    !> Associate the degenerating rows.
-    subroutine close_in(self)
-        class(closing_type), intent(inout) :: self
-
-        call self%define(.true.)
-        self%name = 'closing'
-        self%n_nonholonomic = 2
-        self%nonholonomic_name = [character(len=32) :: 'wall', 'door']
-        self%nonholonomic_jacobian => closing_rows
-        self%constraint_acceleration => closing_gamma
-    end subroutine close_in
-
-    subroutine closing_rows(self, t, q, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(out) :: value(:, :)
-        integer, intent(out) :: stat
-
-        stat = 0
-        value = 0.0_wp
-        select type (self)
-        class is (closing_type)
-            value(1, 1) = 1.0_wp
-            value(2, 1:2) = [self%first, self%slope*(self%t_bad - t)]
-        end select
-    end subroutine closing_rows
-
-    subroutine closing_gamma(self, t, q, qd, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(out) :: value(:)
-        integer, intent(out) :: stat
-
-        stat = 0
-        value = 0.0_wp
-        select type (self)
-        class is (closing_type)
-            value(2) = -self%slope*qd(2)
-        end select
-    end subroutine closing_gamma
-
-    !> Associate the near-redundant surfaces.
-    subroutine define_near(self)
-        class(near_type), intent(inout) :: self
-
-        call self%define(.true.)
-        self%name = 'near'
-        self%n_holonomic = 2
-        self%holonomic_name = [character(len=32) :: 'sphere', 'almost the sphere']
-        self%holonomic => near_position
-        self%holonomic_jacobian => near_jacobian
-        self%constraint_acceleration => near_gamma
-    end subroutine define_near
-
-    subroutine near_position(self, t, q, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(out) :: value(:)
-        integer, intent(out) :: stat
-
-        stat = 0
-        value = 0.0_wp
-        select type (self)
-        class is (near_type)
-            value(1) = (q(1)**2 + q(2)**2 + q(3)**2 - 1)/2
-            value(2) = value(1) + self%part*(q(3) - q(1)*q(2))
-        end select
-    end subroutine near_position
-
-    subroutine near_jacobian(self, t, q, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(out) :: value(:, :)
-        integer, intent(out) :: stat
-
-        stat = 0
-        value(1, :) = q
-        value(2, :) = q
-        select type (self)
-        class is (near_type)
-            value(2, :) = q + self%part*[-q(2), -q(1), 1.0_wp]
-        end select
-    end subroutine near_jacobian
-
-    subroutine near_gamma(self, t, q, qd, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(out) :: value(:)
-        integer, intent(out) :: stat
-
-        stat = 0
-        value = dot_product(qd, qd)
-        select type (self)
-        class is (near_type)
-            value(2) = value(2) - 2*self%part*qd(1)*qd(2)
-        end select
-    end subroutine near_gamma
-
-    !> A start on the curve of both surfaces, z = x y, moving along it.
-    pure subroutine start_near(q, qd)
-        real(wp), intent(out) :: q(3), qd(3)
-        real(wp), parameter :: x = 0.5_wp
-        real(wp) :: y
-
-        ! x**2 + y**2 + x**2 y**2 = 1.
-        y = sqrt((1 - x**2)/(1 + x**2))
-        q = [x, y, x*y]
-        ! q'qd = 0 and zd = xd y + x yd.
-        qd(1) = 1.0_wp
-        qd(2) = -(x + x*y**2)/(y + x**2*y)
-        qd(3) = qd(1)*y + x*qd(2)
-    end subroutine start_near
 
     subroutine test_missing_derivatives(error)
         type(error_type), allocatable, intent(out) :: error
@@ -341,39 +214,6 @@ contains
         end do
     end subroutine test_mixtures
 
-    !> A fault in each term in turn in the step from 0.05; a nu that is no number is a matter of suite failures.
-    subroutine test_implicit_faults(error)
-        type(error_type), allocatable, intent(out) :: error
-        integer :: i, k, term
-
-        do k = 2, 3
-            do i = 1, size(faults)
-                do term = 1, n_terms
-                    if (2**(term - 1) == need_nu .and. i <= 2) cycle
-                    call check_implicit_fault(steppers(k), faults(i), term, trim(status_of_fault(i)), error)
-                end do
-            end do
-        end do
-    end subroutine test_implicit_faults
-
-    subroutine check_implicit_fault(stepper, fault, term, name, error)
-        character(len=*), intent(in) :: stepper, name
-        integer, intent(in) :: fault, term
-        type(error_type), allocatable, intent(inout) :: error
-        type(moving_pivot_type), target :: inner
-        type(spy_type), target :: spy
-        type(simulation_type) :: simulation
-        type(options_type) :: options
-        type(failure_type), allocatable :: failure
-
-        if (allocated(error)) return
-        options%stepper = stepper
-        options%step = 1.0e-2_wp
-        call run_with_fault(simulation, spy, inner, options, fault, term, 0.0505_wp, failure)
-        call check_stopped(error, failure, [name], trim(term_name(term)), trim(stepper)//', '//trim(term_name(term)))
-        call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 'time left behind')
-    end subroutine check_implicit_fault
-
     !> stat > 0 and stat < 0 of evaluate_derivatives, at the first step and later.
     subroutine test_derivative_stat(error)
         type(error_type), allocatable, intent(out) :: error
@@ -445,7 +285,7 @@ contains
         do k = 1, size(steppers)
             do i = 1, size(faults)
                 do term = 1, n_terms
-                    ! A fault in M or nu alone is a matter of suite failures; Phi, C, gamma and forces leave the most behind.
+                    ! A fault in M or nu alone is a matter of suite faults; Phi, C, gamma and forces leave the most behind.
                     if (term == 3) cycle
                     call check_left_behind(steppers(k), faults(i), term, error)
                 end do

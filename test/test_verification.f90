@@ -1,0 +1,176 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the comparison of all procedures of a model with differences: it passes what is right and names what is wrong.
+module test_verification
+    use asserts, only: check_close, check_count, check_no_failure, check_text, check_true, format_real
+    use model_perturbed, only: perturbed_type
+    use model_skater, only: single_names, skater_type
+    use subjects, only: new_subject, subject_names
+    use tandem, only: derivative_name, failure_type => error_type, finding_type, model_type, n_derivatives, rolling_disk_type, &
+        verify_model, wp
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_verification
+
+contains
+
+    !> The suite.
+    subroutine collect_verification(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('verification-passes-on-every-model', test_verify), &
+            new_unittest('verification-names-a-wrong-fused-derivative', test_verify_derivatives), &
+            new_unittest('verification-names-a-wrong-term', test_verify_terms), &
+            new_unittest('verification-names-a-wrong-single-procedure', test_verify_single), &
+            new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint)]
+    end subroutine collect_verification
+
+    subroutine test_verify(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, k
+
+        do k = 1, size(subject_names)
+            call new_subject(trim(subject_names(k)), model, q, qd)
+            call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+            call check_no_failure(error, failure)
+            do i = 1, size(findings)
+                call check_true(error, findings(i)%passed, trim(subject_names(k))//': '//trim(findings(i)%name)//', error '// &
+                    format_real(findings(i)%error))
+            end do
+            ! Phi_q, Phi_t, gamma, the symmetry of M, and five fused or eight single derivatives.
+            call check_count(error, size(findings), merge(12, 9, k == size(subject_names)), trim(subject_names(k))//': findings')
+        end do
+    end subroutine test_verify
+
+    !> Exactly one finding fails, that of a name, and it says where and by how much.
+    subroutine check_findings(findings, name, row, column, amount, error)
+        type(finding_type), intent(in) :: findings(:)
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: row, column
+        real(wp), intent(in) :: amount
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: i
+
+        call check_count(error, count(.not. findings%passed), 1, name//': findings that fail')
+        if (allocated(error)) return
+        i = findloc(findings%passed, .false., dim=1)
+        call check_text(error, findings(i)%name, name)
+        call check_count(error, findings(i)%row, row, name//': row')
+        call check_count(error, findings(i)%column, column, name//': column')
+        ! Differences of fourth order leave 1e-10 of entries up to 1e4.
+        call check_close(error, [findings(i)%value - findings(i)%expected], [amount], 1.0e-5_wp, name//': amounts')
+    end subroutine check_findings
+
+    !> Each of the five, on the disk and on the motorcycle, off by a thousandth of the largest entry.
+    subroutine test_verify_derivatives(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: inner
+        type(perturbed_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, k
+
+        do k = 2, 3
+            call new_subject(trim(subject_names(k)), inner, q, qd)
+            call model%wrap(inner)
+            do i = 1, n_derivatives
+                model%derivative = i
+                model%row = 2 + mod(i, 3)
+                model%column = 3 + i
+                model%amount = 20.0_wp
+                call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+                call check_no_failure(error, failure)
+                call check_findings(findings, 'evaluate_derivatives: '//trim(derivative_name(i)), model%row, model%column, &
+                    model%amount, error)
+            end do
+        end do
+    end subroutine test_verify_derivatives
+
+    !> gamma and nu of the motorcycle by single faults; an entry of Phi_q has consequences, but is named all the same.
+    subroutine test_verify_terms(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: inner
+        type(perturbed_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_subject('motorcycle', inner, q, qd)
+        call model%wrap(inner)
+        model%amount = 0.01_wp
+        model%term = 4
+        model%row = 7
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_findings(findings, 'constraint_acceleration', 7, 0, model%amount, error)
+        model%term = 3
+        model%row = 4
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        ! nu = -Phi_t.
+        call check_findings(findings, 'holonomic_rate', 4, 0, -model%amount, error)
+        model%term = 2
+        model%row = 3
+        model%column = 8
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_findings(findings, 'holonomic_jacobian', 3, 8, model%amount, error)
+        model%term = 5
+        model%row = 2
+        model%column = 6
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_true(error, count(.not. findings%passed) == 1, 'one finding fails')
+        call check_text(error, findings(findloc(findings%passed, .false., dim=1))%name, 'mass_matrix (symmetry)')
+    end subroutine test_verify_terms
+
+    subroutine test_verify_single(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skater_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(4), qd(4)
+        integer :: i
+
+        call model%define()
+        call model%start(q, qd)
+        do i = 1, size(single_names)
+            model%broken = single_names(i)
+            call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+            call check_no_failure(error, failure)
+            call check_findings(findings, trim(single_names(i)), 1, 1, 0.125_wp, error)
+        end do
+        model%broken = 'holonomic_jacobian'
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_findings(findings, 'holonomic_jacobian', 1, 1, 0.125_wp, error)
+        model%broken = 'constraint_acceleration'
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_findings(findings, 'constraint_acceleration', 1, 0, 0.125_wp, error)
+    end subroutine test_verify_single
+
+    !> (69) as printed: wrong in the lower block of gamma_qd and nowhere else.
+    subroutine test_verify_misprint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: inner
+        type(perturbed_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+        integer :: i
+
+        call inner%define()
+        call inner%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call model%wrap(inner)
+        model%as_printed = .true.
+        call verify_model(model, 0.0_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        call check_count(error, count(.not. findings%passed), 1, 'findings that fail')
+        if (allocated(error)) return
+        i = findloc(findings%passed, .false., dim=1)
+        call check_text(error, findings(i)%name, 'acceleration_qd')
+        call check_true(error, findings(i)%row >= 5, 'the row is nonholonomic')
+    end subroutine test_verify_misprint
+end module test_verification
