@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: MIT
 """Looks for wrong use of memory and undefined behaviour, by the compiler's sanitizers and by valgrind.
 
-Usage: tools/sanitize.py [sanitizers] [valgrind]        both without a name; `make sanitize` calls it
+Usage: tools/sanitize.py [sanitizers] [valgrind] [suites [SUITE...]]        all without a name; `make sanitize` calls it
 
 sanitizers: the Fortran tests, a choice of command lines, and fuzzed scenes, built with -fsanitize=address,undefined and all
             run-time checks of gfortran, leaks included.
 valgrind:   memcheck over the same command lines, which take every stepper, both kinds of steps, events, assembly and the result
-            file, and over the tests of the interfaces of C and Fortran 77; built without optimization.
+            file, and over the tests of the interfaces of C and Fortran 77; built with little optimization.
+suites:     memcheck over the Fortran tests, suite by suite, or over those that are named, without the longest tests (LONG), which
+            the sanitizers run.
 
 `tools/check_install.sh`, a part of `make test`, does the former for those interfaces and their examples.
 
@@ -28,7 +30,7 @@ FPM = str(ROOT / ".venv" / "bin" / "fpm")
 SANITIZE = "-O1 -g -fsanitize=address,undefined -fno-omit-frame-pointer"
 # Array temporaries are no fault here; `tools/verify.py debug` looks for them.
 CHECKED = f"{SANITIZE} -fcheck=all,no-array-temps"
-PLAIN = "-O0 -g"
+PLAIN = "-O1 -g"
 VALGRIND = ["valgrind", "-q", "--error-exitcode=99", "--num-callers=20", "--leak-check=full", "--show-leak-kinds=definite"]
 VALGRIND += ["--errors-for-leak-kinds=definite", f"--suppressions={ROOT}/config/valgrind.txt"]
 # Leaks in the code of others, by the first procedure that is not the sanitizer's: toml-f makes the labels of its messages, and
@@ -37,6 +39,28 @@ KNOWN_LEAKS = re.compile(r"__tomlf_diagnostic_MOD_new_label |__testdrive_MOD_new
 LEAK = re.compile(r"^(?:Direct|Indirect) leak of .*?(?=\n\n|\Z)", re.M | re.S)
 TROUBLE = re.compile(r"ERROR: (?!LeakSanitizer)\w+Sanitizer|runtime error:|Fortran runtime error|Backtrace for|^==\d+== ", re.M)
 FUZZED = "2000"
+# Tests that memcheck takes about a minute or more for, by suite; shorter ones go the same ways through the code.
+LONG = {
+    "accuracy": [
+        "disk-with-the-trapezoid-agrees-with-its-reference",
+        "stiff-pendulum-with-implicit-steps-agrees-with-its-reference",
+        "motorcycle-with-all-steppers-agrees-with-an-independent-solution",
+        "chopper-with-all-steppers-agrees-with-an-independent-solution",
+    ],
+    "order": ["test-models-with-implicit-steps-have-their-order"],
+    "constraints": ["implicit-steps-hold-all-levels", "implicit-steps-hold-all-levels-with-all-options"],
+    "charts": [
+        "disk-takes-127-charts-with-refinement-too",
+        "disk-takes-127-charts-with-sdirk54-too",
+        "motorcycles-take-8-charts-with-the-papers-limit",
+        "disk-takes-80-adaptive-charts-in-40-s",
+        "all-policies-and-modes-give-the-same-solution",
+        "implicit-steps-give-the-same-solution-with-all-options",
+    ],
+    "control": ["every-tolerance-ends-on-the-disk-with-constraints-held"],
+    "checkpoint": ["fixed_steps", "controlled_steps"],
+    "mechanisms": ["bricard-lacks-one-rank-all-along-its-path"],
+}
 
 DISK = ["rolling_disk", "--set", "time.end=0.02", "--quiet"]
 ADAPTIVE = ["--set", "solver.rtol=1e-8", "--set", "time.end=0.3"]
@@ -176,15 +200,45 @@ def valgrind():
     return checks.failures
 
 
-PARTS = {"sanitizers": sanitizers, "valgrind": valgrind}
+def fortran_tests():
+    """The suites of the Fortran tests and the names of their tests."""
+    for suite, name in re.findall(r"new_testsuite\('(\w+)', collect_(\w+)\)", (ROOT / "test" / "main.f90").read_text()):
+        yield suite, re.findall(r"new_unittest\('([^']+)'", (ROOT / "test" / f"test_{name}.f90").read_text())
+
+
+def suites(only=()):
+    """What valgrind watches of the Fortran tests."""
+    checks = Checks(OUT / "suites")
+    unknown = [f"{suite}/{test}" for suite, tests in LONG.items() for test in tests if test not in dict(fortran_tests())[suite]]
+    if unknown:
+        sys.exit(f"sanitize: LONG names tests that do not exist: {', '.join(unknown)}")
+    binary = program(PLAIN, "tandem-test", "test", "tandem-test")
+    for suite, tests in fortran_tests():
+        if only and suite not in only:
+            continue
+        short = [test for test in tests if test not in LONG.get(suite, ())]
+        if len(short) == len(tests):
+            checks.run(suite, [*VALGRIND, binary, suite])
+        else:
+            for test in short:
+                checks.run(f"{suite} {test}", [*VALGRIND, binary, suite, test])
+            print(f"# {suite}: left out {', '.join(test for test in tests if test not in short)}", flush=True)
+    return checks.failures
+
+
+PARTS = {"sanitizers": sanitizers, "valgrind": valgrind, "suites": suites}
 
 
 def main(names):
-    unknown = [name for name in names if name not in PARTS]
-    if unknown:
-        sys.exit(f"sanitize: no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
+    only = []
+    if names[:1] == ["suites"]:
+        names, only = names[:1], names[1:]
+    for what, those, there in (("part", names, PARTS), ("suite", only, dict(fortran_tests()))):
+        unknown = [name for name in those if name not in there]
+        if unknown:
+            sys.exit(f"sanitize: no {what} {', '.join(unknown)}; there are {', '.join(there)}")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    failures = sum(part() for name, part in PARTS.items() if name in (names or PARTS))
+    failures = sum(suites(only) if name == "suites" else part() for name, part in PARTS.items() if name in (names or PARTS))
     print("nothing was found" if failures == 0 else f"{failures} checks failed")
     return 1 if failures else 0
 
