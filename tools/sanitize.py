@@ -81,6 +81,7 @@ COMMANDS = [
     *((f"run by {name} with a tolerance", 0, ["run", *DISK, *ADAPTIVE, *stepper(name)]) for name in STEPPERS[1:]),
     ("run with the paper's charts", 0, ["run", *DISK, "--set", "solver.chart=paper", "--set", "solver.v_limit=0.01"]
      + ["--set", "solver.refresh=refine", "--set", "solver.basis=svd"]),
+    ("run with a profile", 0, ["run", *DISK, *stepper("sdirk54"), "--profile", "--no-error", "--output", "profile.h5"]),
     ("run of an implicit vehicle", 0, ["run", "articulated_vehicle", "--set", "time.end=0.01", "--quiet", *stepper("sdirk54")]),
     ("run with events", 0, ["run", "events.toml", "--quiet"]),
     ("run of an assembled start", 0, ["run", "assembled.toml", "--set", "time.end=0.05", "--quiet"]),

@@ -10,6 +10,7 @@ module tandem_profile_observer
 
     public :: profiled_observer_type
 
+    !> Give it to `integrate` of the simulation in the place of `inner`.
     type, extends(observer_type) :: profiled_observer_type
         !> The observer that does the work, and where its time is booked; both must outlive this one.
         class(observer_type), pointer :: inner => null()
