@@ -48,6 +48,7 @@ program main
     use test_stability, only: collect_stability
     use test_study, only: collect_study
     use test_tangent, only: collect_tangent
+    use test_tangent_kernels, only: collect_tangent_kernels
     use test_tolerances, only: collect_tolerances
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
@@ -67,6 +68,7 @@ program main
         new_testsuite('models', collect_models), &
         new_testsuite('motorcycle', collect_motorcycle), &
         new_testsuite('tangent', collect_tangent), &
+        new_testsuite('tangent_kernels', collect_tangent_kernels), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &
         new_testsuite('verification', collect_verification), &

@@ -6,6 +6,7 @@ module test_linalg_elimination
     use tandem, only: wp
     use tandem_linalg_elimination, only: elimination_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -26,6 +27,7 @@ contains
             new_unittest('forget-searches-anew', test_forget), &
             new_unittest('scales-choose-the-pivots', test_scale), &
             new_unittest('a-row-without-pivot-is-named', test_no_pivot), &
+            new_unittest('what-is-not-finite-is-noticed-in-every-entry', test_not_finite), &
             new_unittest('dependent-rows-are-reported-or-blow-up', test_dependent)]
     end subroutine collect_linalg_elimination
 
@@ -87,6 +89,47 @@ contains
             end do
         end do
     end subroutine test_random
+
+    !> NaN and Inf, in every entry, with remembered pivots and with a search, and the elimination serves again afterwards.
+    subroutine test_not_finite(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp), allocatable :: c(:, :), bad(:, :), scale(:)
+        real(wp) :: values(3), defect, size_
+        integer :: seed, m, n, i, j, k, pass, stat
+
+        seed = 11
+        values = [ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_positive_inf), &
+            ieee_value(1.0_wp, ieee_negative_inf)]
+        do n = 1, 10, 3
+            do m = 1, n
+                allocate (c(m, n))
+                call fill(seed, c)
+                scale = spread(1.0_wp, 1, n)
+                call elimination%allocate(m, n)
+                do pass = 1, 2
+                    do k = 1, 3
+                        do j = 1, n
+                            do i = 1, m
+                                if (pass == 2) call elimination%eliminate(c, scale, stat)
+                                bad = c
+                                bad(i, j) = values(k)
+                                call elimination%eliminate(bad, scale, stat)
+                                call check_count(error, stat, -1, 'stat of a matrix that is not finite')
+                                if (allocated(error)) return
+                            end do
+                        end do
+                    end do
+                end do
+                call elimination%eliminate(c, scale, stat)
+                call check_count(error, stat, 0, 'stat')
+                call measure(c, elimination, defect, size_)
+                call check_below(error, defect, 1.0e-14_wp, '|C R - I|, |C D| afterwards')
+                if (allocated(error)) return
+                deallocate (c)
+            end do
+        end do
+    end subroutine test_not_finite
 
     !> D contains the identity in the rows of its free columns.
     subroutine test_full_rank(error)

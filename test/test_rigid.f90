@@ -5,8 +5,8 @@ module test_rigid
     use asserts, only: check_below
     use differences, only: random_vector
     use tandem, only: wp
-    use tandem_rigid_euler_parameters, only: b_matrix, b_product, c_matrix, e_matrix, g_matrix, g_product, g_sandwich, &
-        g_transposed_product, k_matrix, rotation, rotation_rate, skew, t_matrix
+    use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, c_matrix, e_matrix, g_matrix, g_product, &
+        g_sandwich, g_transposed_product, k_matrix, rotation, rotation_rate, skew, t_matrix
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -306,6 +306,7 @@ contains
             call check_below(error, maxval(abs(g_product(z%p, z%x) - matmul(g_matrix(z%p), z%x))), rounding, 'G x')
             call check_below(error, maxval(abs(g_transposed_product(z%p, z%a) - matmul(z%a, g_matrix(z%p)))), rounding, 'G'' a')
             call check_below(error, maxval(abs(b_product(z%p, z%a, z%x) - matmul(b_matrix(z%p, z%a), z%x))), rounding, 'B x')
+            call check_below(error, maxval(abs(b_row(z%p, z%a, z%b) - matmul(z%b, b_matrix(z%p, z%a)))), rounding, 'b'' B')
         end do
     end subroutine test_products
 

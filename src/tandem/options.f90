@@ -244,7 +244,7 @@ contains
     !> as it is; 0 for that of the ends of steps. A utol that was set holds everywhere.
     pure real(wp) function stage_tolerance(self)
         class(options_type), intent(in) :: self
-        real(wp), parameter :: part = 1.0e-3_wp
+        real(wp), parameter :: part = 3.0e-3_wp
 
         stage_tolerance = 0.0_wp
         if (is_unset(self%utol) .and. self%is_adaptive()) stage_tolerance = part*self%relative_tolerance()

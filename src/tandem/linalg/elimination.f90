@@ -10,6 +10,7 @@
 !> mechanism that is worth more than the arithmetic it wastes.
 module tandem_linalg_elimination
     use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: is_finite
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -24,21 +25,20 @@ module tandem_linalg_elimination
     type :: elimination_type
         !> m rows, padded to `height`, and n columns.
         integer :: m = 0, n = 0, height = 0
-        !> C (height, n); what the elimination makes of it: Y in the columns `free`, Cd^-1 in the columns `pivot` (height, n).
+        !> C (height, n); what the elimination makes of it: [Cd^-1, Y] (height, n).
         real(wp), allocatable :: matrix(:, :), eliminated(:, :)
-        !> Pivot column of each row (m); the remaining columns (n - m).
-        integer, allocatable :: pivot(:), free(:)
+        !> The columns of C in their new order (n): the pivot column of each row, then the free ones.
+        integer, allocatable :: order(:)
         !> The number of this choice of pivots; it changes with every new choice, and comes back with `release`.
         integer :: choice = 0
         integer, private :: parity = 1, last_choice = 0, held_choice = 0, held_parity = 1
         logical, private :: has_pivots = .false., held_has_pivots = .false.
-        !> Largest scaled entry of each row of C when it was measured last, the pivots; a column; 1 for rows and 0 for padding
-        !> (height).
-        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), mask(:)
+        !> Largest scaled entry of each row of C when it was measured last, the pivots; two columns; 1 for rows and 0 for padding
+        !> (height); the unit matrix (height, height).
+        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), others(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and those of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
-        integer, allocatable, private :: held_pivot(:), held_free(:)
-        logical, allocatable, private :: taken(:)
+        integer, allocatable, private :: held_order(:)
     contains
         procedure :: allocate => allocate_elimination
         procedure :: forget
@@ -46,8 +46,7 @@ module tandem_linalg_elimination
         procedure :: release
         procedure :: eliminate
         procedure :: orientation
-        procedure :: measure_weakness
-        procedure :: smallest_singular_value
+        procedure :: measure_rows
         procedure :: get_right_inverse
         procedure :: get_null_space
         procedure :: pack_state
@@ -60,21 +59,24 @@ contains
     subroutine allocate_elimination(self, m, n)
         class(elimination_type), intent(inout) :: self
         integer, intent(in) :: m, n
+        integer :: i
 
         self%m = m
         self%n = n
         self%height = lane*((m + lane - 1)/lane)
         self%has_pivots = .false.
         self%parity = 1
-        if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, self%mask, &
-            self%scale, self%pivot_scale, self%pivot, self%free, self%held_pivot, self%held_free, self%taken)
+        if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, &
+            self%others, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
-        allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), self%mask(self%height), &
-            source=0.0_wp)
+        allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), self%others(self%height), &
+            self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
         allocate (self%scale(n), self%pivot_scale(self%height), source=1.0_wp)
-        allocate (self%pivot(m), self%free(n - m), self%held_pivot(m), self%held_free(n - m), source=0)
-        allocate (self%taken(n), source=.false.)
+        allocate (self%order(n), self%held_order(n), source=0)
         self%mask(:m) = 1.0_wp
+        do i = 1, self%height
+            self%unit(i, i) = 1.0_wp
+        end do
     end subroutine allocate_elimination
 
     !> Search for pivots at the next elimination.
@@ -89,8 +91,7 @@ contains
         class(elimination_type), intent(inout) :: self
 
         self%held_has_pivots = self%has_pivots
-        self%held_pivot = self%pivot
-        self%held_free = self%free
+        self%held_order(:) = self%order
         self%held_parity = self%parity
         self%held_choice = self%choice
     end subroutine hold
@@ -100,14 +101,13 @@ contains
         class(elimination_type), intent(inout) :: self
 
         self%has_pivots = self%held_has_pivots
-        self%pivot = self%held_pivot
-        self%free = self%held_free
+        self%order(:) = self%held_order
         self%parity = self%held_parity
         self%choice = self%held_choice
-        if (self%has_pivots) self%pivot_scale(:self%m) = self%scale(self%pivot)
+        if (self%has_pivots) self%pivot_scale(:self%m) = self%scale(self%order(:self%m))
     end subroutine release
 
-    !> Eliminate a matrix. stat > 0: the row of that number has no pivot.
+    !> Eliminate a matrix. stat > 0: the row of that number has no pivot; stat < 0: an entry is not finite.
     subroutine eliminate(self, matrix, scale, stat)
         class(elimination_type), intent(inout) :: self
         !> C (m, n).
@@ -115,24 +115,26 @@ contains
         !> Typical magnitudes of the unknowns (n), for the choice of pivots; the same ones every time.
         real(wp), intent(in), contiguous :: scale(:)
         integer, intent(out) :: stat
-        integer :: orientation
+        integer :: j, orientation
 
-        if (self%height == lane) then
-            call load(self%m, self%n, lane, matrix, self%mask, self%matrix, self%eliminated)
-        else
-            call load(self%m, self%n, self%height, matrix, self%mask, self%matrix, self%eliminated)
-        end if
-        stat = 0
-        if (self%has_pivots) then
+        stat = 1
+        if (.not. self%has_pivots) then
+            do j = 1, self%n
+                self%order(j) = j
+            end do
+            call load(self%m, self%n, self%height, matrix, self%mask, self%order, self%matrix, self%eliminated)
+        else if (self%height == lane) then
             ! The same loops, in the common case of a length that the compiler knows.
-            if (self%height == lane) then
-                call reduce(self%m, self%n, lane, self%pivot, self%free, self%scale, self%pivot_scale, self%row_size, &
-                    self%eliminated, self%column, self%pivots, stat)
-            else
-                call reduce(self%m, self%n, self%height, self%pivot, self%free, self%scale, self%pivot_scale, self%row_size, &
-                    self%eliminated, self%column, self%pivots, stat)
-            end if
-            if (stat == 0) return
+            call reduce(self%m, self%n, lane, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
+                self%unit, self%matrix, self%eliminated, self%column, self%others, self%pivots, stat)
+        else
+            call reduce(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
+                self%unit, self%matrix, self%eliminated, self%column, self%others, self%pivots, stat)
+        end if
+        if (stat == 0) return
+        if (.not. is_finite(size(self%matrix), self%matrix)) then
+            stat = -1
+            return
         end if
         ! What the old pivots say of the orientation holds for the new ones.
         orientation = self%orientation()
@@ -141,61 +143,67 @@ contains
         if (stat == 0) self%parity = self%parity*orientation*self%orientation()
     end subroutine eliminate
 
-    !> Copy C twice.
-    pure subroutine load(m, n, height, matrix, mask, copy, work)
-        integer, intent(in) :: m, n
+    !> Copy C twice, as it is and in the order of elimination.
+    pure subroutine load(m, n, height, matrix, mask, order, copy, a)
+        integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
         real(wp), intent(in) :: matrix(m*n), mask(height)
-        real(wp), intent(inout) :: copy(height, n), work(height, n)
-        integer :: b, i, j, first
+        real(wp), intent(inout) :: copy(height, n), a(height, n)
+        real(wp) :: f
+        integer :: b, i, j, first, p
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, n
-            first = (j - 1)*m
+            p = order(j)
+            first = (p - 1)*m
             if (first + height <= m*n) then
                 do b = 0, height - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
-                        copy(b + i, j) = matrix(first + b + i)*mask(b + i)
+                        f = matrix(first + b + i)*mask(b + i)
+                        copy(b + i, p) = f
+                        a(b + i, j) = f
                     end do
                 end do
             else
                 do i = 1, m
-                    copy(i, j) = matrix(first + i)
+                    f = matrix(first + i)
+                    copy(i, p) = f
+                    a(i, j) = f
+                end do
+                do i = m + 1, height
+                    a(i, j) = 0.0_wp
                 end do
             end if
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    work(b + i, j) = copy(b + i, j)
-                end do
-            end do
         end do
     end subroutine load
 
     !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
-    pure subroutine reduce(m, n, height, pivot, free, scale, pivot_scale, row_size, a, column, pivots, stat)
-        integer, intent(in) :: m, n, pivot(m), free(n - m)
+    !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
+    pure subroutine reduce(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, others, pivots, &
+        stat)
+        integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
-        real(wp), intent(in) :: scale(n), pivot_scale(height), row_size(height)
-        real(wp), intent(inout) :: a(height, n), column(height), pivots(height)
+        real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
+        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), others(height), pivots(height)
         integer, intent(out) :: stat
         !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
         real(wp), parameter :: smallest_pivot = 0.05_wp
         !> Largest |Y| that remembered pivots may leave.
         real(wp), parameter :: largest_growth = 10.0_wp
         real(wp) :: f
-        integer :: b, i, j, k, p
+        integer :: b, i, j, k
 
+        call load(m, n, height, matrix, mask, order, copy, a)
         stat = 0
         do k = 1, m
-            pivots(k) = a(k, pivot(k))
-            if (.not. abs(pivots(k)) > tiny(1.0_wp)) then
+            pivots(k) = a(k, k)
+            if (.not. (abs(pivots(k)) > tiny(1.0_wp) .and. abs(pivots(k)) <= huge(1.0_wp))) then
                 stat = k
                 return
             end if
-            call take_pivot(k, pivot(k), n, height, a, column)
+            call take_pivot(k, n, height, unit, a, column, others)
         end do
         ! What is above its limit, row by row: not above 1 where all is well.
         do b = 0, height - short, short
@@ -206,13 +214,12 @@ contains
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do j = 1, n - m
-            p = free(j)
-            f = scale(p)/largest_growth
+        do j = m + 1, n
+            f = scale(order(j))/largest_growth
             do b = 0, height - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    column(b + i) = merge(column(b + i), 2.0_wp, abs(a(b + i, p))*f <= pivot_scale(b + i))
+                    column(b + i) = merge(column(b + i), 2.0_wp, abs(a(b + i, j))*f <= pivot_scale(b + i))
                 end do
             end do
         end do
@@ -222,24 +229,28 @@ contains
         end do
     end subroutine reduce
 
-    !> Make column p the unit vector k, in whose place its inverse is stored: row k := row k/a(k, p), the others less a(i, p) times
-    !> it.
-    pure subroutine take_pivot(k, p, n, height, a, column)
-        integer, intent(in) :: k, p, n
+    !> Make column k the unit vector k, in whose place its inverse is stored: row k := row k/a(k, k), the others less a(i, k) times
+    !> it. Columns are written as wholes: a load of what was stored in parts would wait for the memory.
+    pure subroutine take_pivot(k, n, height, unit, a, column, others)
+        integer, intent(in) :: k, n
         integer, intent(in), value :: height
-        real(wp), intent(inout) :: a(height, n), column(height)
+        !> The unit matrix.
+        real(wp), intent(in) :: unit(height, height)
+        real(wp), intent(inout) :: a(height, n)
+        !> Work space: what a column loses per unit of its row k, all rows but k.
+        real(wp), intent(inout) :: column(height), others(height)
         real(wp) :: f, inverse
         integer :: b, i, j
 
-        inverse = 1.0_wp/a(k, p)
+        inverse = 1.0_wp/a(k, k)
         do b = 0, height - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                column(b + i) = a(b + i, p)
-                a(b + i, p) = 0.0_wp
+                others(b + i) = 1.0_wp - unit(b + i, k)
+                column(b + i) = a(b + i, k)*others(b + i) - unit(b + i, k)
+                a(b + i, k) = unit(b + i, k)
             end do
         end do
-        a(k, p) = 1.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, n
@@ -247,10 +258,9 @@ contains
             do b = 0, height - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                    a(b + i, j) = a(b + i, j)*others(b + i) - column(b + i)*f
                 end do
             end do
-            a(k, j) = f
         end do
     end subroutine take_pivot
 
@@ -263,20 +273,20 @@ contains
         integer :: i, j, k, p
 
         stat = 0
-        call measure_rows(self%n, self%height, self%matrix, scale, self%row_size)
+        call set_row_size(self%n, self%height, self%matrix, scale, self%row_size)
         self%last_choice = self%last_choice + 1
         self%choice = self%last_choice
-        self%eliminated = self%matrix
-        self%scale = scale
-        self%taken = .false.
-        !GCC$ UNROLL 1
+        self%eliminated(:, :) = self%matrix
+        self%scale(:) = scale
+        do j = 1, self%n
+            self%order(j) = j
+        end do
         do k = 1, self%m
             p = 0
             largest = 0.0_wp
-            !GCC$ UNROLL 1
-            do j = 1, self%n
-                candidate = abs(self%eliminated(k, j))*scale(j)
-                if (self%taken(j) .or. .not. candidate > largest) cycle
+            do j = k, self%n
+                candidate = abs(self%eliminated(k, j))*scale(self%order(j))
+                if (.not. candidate > largest) cycle
                 largest = candidate
                 p = j
             end do
@@ -291,23 +301,22 @@ contains
                 self%pivot_scale(k) = 1.0_wp
                 return
             end if
-            self%pivot(k) = p
-            self%pivots(k) = self%eliminated(k, p)
-            self%pivot_scale(k) = scale(p)
-            self%taken(p) = .true.
-            call take_pivot(k, p, self%n, self%height, self%eliminated, self%column)
-        end do
-        i = 0
-        !GCC$ UNROLL 1
-        do j = 1, self%n
-            if (self%taken(j)) cycle
-            i = i + 1
-            self%free(i) = j
+            do i = 1, self%height
+                candidate = self%eliminated(i, k)
+                self%eliminated(i, k) = self%eliminated(i, p)
+                self%eliminated(i, p) = candidate
+            end do
+            i = self%order(k)
+            self%order(k) = self%order(p)
+            self%order(p) = i
+            self%pivots(k) = self%eliminated(k, k)
+            self%pivot_scale(k) = scale(self%order(k))
+            call take_pivot(k, self%n, self%height, self%unit, self%eliminated, self%column, self%others)
         end do
     end subroutine choose_pivots
 
     !> The largest scaled entry of each row.
-    pure subroutine measure_rows(n, height, c, scale, row_size)
+    pure subroutine set_row_size(n, height, c, scale, row_size)
         integer, intent(in) :: n, height
         real(wp), intent(in) :: c(height, n), scale(n)
         real(wp), intent(inout) :: row_size(height)
@@ -322,7 +331,7 @@ contains
                 end do
             end do
         end do
-    end subroutine measure_rows
+    end subroutine set_row_size
 
     !> The sign of det(Cd), carried over every change of pivots, so that it changes only where Cd turns singular.
     pure integer function orientation(self)
@@ -336,67 +345,12 @@ contains
         end do
     end function orientation
 
-    !> The smallest pivot against the largest entry of its row, 1 where there is none. Rows are measured anew, by which pivots are
-    !> judged until the next look: rows do not change much within a step.
-    subroutine measure_weakness(self, weakness)
+    !> Measure the rows anew, by which pivots are judged until the next time: rows do not change much within a step.
+    pure subroutine measure_rows(self)
         class(elimination_type), intent(inout) :: self
-        real(wp), intent(out) :: weakness
-        integer :: k
 
-        call measure_rows(self%n, self%height, self%matrix, self%scale, self%row_size)
-        weakness = 1.0_wp
-        do k = 1, self%m
-            weakness = min(weakness, abs(self%pivots(k))*self%pivot_scale(k)/max(self%row_size(k), tiny(1.0_wp)))
-        end do
-    end subroutine measure_weakness
-
-    !> A lower bound of the smallest singular value of the rows of C brought to unit length, in scaled unknowns: 1/|R| in the
-    !> Frobenius norm, as R is a right inverse.
-    pure real(wp) function smallest_singular_value(self) result(bound)
-        class(elimination_type), intent(in) :: self
-
-        bound = 1.0_wp
-        if (self%m > 0) bound = 1.0_wp/norm_of_inverse(self%m, self%n, self%height, self%pivot, self%scale, self%pivot_scale, &
-            self%matrix, self%eliminated)
-    end function smallest_singular_value
-
-    !> |R|_F, row i of C of length 1.
-    pure real(wp) function norm_of_inverse(m, n, height, pivot, scale, pivot_scale, c, a) result(norm)
-        integer, intent(in) :: m, n, height, pivot(m)
-        real(wp), intent(in) :: scale(n), pivot_scale(height), c(height, n), a(height, n)
-        real(wp) :: length(lane), total(lane)
-        integer :: b, d, i, j, p
-
-        norm = 0.0_wp
-        do b = 0, height - lane, lane
-            do i = 1, lane
-                length(i) = 0.0_wp
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, n
-                !GCC$ UNROLL 1
-                do i = 1, lane
-                    length(i) = length(i) + (c(b + i, j)*scale(j))**2
-                end do
-            end do
-            ! Column b + j of R, d runs over its rows.
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, min(lane, m - b)
-                p = pivot(b + j)
-                do d = 0, height - lane, lane
-                    !GCC$ UNROLL 1
-                    do i = 1, lane
-                        total(i) = (a(d + i, p)/pivot_scale(d + i))**2
-                    end do
-                    norm = norm + length(j)*(((total(1) + total(2)) + (total(3) + total(4))) + &
-                        ((total(5) + total(6)) + (total(7) + total(8))))
-                end do
-            end do
-        end do
-        norm = sqrt(norm)
-    end function norm_of_inverse
+        call set_row_size(self%n, self%height, self%matrix, self%scale, self%row_size)
+    end subroutine measure_rows
 
     !> R (n, m) with C R = I.
     pure subroutine get_right_inverse(self, right_inverse)
@@ -409,7 +363,7 @@ contains
         do j = 1, self%m
             !GCC$ UNROLL 1
             do k = 1, self%m
-                right_inverse(self%pivot(k), j) = self%eliminated(k, self%pivot(j))
+                right_inverse(self%order(k), j) = self%eliminated(k, j)
             end do
         end do
     end subroutine get_right_inverse
@@ -425,9 +379,9 @@ contains
         do i = 1, self%n - self%m
             !GCC$ UNROLL 1
             do k = 1, self%m
-                null_space(self%pivot(k), i) = -self%eliminated(k, self%free(i))
+                null_space(self%order(k), i) = -self%eliminated(k, self%m + i)
             end do
-            null_space(self%free(i), i) = 1.0_wp
+            null_space(self%order(self%m + i), i) = 1.0_wp
         end do
     end subroutine get_null_space
 
@@ -446,7 +400,6 @@ contains
         call pack%item(self%choice)
         call pack%item(self%last_choice)
         call pack%item(self%has_pivots)
-        call pack%item(self%pivot)
-        call pack%item(self%free)
+        call pack%item(self%order)
     end subroutine pack_state
 end module tandem_linalg_elimination

@@ -2,7 +2,7 @@
 !> Evaluates the terms of a model: the fused procedure where the model has one, single procedures for the rest, nothing for
 !> terms that the model lacks, a constant mass matrix once. Counts what it does.
 module tandem_model_evaluator
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
@@ -13,6 +13,11 @@ module tandem_model_evaluator
     private
 
     public :: evaluator_type
+
+    integer :: i, mask
+    !> What each need mask adds to the evaluations of each term.
+    integer(long), parameter :: term_count(n_terms, 0:2**n_terms - 1) = &
+        reshape([((iand(shiftr(int(mask, long), i - 1), 1_long), i=1, n_terms), mask=0, 2**n_terms - 1)], [n_terms, 2**n_terms])
 
     type :: evaluator_type
         !> The values of the last evaluation of each term, of the rows in use.
@@ -87,19 +92,17 @@ contains
         !> The terms wanted, a sum of need bits.
         integer, intent(in) :: need
         !> Time, coordinates (n), velocities (n; any where neither gamma nor force is wanted).
-        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(in) :: t, q(self%model%n), qd(self%model%n)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        integer :: wanted, i
+        integer :: wanted
 
         wanted = iand(need, self%has)
         if (self%mass_is_known) wanted = iand(wanted, not(need_mass))
         stat = 0
         if (wanted == 0) return
-        do i = 1, n_terms
-            counts%terms(i) = counts%terms(i) + iand(shiftr(wanted, i - 1), 1)
-        end do
+        counts%terms(:) = counts%terms + term_count(:, wanted)
         if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
         if (wanted == iand(wanted, self%model%provides) .and. .not. allocated(self%all_rows)) then
             ! The common case, without detours.

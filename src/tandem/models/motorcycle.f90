@@ -15,14 +15,19 @@ module tandem_models_motorcycle
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
-    use tandem_rigid_euler_parameters, only: b_matrix, b_product, g_product, g_sandwich, g_transposed_product, k_matrix, &
-        rotation, t_matrix
+    use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, g_product, g_sandwich, g_transposed_product, k_matrix, &
+        rotation, rotation_rate, t_matrix
     implicit none (type, external)
     private
 
     public :: motorcycle_type
 
     real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+
+    !> The fork at a time, in the chassis' frame: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
+    type :: fork_type
+        real(wp) :: es(3) = 0.0_wp, y1(3) = 0.0_wp, y1_theta(3) = 0.0_wp, rate = 0.0_wp, second_rate = 0.0_wp
+    end type fork_type
 
     !> The motorcycle with its parameters; set those, call `define`, then `start` gives a consistent start.
     type, extends(model_type) :: motorcycle_type
@@ -42,18 +47,17 @@ module tandem_models_motorcycle
         real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
         !> Free length of the suspension spring (m); 0 stands for the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
         real(wp) :: free_length = 0.0_wp
+        !> The fork at the last time, and when that was.
+        type(fork_type), private :: f
+        real(wp), private :: t_of_fork = huge(1.0_wp)
+        integer, private :: segment_of_fork = 0
     contains
         procedure :: define
         procedure :: start
         procedure :: spring_length
         procedure, private :: steering
-        procedure, private :: fork
+        procedure, private :: turn_fork
     end type motorcycle_type
-
-    !> The fork at a time, in the chassis' frame: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
-    type :: fork_type
-        real(wp) :: es(3) = 0.0_wp, y1(3) = 0.0_wp, y1_theta(3) = 0.0_wp, rate = 0.0_wp, second_rate = 0.0_wp
-    end type fork_type
 
     interface
         !> The static equilibrium over the origin, heading along y, with the rear axle's centre at a speed (m/s) and no pitch rate.
@@ -75,6 +79,8 @@ contains
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'motorcycle'
+        ! The fork of other parameters is worth nothing.
+        self%t_of_fork = huge(1.0_wp)
         self%n = 10
         self%n_holonomic = 6
         self%n_nonholonomic = 2
@@ -120,20 +126,25 @@ contains
         second_rate = self%amplitude*self%frequency**2*sin(self%frequency*t)
     end subroutine steering
 
-    !> The fork at a time.
-    pure type(fork_type) function fork(self, t)
-        class(motorcycle_type), intent(in) :: self
+    !> Bring the fork to a time; the terms of a point share it.
+    pure subroutine turn_fork(self, t)
+        class(motorcycle_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp) :: theta, c, s
 
-        call self%steering(t, theta, fork%rate, fork%second_rate)
-        c = cos(self%fork_angle)
-        s = sin(self%fork_angle)
-        ! A1 turns by the fork angle about x', A2 by theta about the fork.
-        fork%es = [0.0_wp, -s, c]
-        fork%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
-        fork%y1_theta = [-cos(theta), -c*sin(theta), -s*sin(theta)]
-    end function fork
+        if (.not. (t > self%t_of_fork .or. t < self%t_of_fork) .and. self%segment == self%segment_of_fork) return
+        self%t_of_fork = t
+        self%segment_of_fork = self%segment
+        associate (f => self%f)
+            call self%steering(t, theta, f%rate, f%second_rate)
+            c = cos(self%fork_angle)
+            s = sin(self%fork_angle)
+            ! A1 turns by the fork angle about x', A2 by theta about the fork.
+            f%es = [0.0_wp, -s, c]
+            f%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
+            f%y1_theta = [-cos(theta), -c*sin(theta), -s*sin(theta)]
+        end associate
+    end subroutine turn_fork
 
     !> The terms (117), (118).
     subroutine evaluate(self, need, t, q, qd, terms, stat)
@@ -151,7 +162,8 @@ contains
         select type (self)
         class is (motorcycle_type)
             if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
-                f = self%fork(t)
+                call self%turn_fork(t)
+                f = self%f
                 a = rotation(p)
                 y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
                 z = q(8)*f%es - q(9)*f%y1
@@ -196,30 +208,26 @@ contains
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), a(3, 3), y(3), z(3), rear(3)
         real(wp), intent(inout) :: jacobian(:, :)
-        real(wp) :: block(3, 4), a_y1(3), a_es(3), g(3)
+        real(wp) :: p(4), a_y1(3), a_es(3), g(3)
 
         jacobian = 0.0_wp
+        p = q(4:7)
         a_y1 = rotate(a, f%y1)
         a_es = rotate(a, f%es)
         jacobian(1:3, 3) = 1.0_wp
-        block = b_matrix(q(4:7), rear + self%half_track*ux)
-        jacobian(1, 4:7) = block(3, :)
-        block = b_matrix(q(4:7), rear - self%half_track*ux)
-        jacobian(2, 4:7) = block(3, :)
-        block = b_matrix(q(4:7), z)
-        jacobian(4, 4:7) = block(3, :)
-        jacobian(4, 8:9) = [a_es(3), -a_y1(3)]
-        jacobian(5, 4:7) = q(4:7)
-        jacobian(6, 8:9) = q(8:9)
-        block = b_matrix(q(4:7), rear)
-        jacobian(7, 1:3) = a(:, 1)
-        jacobian(7, 4:7) = along(a(:, 1), block)
-        g = sideways(rotate(a, z))
-        block = b_matrix(q(4:7), y)
-        jacobian(3, 4:7) = block(3, :)
+        jacobian(1, 4:7) = b_row(p, rear + self%half_track*ux, uz)
+        jacobian(2, 4:7) = b_row(p, rear - self%half_track*ux, uz)
+        jacobian(3, 4:7) = b_row(p, y, uz)
         jacobian(3, 8:10) = [a_y1(3), a_es(3), -a_es(3)]
+        jacobian(4, 4:7) = b_row(p, z, uz)
+        jacobian(4, 8:9) = [a_es(3), -a_y1(3)]
+        jacobian(5, 4:7) = p
+        jacobian(6, 8:9) = q(8:9)
+        jacobian(7, 1:3) = a(:, 1)
+        jacobian(7, 4:7) = b_row(p, rear, a(:, 1))
+        g = sideways(rotate(a, z))
         jacobian(8, 1:3) = g
-        jacobian(8, 4:7) = along(g, block)
+        jacobian(8, 4:7) = b_row(p, y, g)
         jacobian(8, 8:10) = [dot_product(g, a_y1), dot_product(g, a_es), -dot_product(g, a_es)]
     end subroutine set_jacobian
 
@@ -244,27 +252,29 @@ contains
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), qd(:), a(3, 3), y(3), z(3), rear(3)
         real(wp), intent(inout) :: gamma(:)
-        real(wp) :: p(4), pd(4), yd(3), ydd(3), zd(3), zdd(3), v_rear(3), v_front(3), a_front(3), a_tangent(3), swing(3)
+        real(wp) :: pd(4), ad(3, 3), add(3, 3), yd(3), ydd(3), zd(3), zdd(3)
+        real(wp) :: v_rear(3), a_rear(3), v_front(3), a_front(3), a_track
 
-        p = q(4:7)
         pd = qd(4:7)
+        ! Ad, and Add with qdd = 0: A is quadratic in p.
+        ad = rotation_rate(q(4:7), pd)
+        add = 2*rotation(pd)
         call move_fork(f, q, qd, yd, zd)
         call bend_fork(f, q, qd, ydd, zdd)
-        swing = b_product(pd, rear + self%half_track*ux, pd)
-        gamma(1) = swing(3)
-        swing = b_product(pd, rear - self%half_track*ux, pd)
-        gamma(2) = swing(3)
-        a_front = rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
-        a_tangent = rotate(a, zdd) + b_product(pd, z, pd) + 2*b_product(p, zd, pd)
+        a_rear = rotate(add, rear)
+        a_track = self%half_track*add(3, 1)
+        gamma(1) = a_rear(3) + a_track
+        gamma(2) = a_rear(3) - a_track
+        a_front = rotate(a, ydd) + rotate(add, y) + 2*rotate(ad, yd)
         gamma(3) = a_front(3)
-        gamma(4) = a_tangent(3)
+        gamma(4) = dot_product(a(3, :), zdd) + dot_product(add(3, :), z) + 2*dot_product(ad(3, :), zd)
         gamma(5) = dot_product(pd, pd)
         gamma(6) = qd(8)**2 + qd(9)**2
-        v_rear = qd(1:3) + b_product(p, rear, pd)
-        gamma(7) = dot_product(a(:, 1), b_product(pd, rear, pd)) + dot_product(b_product(p, ux, pd), v_rear)
-        v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
+        v_rear = qd(1:3) + rotate(ad, rear)
+        gamma(7) = dot_product(a(:, 1), a_rear) + dot_product(ad(:, 1), v_rear)
+        v_front = qd(1:3) + rotate(ad, y) + rotate(a, yd)
         gamma(8) = dot_product(sideways(rotate(a, z)), a_front) + &
-            dot_product(sideways(b_product(p, z, pd) + rotate(a, zd)), v_front)
+            dot_product(sideways(rotate(ad, z) + rotate(a, zd)), v_front)
     end subroutine set_gamma
 
     !> yd and zd, the velocities of y and z in the chassis' frame, steering included.
@@ -333,6 +343,7 @@ contains
         stat = 0
         select type (self)
         class is (motorcycle_type)
+            call self%turn_fork(t)
             if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) then
                 call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
             end if
@@ -362,7 +373,7 @@ contains
         p = q(4:7)
         pd = qd(4:7)
         pdd = qdd(4:7)
-        f = self%fork(t)
+        f = self%f
         a = rotation(p)
         rear = [0.0_wp, -self%rear_length, 0.0_wp]
         right = rear + self%half_track*ux
@@ -477,7 +488,7 @@ contains
         integer :: i, j
 
         p = q(4:7)
-        f = self%fork(t)
+        f = self%f
         a = rotation(p)
         rear = [0.0_wp, -self%rear_length, 0.0_wp]
         y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es

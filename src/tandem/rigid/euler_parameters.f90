@@ -9,7 +9,7 @@ module tandem_rigid_euler_parameters
 
     public :: rotation, e_matrix, g_matrix, b_matrix, skew
     public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich
-    public :: g_product, g_transposed_product, b_product
+    public :: b_row, g_product, g_transposed_product, b_product
 
 contains
 
@@ -123,10 +123,36 @@ contains
         real(wp), intent(in) :: p(4), x(4)
         real(wp) :: m(3, 3)
 
-        m(:, 1) = b_product(p, [1.0_wp, 0.0_wp, 0.0_wp], x)
-        m(:, 2) = b_product(p, [0.0_wp, 1.0_wp, 0.0_wp], x)
-        m(:, 3) = b_product(p, [0.0_wp, 0.0_wp, 1.0_wp], x)
+        real(wp) :: d
+
+        ! Twice the bilinear form of A in p and x.
+        d = p(1)*x(1) - p(2)*x(2) - p(3)*x(3) - p(4)*x(4)
+        m(1, 1) = 2*(d + 2*p(2)*x(2))
+        m(2, 1) = 2*(p(3)*x(2) + x(3)*p(2) + p(1)*x(4) + x(1)*p(4))
+        m(3, 1) = 2*(p(4)*x(2) + x(4)*p(2) - p(1)*x(3) - x(1)*p(3))
+        m(1, 2) = 2*(p(2)*x(3) + x(2)*p(3) - p(1)*x(4) - x(1)*p(4))
+        m(2, 2) = 2*(d + 2*p(3)*x(3))
+        m(3, 2) = 2*(p(4)*x(3) + x(4)*p(3) + p(1)*x(2) + x(1)*p(2))
+        m(1, 3) = 2*(p(2)*x(4) + x(2)*p(4) + p(1)*x(3) + x(1)*p(3))
+        m(2, 3) = 2*(p(3)*x(4) + x(3)*p(4) - p(1)*x(2) - x(1)*p(2))
+        m(3, 3) = 2*(d + 2*p(4)*x(4))
     end function rotation_rate
+
+    !> n' B(p, a) = K(a, n) p (4), the gradient of n' A(p) a, without the matrix.
+    pure function b_row(p, a, n) result(row)
+        real(wp), intent(in) :: p(4), a(3), n(3)
+        real(wp) :: row(4)
+        real(wp) :: along, cross(3), ea, en
+
+        along = n(1)*a(1) + n(2)*a(2) + n(3)*a(3)
+        cross = [a(2)*n(3) - a(3)*n(2), a(3)*n(1) - a(1)*n(3), a(1)*n(2) - a(2)*n(1)]
+        ea = p(2)*a(1) + p(3)*a(2) + p(4)*a(3)
+        en = p(2)*n(1) + p(3)*n(2) + p(4)*n(3)
+        row(1) = 2*(p(1)*along + p(2)*cross(1) + p(3)*cross(2) + p(4)*cross(3))
+        row(2) = 2*(p(1)*cross(1) - p(2)*along + n(1)*ea + a(1)*en)
+        row(3) = 2*(p(1)*cross(2) - p(3)*along + n(2)*ea + a(2)*en)
+        row(4) = 2*(p(1)*cross(3) - p(4)*along + n(3)*ea + a(3)*en)
+    end function b_row
 
     !> G(p) x (3), without the matrix.
     pure function g_product(p, x) result(y)

@@ -228,19 +228,28 @@ contains
         integer, intent(in) :: height, s
         real(wp), intent(in) :: h, weight(s), rate(height, s)
         real(wp), intent(inout) :: y(height)
-        real(wp) :: w
-        integer :: b, i, j
+        !> Columns are added four at a time.
+        integer, parameter :: group = 4
+        real(wp) :: w(group)
+        integer :: b, column(group), i, j, l
 
-        do b = 0, height - lane, lane
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, s
-                ! Half of a large tableau is zero.
-                if (.not. abs(weight(j)) > 0.0_wp) cycle
-                w = h*weight(j)
+        l = 0
+        do j = 1, s
+            ! Half of a large tableau is zero.
+            if (abs(weight(j)) > 0.0_wp) then
+                l = l + 1
+                column(l) = j
+                w(l) = h*weight(j)
+            end if
+            if (l < group .and. j < s) cycle
+            column(l + 1:) = j
+            w(l + 1:) = 0.0_wp
+            l = 0
+            do b = 0, height - lane, lane
                 !GCC$ UNROLL 1
                 do i = 1, lane
-                    y(b + i) = y(b + i) + w*rate(b + i, j)
+                    y(b + i) = y(b + i) + ((w(1)*rate(b + i, column(1)) + w(2)*rate(b + i, column(2))) + &
+                        (w(3)*rate(b + i, column(3)) + w(4)*rate(b + i, column(4))))
                 end do
             end do
         end do

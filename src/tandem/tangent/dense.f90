@@ -71,8 +71,8 @@ module tandem_tangent_dense
         real(wp), allocatable :: all_gamma(:), all_lambda(:)
         !> The orientation of C at the origin, see `split_type`.
         integer :: origin_orientation = 1
-        !> The smallest pivot at the last state.
-        real(wp) :: last_weakness = 1.0_wp
+        !> The independence of C at the last state, see `split_type`.
+        real(wp) :: last_independence = 1.0_wp
         !> C where the current step starts (m, n).
         real(wp), allocatable :: step_jacobian(:, :)
         !> Where bases are kept: C X there (m, m), and its factors.
@@ -81,6 +81,8 @@ module tandem_tangent_dense
         !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
         !> `qd_point`) are those of it.
         logical :: has_point = .false., is_split = .false., phi_is_current = .false., has_motion = .false.
+        !> Whether C and nu are known to be finite there.
+        logical :: is_finite_here = .false.
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         !> The segment of the model where the last Newton matrix was formed, and what a new one costs in corrections.
@@ -114,10 +116,13 @@ module tandem_tangent_dense
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure :: pack_state
+        procedure, private :: visit
         procedure, private :: move_to
+        procedure, private :: refuse_infinite
         procedure, private :: split_here
         procedure, private :: split_fully
         procedure, private :: start_without_basis
+        procedure, private :: measure_split
         procedure, private :: measure_origin
         procedure, private :: move_with
         procedure, private :: load_bases
@@ -164,7 +169,7 @@ module tandem_tangent_dense
             integer, intent(out) :: stat
         end subroutine renew
 
-        !> Where the elimination shows that C has full rank by far, no basis is needed.
+        !> Where C has full rank by far, no basis is needed.
         module subroutine start_without_basis(self, q, can)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -188,6 +193,12 @@ module tandem_tangent_dense
             real(wp), intent(out) :: room
             integer, intent(out) :: stat
         end subroutine measure_rank
+
+        !> The orientation and the independence of C at the current point.
+        module subroutine measure_split(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+        end subroutine measure_split
 
         !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
         module subroutine measure_origin(self)
@@ -404,12 +415,13 @@ contains
         if (stat /= status_ok) call self%fail_term()
     end subroutine restore_position
 
-    !> Evaluate C, nu and M at (t, q), unless it was done last.
-    subroutine move_to(self, t, q, stat)
+    !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
+    subroutine visit(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:)
         integer, intent(out) :: stat
+        integer :: i
 
         stat = status_ok
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
@@ -424,15 +436,37 @@ contains
             call self%fail_term()
             return
         end if
-        if (.not. (is_finite(size(self%model%terms%jacobian), self%model%terms%jacobian) .and. &
-            is_finite(self%m, self%model%terms%nu))) then
-            call self%name_infinite(stat)
-            return
-        end if
         self%has_point = .true.
+        self%is_finite_here = .false.
         self%t_point = t
-        self%q_point(:) = q
+        do i = 1, self%n
+            self%q_point(i) = q(i)
+        end do
+    end subroutine visit
+
+    !> The same, and refuse what is not finite.
+    subroutine move_to(self, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        integer, intent(out) :: stat
+
+        call self%visit(t, q, stat)
+        if (stat == status_ok) call self%refuse_infinite(stat)
     end subroutine move_to
+
+    !> Refuse C and nu that are not finite.
+    subroutine refuse_infinite(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%is_finite_here) return
+        associate (terms => self%model%terms)
+            self%is_finite_here = is_finite(size(terms%jacobian), terms%jacobian) .and. is_finite(self%m, terms%nu)
+        end associate
+        if (.not. self%is_finite_here) call self%name_infinite(stat)
+    end subroutine refuse_infinite
 
     !> What R and D at the current point follow from, and with `refine` B too.
     subroutine split_here(self, stat)
@@ -441,13 +475,17 @@ contains
 
         stat = status_ok
         if (self%is_split) return
+        ! An elimination notices when C is not finite.
+        if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
+        if (stat /= status_ok) return
         associate (jacobian => self%model%terms%jacobian)
-            call self%position%refine(jacobian, self%counts, stat)
+            if (self%refines) call self%position%refine(jacobian, self%counts, stat)
             if (stat /= status_ok) return
             call self%split%update(jacobian, self%scale, self%x_basis, self%w_basis, self%counts, stat)
         end associate
         if (stat /= status_ok) then
             call self%blame(self%split%failed_row, 0.0_wp)
+            if (stat == status_not_finite) call self%name_infinite(stat)
             return
         end if
         self%is_split = .true.
@@ -473,7 +511,7 @@ contains
         integer :: i, pass
 
         self%failed_row = 0
-        call self%move_to(t, q, stat)
+        call self%visit(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
         do i = 1, self%n
@@ -501,8 +539,9 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         integer, intent(out) :: stat
+        integer :: i
 
-        call self%move_to(t, q, stat)
+        call self%visit(t, q, stat)
         if (stat /= status_ok) return
         if (self%has_motion) then
             if (are_same(self%n, qd, self%qd_point)) return
@@ -518,7 +557,9 @@ contains
             return
         end if
         self%has_motion = .true.
-        self%qd_point(:) = qd
+        do i = 1, self%n
+            self%qd_point(i) = qd(i)
+        end do
     end subroutine move_with
 
     !> The acceleration at the point of `restore_velocity`.

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How near C is to losing rank: watched by the pivots, decided by singular values and by the orientation of C.
+!> How near C is to losing rank: watched by what the split knows, decided by singular values and by the orientation of C.
 submodule(tandem_tangent_dense) tandem_tangent_dense_rank
     implicit none (type, external)
 
@@ -16,7 +16,6 @@ contains
         real(wp), parameter :: largest_rest = 1.0e-6_wp
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
-        real(wp), allocatable :: share(:)
         real(wp) :: smallest, smallest_before, fall
         integer :: i, j
 
@@ -25,11 +24,11 @@ contains
         room = huge(1.0_wp)
         stat = status_ok
         if (self%m == 0) return
-        call self%move_to(t, q, stat)
+        call self%visit(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
         if (self%has_bases) call self%measure_origin()
-        call self%split%measure_orientation()
+        call self%measure_split()
         if (allocated(self%dropped)) then
             call self%split_fully(stat)
             if (stat /= status_ok) return
@@ -45,14 +44,12 @@ contains
                 end associate
             end do
         end if
-        ! Pivots are at hand. They fall towards a loss of rank, and for the choice of their columns alone.
-        fall = self%last_weakness - self%split%weakness
-        self%last_weakness = self%split%weakness
-        if (self%split%orientation == self%origin_orientation .and. self%split%weakness > horizon*fall) return
-        ! Only here: an array of automatic length would be allocated at every step.
-        allocate (share(self%m))
-        call weakest_combination(self%step_jacobian, self%scale, share, smallest_before)
-        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        ! This is at hand, and cheap. It falls towards a loss of rank; pivots also for the choice of their columns.
+        fall = self%last_independence - self%split%independence
+        self%last_independence = self%split%independence
+        if (self%split%orientation == self%origin_orientation .and. self%split%independence > horizon*fall) return
+        call weakest_combination(self%step_jacobian, self%scale, self%x, smallest_before)
+        call weakest_combination(self%model%terms%jacobian, self%scale, self%x, smallest)
         if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (self%split%orientation /= self%origin_orientation) then
@@ -61,6 +58,15 @@ contains
         end if
         if (room <= horizon) call self%blame_dependent(0)
     end subroutine measure_rank
+
+    !> The orientation and the independence of C at the current point.
+    module subroutine measure_split(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        if (self%split%is_measured) return
+        call self%split%measure_orientation()
+        if (.not. self%has_bases) call self%reduced%find_independence(self%split%elimination, self%split%independence)
+    end subroutine measure_split
 
     !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
     module subroutine measure_origin(self)
@@ -71,7 +77,7 @@ contains
         call self%origin_lu%factor(self%origin_c_x, stat)
         if (stat /= 0) return
         self%origin_orientation = self%origin_lu%determinant_sign()
-        self%last_weakness = self%origin_lu%smallest_pivot()
+        self%last_independence = self%origin_lu%smallest_pivot()
     end subroutine measure_origin
 
     !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.

@@ -98,13 +98,19 @@ contains
         self%failed_row = 0
         self%q0(:) = q
         self%qd0(:) = qd
-        call self%move_to(t, q, stat)
+        call self%visit(t, q, stat)
+        if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
         if (stat /= status_ok) return
         self%step_jacobian(:, :) = self%model%terms%jacobian
         split_stat = status_ok
         ! Implicit steps split where they need it.
         if (.not. self%has_bases) call self%split_here(split_stat)
+        if (split_stat == status_not_finite) then
+            stat = split_stat
+            return
+        end if
         is_done = .false.
+        if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
         if (self%skips_basis .and. split_stat == status_ok) call self%start_without_basis(q, is_done)
         if (.not. is_done) then
             call self%load_bases(stat)
@@ -120,9 +126,8 @@ contains
             stat = split_stat
             call self%blame(self%split%failed_row, 0.0_wp)
             if (stat /= status_ok) return
-            call self%split%measure_orientation()
             self%origin_orientation = self%split%orientation
-            self%last_weakness = self%split%weakness
+            self%last_independence = self%split%independence
             call self%reduced%set_origin()
         end if
     end subroutine renew
@@ -190,9 +195,10 @@ contains
         if (.not. self%has_bases) call self%reduced%pack_state(pack)
         call pack%item(self%dropped)
         call pack%item(self%origin_orientation)
-        call pack%item(self%last_weakness)
+        call pack%item(self%last_independence)
         call pack%item(self%step_jacobian)
         call pack%item(self%has_point)
+        call pack%item(self%is_finite_here)
         call pack%item(self%is_split)
         call pack%item(self%phi_is_current)
         call pack%item(self%has_motion)
@@ -202,7 +208,7 @@ contains
         call pack%item(self%stage_segment)
     end subroutine pack_state
 
-    !> Where the elimination shows that C has full rank by far, no basis is needed.
+    !> Where C has full rank by far, no basis is needed.
     module subroutine start_without_basis(self, q, can)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: q(:)
@@ -211,14 +217,12 @@ contains
         real(wp), parameter :: clearly_independent = 1.0e-5_wp
         !> Neither does one that is hardly larger than all before.
         real(wp), parameter :: much_better = 1.25_wp
-        real(wp) :: bound
 
-        bound = self%split%elimination%smallest_singular_value()
-        ! The largest so far is to be that of the singular values, not of their bound.
-        can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
-        if (.not. can) return
-        self%independence = bound
-        associate (e => self%split%elimination)
+        associate (e => self%split%elimination, bound => self%split%independence)
+            ! The largest so far is to be that of the singular values, not of their bound.
+            can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
+            if (.not. can) return
+            self%independence = bound
             call self%position%start_without_basis(e%height, e%matrix, q, self%scale, self%counts, can)
         end associate
     end subroutine start_without_basis

@@ -26,8 +26,8 @@ contains
             end if
             call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
             if (stat /= status_ok) return
-            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, self%position%u_basis, &
-                self%b_phi, d, r)
+            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, &
+                self%position%u_basis(:, :self%nh), self%b_phi, d, r)
             call self%stage%factor(ha, stat)
         end associate
         self%stage_segment = self%model%segment()

@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The position level of a chart: u with Phi(t, q0 + xi - U u) = 0 by Newton's iteration (17), and the matrix B = (Phi_q U)^-1
 !> (13) that it needs, factored once a step or refined at every point as in the paper (20). On a chart without bases
-!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix.
+!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion by Broyden's
+!> updates.
 module tandem_tangent_position
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: short
@@ -12,6 +13,7 @@ module tandem_tangent_position
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
+    use tandem_tangent_position_kernels, only: correct, invert_gram, measure, place, set_row_weight
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
     private
@@ -19,7 +21,7 @@ module tandem_tangent_position
     public :: position_type
 
     type :: position_type
-        !> diag(s) U (n, nh).
+        !> diag(s) U (n, width): nh columns, and zeros up to `width`.
         real(wp), allocatable :: u_basis(:, :)
         !> After a failure: the worst row and its error on its natural scale.
         integer :: failed_row = 0
@@ -31,18 +33,20 @@ module tandem_tangent_position
         logical, private :: refines = .false.
         integer, private :: n = 0, nh = 0
         real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
-        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); natural scales of the rows (width).
-        real(wp), allocatable, private :: u(:), correction(:), phi_u(:, :), row_scale(:), errors(:), origin(:)
+        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); what the rows of Phi weigh, the reciprocals of
+        !> their natural scales (width); q0 + xi (n).
+        real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:), origin(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
-        !> B at the origin of a chart without basis, (width, nh), width is nh padded; whether it is in use.
-        real(wp), allocatable, private :: gram(:, :)
+        !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, then what the
+        !> corrections taught; the last Phi (width); whether B is in use.
+        real(wp), allocatable, private :: gram(:, :), last_phi(:)
         integer, private :: width = 0
         logical, private :: has_gram = .false.
         !> By how much a correction has reduced the errors last.
         real(wp), private :: rate = 1.0_wp, held_rate = 1.0_wp
         !> u and B while the caller looks elsewhere.
-        real(wp), allocatable, private :: held_u(:), held_b(:, :)
+        real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
@@ -82,17 +86,19 @@ contains
         self%width = short*((nh + short - 1)/short)
         self%u = spread(0.0_wp, 1, self%width)
         self%correction = self%u
+        self%z = self%u
         self%has_gram = .false.
         self%held_u = self%u
+        self%last_phi = self%u
         self%u_start = self%u
         self%curvature = self%u
         self%rate = 1.0_wp
-        self%row_scale = self%u
-        self%errors = self%u
+        self%weight = self%u
         self%origin = spread(0.0_wp, 1, n)
-        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram)
-        allocate (self%gram(self%width, nh), source=0.0_wp)
-        allocate (self%u_basis(n, nh), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
+        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
+            self%held_gram)
+        allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
+        allocate (self%u_basis(n, self%width), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
     end subroutine allocate_position
@@ -130,145 +136,15 @@ contains
         self%u = 0.0_wp
         if (self%nh == 0) return
         if (self%width == short) then
-            call invert_gram(self%n, self%nh, height, short, matrix, q, scale, self%u_basis, self%gram, self%row_scale, &
+            call invert_gram(self%n, self%nh, height, short, matrix, q, scale, self%u_basis, self%gram, self%weight, &
                 self%correction, can)
         else
-            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%row_scale, &
+            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
                 self%correction, can)
         end if
         self%has_gram = can
         counts%position_factorizations = counts%position_factorizations + 1
     end subroutine start_without_basis
-
-    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The natural
-    !> scales of the rows of Phi by the way.
-    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, row_scale, diagonal, can)
-        integer, intent(in) :: n, nh, height
-        integer, intent(in), value :: width
-        real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        real(wp), intent(inout) :: u(n, nh), gram(width, nh), row_scale(width), diagonal(width)
-        logical, intent(out) :: can
-        !> The Gram matrix squares the condition of Phi_q: beyond 1e5 U is made an orthonormal basis.
-        real(wp), parameter :: smallest_pivot = 1.0e-10_wp
-        real(wp) :: f, inverse, magnitude
-        integer :: b, i, j, k
-
-        row_scale = tiny(1.0_wp)
-        gram = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n
-            magnitude = max(abs(q(j)), scale(j))
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    row_scale(b + i) = row_scale(b + i) + abs(c(b + i, j))*magnitude
-                end do
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do k = 1, nh
-                f = c(k, j)*scale(j)**2
-                u(j, k) = f
-                do b = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        gram(b + i, k) = gram(b + i, k) + c(b + i, j)*f
-                    end do
-                end do
-            end do
-        end do
-        can = .true.
-        do k = 1, nh
-            diagonal(k) = gram(k, k)
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do k = 1, nh
-            can = can .and. gram(k, k) > smallest_pivot*diagonal(k)
-            if (.not. can) return
-            inverse = 1.0_wp/gram(k, k)
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    diagonal(b + i) = merge(0.0_wp, gram(b + i, k), b + i == k)
-                    gram(b + i, k) = merge(1.0_wp, 0.0_wp, b + i == k)
-                end do
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, nh
-                f = gram(k, j)*inverse
-                do b = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        gram(b + i, j) = gram(b + i, j) - diagonal(b + i)*f
-                    end do
-                end do
-                gram(k, j) = f
-            end do
-        end do
-    end subroutine invert_gram
-
-    !> x := x + A y, A (width, l), x (width).
-    pure subroutine add_gram(width, l, a, y, x)
-        integer, intent(in), value :: width
-        integer, intent(in) :: l
-        real(wp), intent(in) :: a(width, l), y(l)
-        real(wp), intent(inout) :: x(width)
-        real(wp) :: f
-        integer :: b, i, j
-
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, l
-            f = y(j)
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    x(b + i) = x(b + i) + a(b + i, j)*f
-                end do
-            end do
-        end do
-    end subroutine add_gram
-
-    !> q := origin - U u.
-    pure subroutine place(n, nh, u_basis, u, origin, q)
-        integer, intent(in) :: n, nh
-        real(wp), intent(in) :: u_basis(n, nh), u(nh), origin(n)
-        real(wp), intent(out) :: q(n)
-        real(wp) :: f, part(short)
-        integer :: b, i, l
-
-        do b = 0, n - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                part(i) = origin(b + i)
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, nh
-                f = u(l)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    part(i) = part(i) - u_basis(b + i, l)*f
-                end do
-            end do
-            !GCC$ UNROLL 1
-            do i = 1, short
-                q(b + i) = part(i)
-            end do
-        end do
-        !GCC$ UNROLL 1
-        do i = n - modulo(n, short) + 1, n
-            f = origin(i)
-            !GCC$ UNROLL 1
-            do l = 1, nh
-                f = f - u_basis(i, l)*u(l)
-            end do
-            q(i) = f
-        end do
-    end subroutine place
 
     !> Take note of where a step starts: stages of an explicit method are predicted from there.
     subroutine start_step(self, jacobian, qdd)
@@ -292,29 +168,12 @@ contains
             self%curvature(i) = 0.0_wp
         end do
         if (self%has_gram) then
-            call add_gram(self%width, self%nh, self%gram, self%correction, self%curvature)
+            self%curvature(:) = matmul(self%gram, self%correction)
         else
             call self%lu%solve(self%correction(:self%nh))
             self%curvature(:) = self%correction
         end if
     end subroutine start_step
-
-    !> The natural scales of the rows of Phi.
-    pure subroutine set_row_scale(m, n, nh, jacobian, q, scale, row_scale)
-        integer, intent(in) :: m, n, nh
-        real(wp), intent(in) :: jacobian(m, n), q(n), scale(n)
-        real(wp), intent(inout) :: row_scale(nh)
-        real(wp) :: magnitude
-        integer :: i, j
-
-        row_scale = tiny(1.0_wp)
-        do j = 1, n
-            magnitude = max(abs(q(j)), scale(j))
-            do i = 1, nh
-                row_scale(i) = row_scale(i) + abs(jacobian(i, j))*magnitude
-            end do
-        end do
-    end subroutine set_row_scale
 
     !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
     subroutine refresh(self, jacobian, q, scale, counts, stat)
@@ -325,7 +184,7 @@ contains
 
         stat = status_ok
         if (self%nh == 0) return
-        call set_row_scale(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%row_scale)
+        call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
         self%has_gram = .false.
         if (.not. self%refines) call self%factor(jacobian, counts, stat)
     end subroutine refresh
@@ -366,7 +225,9 @@ contains
         !> What a correction is trusted to do: this times what the last one did, and no less than rounding allows.
         real(wp), parameter :: distrust = 10.0_wp
         real(wp) :: error, total, first_error, last_error, utol
-        logical :: trusts
+        !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
+        real(wp), parameter :: slow = 0.5_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
+        logical :: learns, trusts
         integer :: i, k, limit
 
         stat = status_ok
@@ -394,22 +255,16 @@ contains
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do k = 0, limit
-            call place(self%n, self%nh, self%u_basis, self%u, self%origin, q)
+            call place(self%n, self%width, self%u_basis, self%u, self%origin, q)
             if (k > 0 .and. trusts) then
                 if (distrust*self%rate*last_error <= utol) return
             end if
             ! Phi does not depend on the velocity; q stands in for it.
             call model%evaluate(need_phi, t, q, q, counts, stat)
             if (stat /= status_ok) return
-            error = 0.0_wp
-            total = 0.0_wp
-            do i = 1, self%nh
-                self%errors(i) = abs(model%terms%phi(i))/self%row_scale(i)
-                error = max(error, self%errors(i))
-                total = total + self%errors(i)
-            end do
-            ! Later pairs are nearer to rounding.
-            if (k == 1) self%rate = error/last_error
+            call measure(self%nh, model%terms%phi, self%weight, error, total)
+            ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
+            if (k == 1) self%rate = max(error, rounding)/last_error
             if (error <= utol .and. total <= huge(1.0_wp)) return
             if (.not. total <= huge(1.0_wp)) then
                 model%failed_term = 'phi'
@@ -419,9 +274,10 @@ contains
             end if
             if (k == 0) first_error = error
             if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
-            last_error = error
             if (self%has_gram) then
-                call add_gram(self%width, self%nh, self%gram, model%terms%phi, self%u)
+                learns = k > 0 .and. error < slow*last_error .and. last_error > noise
+                call correct(self%width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
+                    self%correction, self%z)
             else if (self%refines) then
                 call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
             else
@@ -429,12 +285,13 @@ contains
                 call self%lu%solve(self%correction(:self%nh))
                 self%u(:) = self%u + self%correction
             end if
+            last_error = error
             counts%position_corrections = counts%position_corrections + 1
             self%most_corrections = max(self%most_corrections, k + 1)
         end do
         stat = status_position_diverged
-        self%failed_row = maxloc(self%errors(:self%nh), dim=1)
-        self%failed_value = maxval(self%errors(:self%nh))
+        self%failed_row = maxloc(abs(model%terms%phi)*self%weight(:self%nh), dim=1)
+        self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
     end subroutine restore
@@ -445,6 +302,7 @@ contains
 
         self%held_u = self%u
         self%held_rate = self%rate
+        if (self%has_gram) self%held_gram(:, :) = self%gram
         if (self%refines) self%held_b = self%b%inverse
     end subroutine hold
 
@@ -454,6 +312,7 @@ contains
 
         self%u = self%held_u
         self%rate = self%held_rate
+        if (self%has_gram) self%gram(:, :) = self%held_gram
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
 
@@ -463,7 +322,7 @@ contains
         !> (n)
         real(wp), intent(inout), contiguous :: x(:)
 
-        if (self%nh > 0) call add_product(self%u_basis, self%u(:self%nh), -1.0_wp, x)
+        if (self%nh > 0) call add_product(self%u_basis(:, :self%nh), self%u(:self%nh), -1.0_wp, x)
     end subroutine subtract_correction
 
     !> B Phi_q (nh, n) at a point.
@@ -534,7 +393,7 @@ contains
         call pack%item(self%rate)
         call pack%item(self%gram)
         call pack%item(self%has_gram)
-        call pack%item(self%row_scale)
+        call pack%item(self%weight)
         call pack%item(self%b%inverse)
         call self%lu%pack_state(pack)
     end subroutine pack_state

@@ -8,7 +8,8 @@ module tandem_tangent_reduced
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
-    use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, set_overlap, transpose_basis
+    use tandem_tangent_reduced_kernels, only: find_acceleration, find_independence, find_velocity, finish, set_overlap, &
+        transpose_basis
     implicit none (type, external)
     private
 
@@ -20,8 +21,8 @@ module tandem_tangent_reduced
         integer :: n = 0, m = 0, k = 0, height = 0, width = 0
         !> The choice of pivots that D belongs to.
         integer :: choice = -1
-        !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^-2 (n).
-        real(wp), allocatable :: basis(:, :), origin(:, :), inverse_square(:)
+        !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
+        real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' D with factors in place (width, k), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
         !> The factors of D0' D where its pivots want a search.
@@ -32,6 +33,7 @@ module tandem_tangent_reduced
         procedure :: allocate => allocate_reduced
         procedure :: load
         procedure :: set_origin
+        procedure :: find_independence => find_independence_here
         procedure :: restore_velocity
         procedure :: solve
         procedure :: pack_state
@@ -52,7 +54,8 @@ contains
         self%choice = -1
         self%height = lane*((m + lane - 1)/lane)
         self%width = short*((n - m + short - 1)/short)
-        self%inverse_square = 1.0_wp/scale**2
+        self%square = scale**2
+        self%inverse_square = 1.0_wp/self%square
         if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, self%z, &
             self%r, self%x, self%work)
         associate (k => self%k, height => self%height, width => self%width)
@@ -67,7 +70,7 @@ contains
         class(reduced_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
 
-        call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%pivot, elimination%free, &
+        call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%order, &
             elimination%choice /= self%choice, elimination%eliminated, self%basis)
         self%choice = elimination%choice
     end subroutine load
@@ -84,6 +87,21 @@ contains
         end do
     end subroutine set_origin
 
+    !> How independent the rows of C are: 1/|C+|, in the Frobenius norm, of C with rows of unit length in scaled unknowns. A lower
+    !> bound of its smallest singular value, at most sqrt(m) below, that does not depend on the choice of pivots.
+    subroutine find_independence_here(self, elimination, independence)
+        class(reduced_type), intent(inout) :: self
+        type(elimination_type), intent(in) :: elimination
+        real(wp), intent(out) :: independence
+
+        independence = 1.0_wp
+        if (self%m == 0) return
+        associate (e => elimination)
+            call find_independence(self%m, self%n, self%k, self%height, self%width, e%order, self%square, self%inverse_square, &
+                e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%z, self%r, independence)
+        end associate
+    end subroutine find_independence_here
+
     !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0.
     subroutine restore_velocity(self, elimination, has_nu, polishes, nu, qd, stat)
         class(reduced_type), intent(inout) :: self
@@ -98,7 +116,7 @@ contains
         integer, intent(out) :: stat
 
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
-            call find_velocity(m, n, k, self%height, self%width, e%pivot, e%free, e%matrix, e%eliminated, self%basis, self%origin, &
+            call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
                 has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, self%inverse, qd, stat)
             if (stat == 0) return
             ! D0' D wants a search for pivots.
@@ -107,7 +125,7 @@ contains
             stat = merge(status_ok, status_chart_left, stat == 0)
             if (stat /= status_ok) return
             call self%overlap_lu%solve(self%z(:k))
-            call finish(m, n, k, self%height, e%pivot, e%free, e%matrix, e%eliminated, polishes, nu, -1.0_wp, self%z, self%r, &
+            call finish(m, n, k, self%height, e%order, e%matrix, e%eliminated, polishes, nu, -1.0_wp, self%z, self%r, &
                 self%x, qd)
         end associate
     end subroutine restore_velocity
@@ -125,9 +143,9 @@ contains
         integer, intent(out) :: stat
 
         associate (e => elimination)
-            call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%pivot, e%free, e%matrix, e%eliminated, &
+            call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &
                 self%basis, polishes, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, self%z, self%r, self%x, &
-                self%work, qdd, stat)
+                qdd, stat)
         end associate
         if (stat /= 0) then
             stat = status_singular_mass

@@ -10,40 +10,134 @@ module tandem_tangent_reduced_kernels
     implicit none (type, external)
     private
 
-    public :: find_velocity, find_acceleration, finish, set_overlap, transpose_basis
+    public :: find_velocity, find_acceleration, find_independence, finish, set_overlap, transpose_basis
 
 contains
 
     !> D' from the elimination: -Y in the columns of pivots; the unit matrix in the free ones where they are new.
-    pure subroutine transpose_basis(m, n, k, height, width, pivot, free, are_new, a, basis)
-        !> Constraints, coordinates, degrees of freedom, padded lengths; pivot and free columns.
-        integer, intent(in) :: m, n, k, height, width, pivot(m), free(k)
+    pure subroutine transpose_basis(m, n, k, height, width, order, are_new, a, basis)
+        !> Constraints, coordinates, degrees of freedom, padded lengths; the order of the columns.
+        integer, intent(in) :: m, n, k, height, width, order(n)
         logical, intent(in) :: are_new
-        !> C eliminated, and D'.
+        !> C eliminated, [Cd^-1, Y], and D'.
         real(wp), intent(in) :: a(height, n)
         real(wp), intent(inout) :: basis(width, n)
         integer :: i, p, r
 
-        do i = 1, k
-            p = free(i)
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do r = 1, m
+            p = order(r)
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do r = 1, m
-                basis(i, pivot(r)) = -a(r, p)
+            do i = 1, k
+                basis(i, p) = -a(r, m + i)
             end do
         end do
         if (.not. are_new) return
         do i = 1, k
-            basis(:, free(i)) = 0.0_wp
-            basis(i, free(i)) = 1.0_wp
+            basis(:, order(m + i)) = 0.0_wp
+            basis(i, order(m + i)) = 1.0_wp
         end do
     end subroutine transpose_basis
 
+    !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
+    !> unit length, scaled unknowns. 0 where D'D is singular.
+    pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
+        independence)
+        integer, intent(in) :: m, n, k, height, width, order(n)
+        !> diag(s)^2 and its inverse, C, C eliminated, D'.
+        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
+        !> Work space.
+        real(wp), intent(inout) :: gram(width, k), inverse(k), z(width), r(height)
+        real(wp), intent(out) :: independence
+
+        if (height == lane .and. width == short) then
+            call find_independence_of(m, n, k, lane, short, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
+                independence)
+        else
+            call find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
+                independence)
+        end if
+    end subroutine find_independence
+
+    !> The same, for given lengths.
+    pure subroutine find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
+        independence)
+        integer, intent(in) :: m, n, k, order(n)
+        integer, intent(in), value :: height, width
+        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
+        real(wp), intent(inout) :: gram(width, k), inverse(k), z(width), r(height)
+        real(wp), intent(out) :: independence
+        real(wp) :: f, part, total
+        integer :: b, i, j, l, p, stat
+
+        independence = 0.0_wp
+        ! The squared lengths of the rows.
+        call clear(height, r)
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do l = 1, n
+            f = square(l)
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = r(b + i) + c(b + i, l)**2*f
+                end do
+            end do
+        end do
+        do j = 1, k
+            call clear(width, gram(:, j))
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, n
+                f = basis(j, l)*inverse_square(l)
+                do b = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        gram(b + i, j) = gram(b + i, j) + basis(b + i, l)*f
+                    end do
+                end do
+            end do
+        end do
+        call factor_small(k, width, gram, inverse, stat)
+        if (stat /= 0) return
+        total = 0.0_wp
+        do j = 1, m
+            ! Column j of R and its product with D'.
+            part = 0.0_wp
+            call clear(width, z)
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, m
+                p = order(l)
+                f = a(l, j)*inverse_square(p)
+                part = part + f*a(l, j)
+                do b = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        z(b + i) = z(b + i) + basis(b + i, p)*f
+                    end do
+                end do
+            end do
+            do l = 1, k
+                part = part - z(l)**2*inverse(l)
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do i = l + 1, k
+                    z(i) = z(i) - gram(i, l)*z(l)
+                end do
+            end do
+            total = total + r(j)*part
+        end do
+        if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
+    end subroutine find_independence_of
+
     !> The velocity, where D0' D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
     !> wanted velocity less that.
-    pure subroutine find_velocity(m, n, k, height, width, pivot, free, c, a, basis, origin, has_nu, polishes, nu, overlap, z, &
-        r, x, work, diagonal, qd, stat)
-        integer, intent(in) :: m, n, k, height, width, pivot(m), free(k)
+    pure subroutine find_velocity(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
+        work, diagonal, qd, stat)
+        integer, intent(in) :: m, n, k, height, width, order(n)
         !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> C, C eliminated, D', D0' diag(s)^-2, nu.
@@ -53,41 +147,44 @@ contains
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
-            call find_velocity_of(m, n, k, lane, short, pivot, free, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, &
-                x, work, diagonal, qd, stat)
+            call find_velocity_of(m, n, k, lane, short, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, work, &
+                diagonal, qd, stat)
         else
-            call find_velocity_of(m, n, k, height, width, pivot, free, c, a, basis, origin, has_nu, polishes, nu, overlap, z, &
-                r, x, work, diagonal, qd, stat)
+            call find_velocity_of(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
+                work, diagonal, qd, stat)
         end if
     end subroutine find_velocity
 
     !> The same, for given lengths.
-    pure subroutine find_velocity_of(m, n, k, height, width, pivot, free, c, a, basis, origin, has_nu, polishes, nu, overlap, z, &
-        r, x, work, diagonal, qd, stat)
-        integer, intent(in) :: m, n, k, pivot(m), free(k)
+    pure subroutine find_velocity_of(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
+        work, diagonal, qd, stat)
+        integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
         logical, intent(in) :: has_nu, polishes
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
         real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), diagonal(k), qd(n)
         integer, intent(out) :: stat
-        integer :: i, j
+        integer :: i
 
-        call clear(height, r)
-        !GCC$ UNROLL 1
-        do j = 1, n
-            work(j) = qd(j)
-        end do
         if (has_nu) then
-            call add_columns(height, m, n, a, pivot, 1.0_wp, nu, r)
+            call multiply(height, m, a, nu, r)
+            work(:) = qd
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do i = 1, m
-                work(pivot(i)) = work(pivot(i)) - r(i)
+                work(order(i)) = work(order(i)) - r(i)
             end do
+            call set_overlap(n, k, width, basis, origin, work, overlap, z)
+        else
+            call clear(height, r)
+            call set_overlap(n, k, width, basis, origin, qd, overlap, z)
         end if
-        call set_overlap(n, k, width, basis, origin, work, overlap, z)
         call solve_small(k, width, overlap, z, diagonal, stat)
-        if (stat == 0) call finish(m, n, k, height, pivot, free, c, a, polishes, nu, -1.0_wp, z, r, x, qd)
+        if (stat == 0) then
+            call finish(m, n, k, height, order, c, a, polishes, nu, -1.0_wp, z, r, x, qd)
+        else if (.not. has_nu) then
+            work(:) = qd
+        end if
     end subroutine find_velocity_of
 
     !> D0' D and D0' y.
@@ -96,199 +193,202 @@ contains
         integer, intent(in), value :: width
         real(wp), intent(in) :: basis(width, n), origin(width, n), y(n)
         real(wp), intent(inout) :: overlap(width, k), z(width)
-        integer :: j
 
-        call clear(width, z)
-        call add_product(width, n, 1, origin, 1.0_wp, y, z)
-        !GCC$ UNROLL 1
-        do j = 1, k
-            call clear(width, overlap(:, j))
-            call add_product(width, n, width, origin, 1.0_wp, basis(j, 1), overlap(:, j))
-        end do
+        call multiply(width, n, origin, y, z)
+        call multiply_all(width, n, k, width, 1, origin, basis, overlap)
     end subroutine set_overlap
 
     !> The acceleration. stat > 0: D' M D is not positive definite.
-    pure subroutine find_acceleration(m, n, k, height, width, pivot, free, c, a, basis, polishes, mass, gamma, force, basis_mass, &
-        reduced_mass, inverse, z, r, x, work, qdd, stat)
-        integer, intent(in) :: m, n, k, height, width, pivot(m), free(k)
+    pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+        reduced_mass, inverse, z, r, x, qdd, stat)
+        integer, intent(in) :: m, n, k, height, width, order(n)
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
         !> C, C eliminated, D', M, gamma, S + Q_A.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), mass(n, n), gamma(m), force(n)
         !> Work space, and the acceleration.
-        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height), work(n)
+        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height)
         real(wp), intent(inout) :: qdd(n)
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
-            call find_acceleration_of(m, n, k, lane, short, pivot, free, c, a, basis, polishes, mass, gamma, force, basis_mass, &
-                reduced_mass, inverse, z, r, x, work, qdd, stat)
+            call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+                reduced_mass, inverse, z, r, x, qdd, stat)
         else
-            call find_acceleration_of(m, n, k, height, width, pivot, free, c, a, basis, polishes, mass, gamma, force, basis_mass, &
-                reduced_mass, inverse, z, r, x, work, qdd, stat)
+            call find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+                reduced_mass, inverse, z, r, x, qdd, stat)
         end if
     end subroutine find_acceleration
 
     !> The same, for given lengths.
-    pure subroutine find_acceleration_of(m, n, k, height, width, pivot, free, c, a, basis, polishes, mass, gamma, force, &
-        basis_mass, reduced_mass, inverse, z, r, x, work, qdd, stat)
-        integer, intent(in) :: m, n, k, pivot(m), free(k)
+    pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+        reduced_mass, inverse, z, r, x, qdd, stat)
+        integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
         logical, intent(in) :: polishes
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), mass(n, n), gamma(m), force(n)
-        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height), work(n)
+        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height)
         real(wp), intent(inout) :: qdd(n)
         integer, intent(out) :: stat
-        integer :: i, j
+        real(wp) :: f
+        integer :: b, i, j, p
 
-        !GCC$ UNROLL 1
-        do j = 1, n
-            call clear(width, basis_mass(:, j))
-            call add_product(width, n, 1, basis, 1.0_wp, mass(:, j), basis_mass(:, j))
-        end do
-        !GCC$ UNROLL 1
-        do j = 1, k
-            call clear(width, reduced_mass(:, j))
-            call add_product(width, n, width, basis_mass, 1.0_wp, basis(j, 1), reduced_mass(:, j))
-        end do
+        call multiply_all(width, n, n, 1, n, basis, mass, basis_mass)
+        call multiply_all(width, n, k, width, 1, basis_mass, basis, reduced_mass)
         call factor_small(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
-        ! D' (S + Q_A + M R gamma).
-        call clear(height, r)
-        call add_columns(height, m, n, a, pivot, -1.0_wp, gamma, r)
-        call clear(width, z)
-        call add_product(width, n, 1, basis, 1.0_wp, force, z)
+        ! R gamma, then D' (S + Q_A + M R gamma).
+        call multiply(height, m, a, gamma, r)
+        call multiply(width, n, basis, force, z)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = 1, m
-            x(i) = -r(i)
+        do j = 1, m
+            p = order(j)
+            f = r(j)
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    z(b + i) = z(b + i) + basis_mass(b + i, p)*f
+                end do
+            end do
         end do
-        call add_columns(width, m, n, basis_mass, pivot, 1.0_wp, x, z)
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                r(b + i) = -r(b + i)
+            end do
+        end do
         call substitute(k, width, reduced_mass, inverse, z)
-        call finish(m, n, k, height, pivot, free, c, a, polishes, gamma, 1.0_wp, z, r, x, qdd)
+        call finish(m, n, k, height, order, c, a, polishes, gamma, 1.0_wp, z, r, x, qdd)
     end subroutine find_acceleration_of
 
     !> y := r + D z, r given by its rows of pivots, and with `polishes` less what rounding leaves of C y + sign g = 0.
-    pure subroutine finish(m, n, k, height, pivot, free, c, a, polishes, g, sign, z, r, x, y)
-        integer, intent(in) :: m, n, k, pivot(m), free(k)
+    pure subroutine finish(m, n, k, height, order, c, a, polishes, g, sign, z, r, x, y)
+        integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height
         logical, intent(in) :: polishes
         real(wp), intent(in) :: c(height, n), a(height, n), g(m), z(k)
         real(wp), intent(in), value :: sign
         real(wp), intent(inout) :: r(height), x(height), y(n)
-        integer :: i, j
+        real(wp) :: f
+        integer :: b, i, j
 
-        call add_columns(height, k, n, a, free, -1.0_wp, z, r)
+        !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, k
-            y(free(j)) = z(j)
+            f = z(j)
+            y(order(m + j)) = f
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = r(b + i) - a(b + i, m + j)*f
+                end do
+            end do
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do i = 1, m
-            y(pivot(i)) = r(i)
+            y(order(i)) = r(i)
         end do
         if (.not. polishes) return
+        call multiply(height, n, c, y, x)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do i = 1, m
-            x(i) = sign*g(i)
+            x(i) = x(i) + sign*g(i)
         end do
-        call add_product(height, n, 1, c, 1.0_wp, y, x)
-        call clear(height, r)
-        call add_columns(height, m, n, a, pivot, 1.0_wp, x, r)
+        call multiply(height, m, a, x, r)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do i = 1, m
-            y(pivot(i)) = y(pivot(i)) - r(i)
+            y(order(i)) = y(order(i)) - r(i)
         end do
     end subroutine finish
 
-    !> y := y + sign A x, A (height, l), with the elements x(1), x(1 + stride), ... Two columns at a time: two sums that do not wait
-    !> for each other, and two inner loops, which the compiler does not fuse with the outer one.
-    pure subroutine add_product(height, l, stride, a, sign, x, y)
-        integer, intent(in), value :: height, stride
-        integer, intent(in) :: l
-        real(wp), intent(in) :: a(height, l), x(1 + (l - 1)*stride)
-        real(wp), intent(in), value :: sign
-        real(wp), intent(inout) :: y(height)
-        real(wp) :: even(short), f, g
-        integer :: i, j, s
-
-        do s = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                even(i) = 0.0_wp
-            end do
-            do j = 1, l - 1, 2
-                f = sign*x(1 + (j - 1)*stride)
-                g = sign*x(1 + j*stride)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y(s + i) = y(s + i) + a(s + i, j)*f
-                end do
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    even(i) = even(i) + a(s + i, j + 1)*g
-                end do
-            end do
-            if (mod(l, 2) == 1) then
-                f = sign*x(1 + (l - 1)*stride)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y(s + i) = y(s + i) + a(s + i, l)*f
-                end do
-            end if
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(s + i) = y(s + i) + even(i)
-            end do
-        end do
-    end subroutine add_product
-
-    !> y := y + sign A(:, columns) x, A (height, n).
-    pure subroutine add_columns(height, l, n, a, columns, sign, x, y)
+    !> y := A x, A (height, l), x (l).
+    pure subroutine multiply(height, l, a, x, y)
         integer, intent(in), value :: height
-        integer, intent(in) :: l, n, columns(l)
-        real(wp), intent(in) :: a(height, n), x(l)
-        real(wp), intent(in), value :: sign
+        integer, intent(in) :: l
+        real(wp), intent(in) :: a(height, l), x(l)
         real(wp), intent(inout) :: y(height)
-        real(wp) :: even(short), f, g
-        integer :: i, j, p, r, s
 
+        call multiply_all(height, l, 1, 1, l, a, x, y)
+    end subroutine multiply
+
+    !> Y := A X, A (height, l), Y (height, n), x(1 + (i - 1) down + (j - 1) across) the element of X in row i and column j. Four
+    !> columns of A at a time, in one expression: sums kept in an array of their own go through the memory in parts, and a load
+    !> of what was stored in parts waits for it.
+    pure subroutine multiply_all(height, l, n, down, across, a, x, y)
+        integer, intent(in), value :: height, l, n, down, across
+        real(wp), intent(in) :: a(height, l), x(1 + (l - 1)*down + (n - 1)*across)
+        real(wp), intent(inout) :: y(height, n)
+        real(wp) :: x1, x2, x3, x4
+        integer :: i, j, p, q, rest, s
+
+        rest = iand(l, 3)
         do s = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                even(i) = 0.0_wp
-            end do
-            do j = 1, l - 1, 2
-                f = sign*x(j)
-                g = sign*x(j + 1)
-                p = columns(j)
-                r = columns(j + 1)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y(s + i) = y(s + i) + a(s + i, p)*f
+            select case (rest)
+            case (0)
+                do j = 1, n
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = 0.0_wp
+                    end do
                 end do
+            case (1)
+                !GCC$ NOVECTOR
                 !GCC$ UNROLL 1
-                do i = 1, short
-                    even(i) = even(i) + a(s + i, r)*g
+                do j = 1, n
+                    x1 = x(1 + (j - 1)*across)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = a(s + i, 1)*x1
+                    end do
                 end do
-            end do
-            if (mod(l, 2) == 1) then
-                f = sign*x(l)
-                p = columns(l)
+            case (2)
+                !GCC$ NOVECTOR
                 !GCC$ UNROLL 1
-                do i = 1, short
-                    y(s + i) = y(s + i) + a(s + i, p)*f
+                do j = 1, n
+                    p = 1 + (j - 1)*across
+                    x1 = x(p)
+                    x2 = x(p + down)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = a(s + i, 1)*x1 + a(s + i, 2)*x2
+                    end do
                 end do
-            end if
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(s + i) = y(s + i) + even(i)
+            case default
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, n
+                    p = 1 + (j - 1)*across
+                    x1 = x(p)
+                    x2 = x(p + down)
+                    x3 = x(p + 2*down)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = (a(s + i, 1)*x1 + a(s + i, 2)*x2) + a(s + i, 3)*x3
+                    end do
+                end do
+            end select
+            do q = rest + 1, l, 4
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, n
+                    p = 1 + (q - 1)*down + (j - 1)*across
+                    x1 = x(p)
+                    x2 = x(p + down)
+                    x3 = x(p + 2*down)
+                    x4 = x(p + 3*down)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = y(s + i, j) + &
+                            ((a(s + i, q)*x1 + a(s + i, q + 1)*x2) + (a(s + i, q + 2)*x3 + a(s + i, q + 3)*x4))
+                    end do
+                end do
             end do
         end do
-    end subroutine add_columns
+    end subroutine multiply_all
 
     !> x := 0.
     pure subroutine clear(height, x)

@@ -13,7 +13,7 @@ module tandem_tangent_split
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_chart_left, status_ok, status_rank_deficient
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
@@ -30,8 +30,10 @@ module tandem_tangent_split
         !> The sign of the determinant that `measure_orientation` has met, of Cd or C X: where it changes along a motion, C may have
         !> lost rank.
         integer :: orientation = 1
-        !> The smallest pivot met there: where it falls far, C is near to losing rank.
-        real(wp) :: weakness = 1.0_wp
+        !> What falls to zero where C loses rank: the smallest pivot met there; by elimination, what the chart sets.
+        real(wp) :: independence = 1.0_wp
+        !> Whether both are those of the last `update`.
+        logical :: is_measured = .false.
         !> After a failure: the row without a pivot, 0 where it is not one row's fault.
         integer :: failed_row = 0
         !> Most corrections that a refinement of H has taken since the caller set this to zero.
@@ -108,13 +110,16 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
+        self%is_measured = .false.
         stat = status_ok
         if (self%m > 0) counts%constraint_factorizations = counts%constraint_factorizations + 1
         select case (self%way)
         case (by_elimination)
             call self%elimination%eliminate(jacobian, scale, self%failed_row)
             self%is_complete = .false.
-            if (self%failed_row /= 0) stat = status_rank_deficient
+            if (self%failed_row > 0) stat = status_rank_deficient
+            if (self%failed_row < 0) stat = status_not_finite
+            self%failed_row = max(self%failed_row, 0)
         case (by_factor)
             self%is_complete = .false.
             call set_product(jacobian, x_basis, self%c_x)
@@ -183,21 +188,23 @@ contains
         call add_transposed_product(jacobian, self%y, -1.0_wp, force)
     end subroutine subtract_reaction
 
-    !> Orientation and weakness at the point of the last update.
+    !> Orientation and independence at the point of the last update.
     subroutine measure_orientation(self)
         class(split_type), intent(inout) :: self
         integer :: stat
 
+        if (self%is_measured) return
+        self%is_measured = .true.
         if (self%way == by_elimination) then
             self%orientation = self%elimination%orientation()
-            call self%elimination%measure_weakness(self%weakness)
+            call self%elimination%measure_rows()
             return
         end if
         stat = 0
         if (self%way == by_refinement) call self%c_x_lu%factor(self%c_x, stat)
         if (stat /= 0) return
         self%orientation = self%c_x_lu%determinant_sign()
-        self%weakness = self%c_x_lu%smallest_pivot()
+        self%independence = self%c_x_lu%smallest_pivot()
     end subroutine measure_orientation
 
     !> Keep what the next update starts from, so that a look at another point leaves no trace.
@@ -226,7 +233,7 @@ contains
         call self%c_x_lu%factor(self%c_x, stat)
         if (stat == 0) call self%c_x_lu%invert(self%h%inverse)
         if (stat == 0) self%orientation = self%c_x_lu%determinant_sign()
-        if (stat == 0) self%weakness = self%c_x_lu%smallest_pivot()
+        if (stat == 0) self%independence = self%c_x_lu%smallest_pivot()
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine invert
 
@@ -238,7 +245,8 @@ contains
         call pack%item(self%right_inverse)
         call pack%item(self%null_space)
         call pack%item(self%orientation)
-        call pack%item(self%weakness)
+        call pack%item(self%independence)
+        call pack%item(self%is_measured)
         call pack%item(self%failed_row)
         call pack%item(self%most_corrections)
         call pack%item(self%is_complete)

@@ -1,0 +1,183 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the loops of explicit steps: how independent the rows of C are, and what corrections of the position teach.
+module test_tangent_kernels
+    use asserts, only: check_below, check_count
+    use differences, only: random_vector
+    use svd, only: singular_values
+    use tandem, only: wp
+    use tandem_linalg_elimination, only: elimination_type, short
+    use tandem_tangent_position_kernels, only: correct, place
+    use tandem_tangent_reduced, only: reduced_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_tangent_kernels
+
+contains
+
+    !> The suite.
+    subroutine collect_tangent_kernels(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('independence-is-that-of-the-singular-values', test_independence), &
+            new_unittest('independence-falls-with-the-angle-between-two-rows', test_parallel), &
+            new_unittest('a-correction-teaches-the-secant-condition', test_secant), &
+            new_unittest('corrections-do-not-depend-on-the-units-of-rows', test_units), &
+            new_unittest('a-place-is-the-origin-less-its-correction', test_place)]
+    end subroutine collect_tangent_kernels
+
+    !> 1/|C+| of unit rows in scaled unknowns, from the singular values and from the elimination.
+    subroutine measure(c, scale, expected, independence, stat)
+        real(wp), intent(in) :: c(:, :), scale(:)
+        real(wp), intent(out) :: expected, independence
+        integer, intent(out) :: stat
+        type(elimination_type) :: elimination
+        type(reduced_type) :: reduced
+        real(wp) :: rows(size(c, 1), size(c, 2))
+        integer :: i
+
+        do i = 1, size(c, 1)
+            rows(i, :) = c(i, :)*scale/norm2(c(i, :)*scale)
+        end do
+        expected = 1.0_wp/sqrt(sum(1.0_wp/singular_values(rows)**2))
+        call elimination%allocate(size(c, 1), size(c, 2))
+        call reduced%allocate(size(c, 1), size(c, 2), scale)
+        call elimination%eliminate(c, scale, stat)
+        call reduced%load(elimination)
+        call reduced%find_independence(elimination, independence)
+    end subroutine measure
+
+    subroutine test_independence(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: c(:, :), scale(:)
+        real(wp) :: expected, independence
+        integer :: seed, m, n, i, j, stat
+
+        seed = 3
+        do n = 2, 20, 3
+            do m = 1, n
+                allocate (c(m, n), scale(n))
+                do j = 1, n
+                    call random_vector(seed, c(:, j))
+                end do
+                call random_vector(seed, scale)
+                ! Units of coordinates and of rows over some decades.
+                scale = 10.0_wp**(2*scale)
+                do i = 1, m
+                    c(i, :) = c(i, :)*10.0_wp**modulo(i, 4)/scale
+                end do
+                call measure(c, scale, expected, independence, stat)
+                call check_count(error, stat, 0, 'stat')
+                call check_below(error, abs(independence/expected - 1.0_wp), 1.0e-9_wp, 'relative error of the independence')
+                if (allocated(error)) return
+                deallocate (c, scale)
+            end do
+        end do
+    end subroutine test_independence
+
+    !> Two rows at a small angle: singular values 2^(1/2) and angle/2^(1/2), nearly.
+    subroutine test_parallel(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: angle, expected, independence
+        integer :: k, stat
+
+        do k = 1, 8
+            angle = 10.0_wp**(-k)
+            call measure(reshape([1.0_wp, cos(angle), 0.0_wp, sin(angle), 0.0_wp, 0.0_wp], [2, 3]), spread(1.0_wp, 1, 3), &
+                expected, independence, stat)
+            call check_below(error, abs(independence/(angle/sqrt(2.0_wp)) - 1.0_wp), 0.01_wp, 'relative error of the independence')
+        end do
+    end subroutine test_parallel
+
+    !> After a correction that has changed Phi by -y, B y is what u has gained by it; nothing else of B changes where it need not.
+    subroutine test_secant(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: nh = 3
+        real(wp) :: b(short, short), before(short, short), u(short), old(short), gain(nh), y(nh), weight(short)
+        real(wp) :: first(nh), second(nh), last_phi(short), w(short), z(short), across(nh)
+        integer :: j, seed
+
+        seed = 5
+        b = 0.0_wp
+        u = 0.0_wp
+        last_phi = 0.0_wp
+        weight = 1.0_wp
+        do j = 1, nh
+            call random_vector(seed, b(:nh, j))
+        end do
+        call random_vector(seed, first)
+        call random_vector(seed, second)
+        call random_vector(seed, weight(:nh))
+        weight = 2.0_wp + weight
+        second = 0.1_wp*second
+        before = b
+        call correct(short, nh, first, weight, .false., last_phi, b, u, w, z)
+        call check_below(error, maxval(abs(b - before)), 0.0_wp, 'change of B by a correction that does not teach')
+        call check_below(error, maxval(abs(u(:nh) - matmul(b(:nh, :nh), first))), 1.0e-15_wp, 'u - B Phi')
+        gain = u(:nh)
+        old = u
+        call correct(short, nh, second, weight, .true., last_phi, b, u, w, z)
+        y = first - second
+        call check_below(error, maxval(abs(matmul(b(:nh, :nh), y) - gain)), 1.0e-14_wp, 'B y - the gain of u')
+        call check_below(error, maxval(abs(u(:nh) - old(:nh) - matmul(b(:nh, :nh), second))), 1.0e-14_wp, 'the new B corrects')
+        ! Across y in the weighted product.
+        across = [y(2)*weight(2)**2, -y(1)*weight(1)**2, 0.0_wp]
+        call check_below(error, maxval(abs(matmul(b(:nh, :nh) - before(:nh, :nh), across))), 1.0e-14_wp, 'change of B across y')
+        call check_below(error, maxval(abs(b(nh + 1:, :))) + maxval(abs(b(:, nh + 1:))) + abs(u(short)), 0.0_wp, 'the padding')
+    end subroutine test_secant
+
+    !> Rows in other units, with weights and B to match, give the same displacements: u in theirs.
+    subroutine test_units(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: nh = 4
+        real(wp), parameter :: unit(nh) = [1.0_wp, 1.0e3_wp, 1.0e-6_wp, 50.0_wp]
+        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short), w(short), z(short)
+        integer :: i, j, k, seed
+
+        seed = 6
+        do j = 1, nh
+            call random_vector(seed, b(:, j, 1))
+        end do
+        do j = 1, 3
+            call random_vector(seed, phi(:, j))
+            phi(:, j) = phi(:, j)*10.0_wp**(-2*j)
+        end do
+        do j = 1, nh
+            ! u_i moves q by U u, whose columns are gradients: it is in reciprocal units.
+            b(:, j, 2) = b(:, j, 1)/(unit*unit(j))
+        end do
+        weight(:, 1) = 1.0_wp
+        weight(:, 2) = 1.0_wp/unit
+        u = 0.0_wp
+        do k = 1, 2
+            last_phi = 0.0_wp
+            do i = 1, 3
+                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
+                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
+            end do
+        end do
+        call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')
+    end subroutine test_units
+
+    subroutine test_place(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: u_basis(13, 8), u(8), origin(13), q(13)
+        integer :: j, n, seed, width
+
+        seed = 9
+        do j = 1, 8
+            call random_vector(seed, u_basis(:, j))
+        end do
+        call random_vector(seed, u)
+        call random_vector(seed, origin)
+        do n = 1, 13
+            do width = 0, 8, short
+                call place(n, width, u_basis(:n, :width), u(:width), origin(:n), q(:n))
+                call check_below(error, maxval(abs(q(:n) - (origin(:n) - matmul(u_basis(:n, :width), u(:width))))), 1.0e-14_wp, &
+                    'q - (origin - U u)')
+            end do
+        end do
+    end subroutine test_place
+end module test_tangent_kernels
