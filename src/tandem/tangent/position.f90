@@ -38,9 +38,10 @@ module tandem_tangent_position
         real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:), origin(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
-        !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, then what the
-        !> corrections taught; the last Phi (width); whether B is in use.
-        real(wp), allocatable, private :: gram(:, :), last_phi(:)
+        !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
+        !> then what the corrections taught, if they did; the last Phi and the first u of an iteration (width); whether B is in use.
+        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), last_phi(:), first_u(:)
+        logical, private :: has_learnt = .false., held_has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
         !> By how much a correction has reduced the errors last.
@@ -90,14 +91,16 @@ contains
         self%has_gram = .false.
         self%held_u = self%u
         self%last_phi = self%u
+        self%first_u = self%u
         self%u_start = self%u
         self%curvature = self%u
         self%rate = 1.0_wp
         self%weight = self%u
         self%origin = spread(0.0_wp, 1, n)
         if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
-            self%held_gram)
+            self%held_gram, self%origin_gram)
         allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
+        allocate (self%origin_gram(self%width, self%width), source=0.0_wp)
         allocate (self%u_basis(n, self%width), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
@@ -143,6 +146,8 @@ contains
                 self%correction, can)
         end if
         self%has_gram = can
+        self%has_learnt = .false.
+        self%origin_gram(:, :) = self%gram
         counts%position_factorizations = counts%position_factorizations + 1
     end subroutine start_without_basis
 
@@ -227,6 +232,8 @@ contains
         real(wp) :: error, total, first_error, last_error, utol
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.5_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
+        !> Stands for the error before the first one.
+        real(wp), parameter :: nothing_before = 1.0e100_wp
         logical :: learns, trusts
         integer :: i, k, limit
 
@@ -249,7 +256,7 @@ contains
             end do
         end if
         first_error = 0.0_wp
-        last_error = 0.0_wp
+        last_error = nothing_before
         utol = merge(self%stage_utol, self%utol, is_stage)
         trusts = is_stage .and. self%predicts
         !GCC$ NOVECTOR
@@ -272,10 +279,21 @@ contains
                 self%u = 0.0_wp
                 return
             end if
-            if (k == 0) first_error = error
+            if (k == 0) then
+                first_error = error
+                self%first_u(:) = self%u
+            else if (self%has_learnt .and. .not. error < last_error) then
+                ! What was learnt elsewhere does not serve here.
+                self%has_learnt = .false.
+                self%gram(:, :) = self%origin_gram
+                self%u(:) = self%first_u
+                last_error = nothing_before
+                if (k < limit) cycle
+            end if
             if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
             if (self%has_gram) then
-                learns = k > 0 .and. error < slow*last_error .and. last_error > noise
+                learns = error < slow*last_error .and. last_error > noise .and. last_error < nothing_before
+                self%has_learnt = self%has_learnt .or. learns
                 call correct(self%width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
                     self%correction, self%z)
             else if (self%refines) then
@@ -294,6 +312,8 @@ contains
         self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
+        if (self%has_learnt) self%gram(:, :) = self%origin_gram
+        self%has_learnt = .false.
     end subroutine restore
 
     !> Keep what the next step starts from, so that a look at another point leaves no trace.
@@ -302,6 +322,7 @@ contains
 
         self%held_u = self%u
         self%held_rate = self%rate
+        self%held_has_learnt = self%has_learnt
         if (self%has_gram) self%held_gram(:, :) = self%gram
         if (self%refines) self%held_b = self%b%inverse
     end subroutine hold
@@ -312,6 +333,7 @@ contains
 
         self%u = self%held_u
         self%rate = self%held_rate
+        self%has_learnt = self%held_has_learnt
         if (self%has_gram) self%gram(:, :) = self%held_gram
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
@@ -392,7 +414,9 @@ contains
         call pack%item(self%curvature)
         call pack%item(self%rate)
         call pack%item(self%gram)
+        call pack%item(self%origin_gram)
         call pack%item(self%has_gram)
+        call pack%item(self%has_learnt)
         call pack%item(self%weight)
         call pack%item(self%b%inverse)
         call self%lu%pack_state(pack)
