@@ -252,7 +252,7 @@ contains
             end do
         end do
         !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
+        !GCC$ UNROLL 3
         do j = 1, n
             f = a(k, j)*inverse
             do b = 0, height - short, short

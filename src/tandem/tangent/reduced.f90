@@ -25,6 +25,8 @@ module tandem_tangent_reduced
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' D with factors in place (width, k), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
+        !> D'R (width, m).
+        real(wp), allocatable :: product(:, :)
         !> The factors of D0' D where its pivots want a search.
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
@@ -56,11 +58,12 @@ contains
         self%width = short*((n - m + short - 1)/short)
         self%square = scale**2
         self%inverse_square = 1.0_wp/self%square
-        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, self%z, &
-            self%r, self%x, self%work)
+        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, self%product, &
+            self%z, self%r, self%x, self%work)
         associate (k => self%k, height => self%height, width => self%width)
             allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, k), &
-                self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
+                self%product(width, self%m), self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), &
+                source=0.0_wp)
             call self%overlap_lu%allocate(k)
         end associate
     end subroutine allocate_reduced
@@ -98,7 +101,8 @@ contains
         if (self%m == 0) return
         associate (e => elimination)
             call find_independence(self%m, self%n, self%k, self%height, self%width, e%order, self%square, self%inverse_square, &
-                e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%z, self%r, independence)
+                e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%basis_mass, self%product, self%r, self%x, &
+                independence)
         end associate
     end subroutine find_independence_here
 

@@ -24,16 +24,31 @@ contains
         real(wp), intent(inout) :: basis(width, n)
         integer :: i, p, r
 
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do r = 1, m
-            p = order(r)
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = 1, k
-                basis(i, p) = -a(r, m + i)
+        if (k == 1) then
+            do r = 1, m
+                basis(1, order(r)) = -a(r, m + 1)
             end do
-        end do
+        else if (k == 2) then
+            do r = 1, m
+                p = order(r)
+                basis(1, p) = -a(r, m + 1)
+                basis(2, p) = -a(r, m + 2)
+            end do
+        else if (k == 3) then
+            do r = 1, m
+                p = order(r)
+                basis(1, p) = -a(r, m + 1)
+                basis(2, p) = -a(r, m + 2)
+                basis(3, p) = -a(r, m + 3)
+            end do
+        else
+            do r = 1, m
+                p = order(r)
+                do i = 1, k
+                    basis(i, p) = -a(r, m + i)
+                end do
+            end do
+        end if
         if (.not. are_new) return
         do i = 1, k
             basis(:, order(m + i)) = 0.0_wp
@@ -43,37 +58,20 @@ contains
 
     !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
     !> unit length, scaled unknowns. 0 where D'D is singular.
-    pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
-        independence)
-        integer, intent(in) :: m, n, k, height, width, order(n)
+    pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, &
+        product, r, x, independence)
+        integer, intent(in) :: m, n, k, order(n)
+        integer, intent(in), value :: height, width
         !> diag(s)^2 and its inverse, C, C eliminated, D'.
         real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
         !> Work space.
-        real(wp), intent(inout) :: gram(width, k), inverse(k), z(width), r(height)
+        real(wp), intent(inout) :: gram(width, k), inverse(k), part(width, n), product(width, m), r(height), x(height)
         real(wp), intent(out) :: independence
-
-        if (height == lane .and. width == short) then
-            call find_independence_of(m, n, k, lane, short, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
-                independence)
-        else
-            call find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
-                independence)
-        end if
-    end subroutine find_independence
-
-    !> The same, for given lengths.
-    pure subroutine find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, z, r, &
-        independence)
-        integer, intent(in) :: m, n, k, order(n)
-        integer, intent(in), value :: height, width
-        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
-        real(wp), intent(inout) :: gram(width, k), inverse(k), z(width), r(height)
-        real(wp), intent(out) :: independence
-        real(wp) :: f, part, total
+        real(wp) :: f, total
         integer :: b, i, j, l, p, stat
 
         independence = 0.0_wp
-        ! The squared lengths of the rows.
+        ! The squared lengths of the rows; D' diag(s)^-2.
         call clear(height, r)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
@@ -85,53 +83,65 @@ contains
                     r(b + i) = r(b + i) + c(b + i, l)**2*f
                 end do
             end do
+            p = order(l)
+            f = inverse_square(p)
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    part(b + i, l) = basis(b + i, p)*f
+                end do
+            end do
         end do
+        ! D'D: of the free columns, and of those of the pivots, where D' is -Y'.
         do j = 1, k
-            call clear(width, gram(:, j))
+            !GCC$ UNROLL 1
+            do i = 1, width
+                gram(i, j) = part(i, m + j)
+            end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do l = 1, n
-                f = basis(j, l)*inverse_square(l)
+            do l = 1, m
+                f = a(l, m + j)
                 do b = 0, width - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
-                        gram(b + i, j) = gram(b + i, j) + basis(b + i, l)*f
+                        gram(b + i, j) = gram(b + i, j) - part(b + i, l)*f
                     end do
                 end do
             end do
         end do
         call factor_small(k, width, gram, inverse, stat)
         if (stat /= 0) return
-        total = 0.0_wp
+        ! |R|^2, rows of R summed up first, and D'R.
+        call clear(height, x)
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
         do j = 1, m
-            ! Column j of R and its product with D'.
-            part = 0.0_wp
-            call clear(width, z)
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, m
-                p = order(l)
-                f = a(l, j)*inverse_square(p)
-                part = part + f*a(l, j)
-                do b = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        z(b + i) = z(b + i) + basis(b + i, p)*f
-                    end do
+            f = r(j)
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(b + i) = x(b + i) + a(b + i, j)**2*f
                 end do
             end do
+        end do
+        total = 0.0_wp
+        do i = 1, m
+            total = total + x(i)*inverse_square(order(i))
+        end do
+        call multiply_all(width, m, m, 1, height, part, a, product)
+        do j = 1, m
             do l = 1, k
-                part = part - z(l)**2*inverse(l)
+                total = total - r(j)*product(l, j)**2*inverse(l)
                 !GCC$ NOVECTOR
                 !GCC$ UNROLL 1
                 do i = l + 1, k
-                    z(i) = z(i) - gram(i, l)*z(l)
+                    product(i, j) = product(i, j) - gram(i, l)*product(l, j)
                 end do
             end do
-            total = total + r(j)*part
         end do
         if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
-    end subroutine find_independence_of
+    end subroutine find_independence
 
     !> The velocity, where D0' D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
     !> wanted velocity less that.
