@@ -11,6 +11,8 @@ module tandem_app_profile_table
 
     !> Columns of the names, and of the line.
     integer, parameter :: name_width = 44
+    !> Others have disturbed a run that had less of the processor's time.
+    real(wp), parameter :: disturbed = 0.9_wp
     character(len=*), parameter :: row = '(2x, a44, a12, f13.6, f9.1, a15)'
 
 contains
@@ -50,10 +52,12 @@ contains
             call print_line('uncertain', 'by up to '//nanoseconds(profile%cost_within + profile%cost_around - &
                 profile%cost_in_loop)//' ns a call (two readings take '//nanoseconds(profile%cost_in_loop)// &
                 ' ns in a loop, but the run took '//short(profile%clocked, 2)//' s with clocks against '// &
-                short(profile%plain, 2)//' s), and by what others did on the machine')
+                short(profile%plain, 2)//' s)')
         else
             call print_line('uncertain', 'by about as much again a call, since the run was not compared with one without clocks')
         end if
+        if (profile%processor < disturbed*profile%measured) call print_line('disturbed', 'the processor worked for this run '// &
+            count_text(nint(100*profile%processor/profile%measured, long))//' % of the time: shares hold better than seconds')
     end subroutine print_profile
 
     !> A line of the table, for one part or several.

@@ -64,6 +64,7 @@ class Profile(Case):
                 self.assertGreater(attributes["compared_with_clocks"], attributes["compared_without"])
                 self.assertGreater(attributes["compared_without"], 0)
                 self.assertGreaterEqual(attributes["clock_pair_seconds"], attributes["clock_pair_seconds_in_loop"])
+                self.assertAlmostEqual((total + attributes["clock_seconds"]) / attributes["measured_seconds"], 1, 9)
                 self.assertEqual(attributes["clock_pairs"], table["calls"].sum())
                 groups = re.findall(r"^  (?! |all )\S.*? -?\d+\.\d{6} +(-?\d+\.\d)", done.stdout, re.M)
                 shares = [float(share) for share in groups]

@@ -36,12 +36,13 @@ module tandem_profile_ledger
         real(wp) :: clocked = 0.0_wp, plain = 0.0_wp
         !> How often a part was left: each time the clock was read twice.
         integer(long) :: pairs = 0
-        !> Seconds from `begin` to `finish`, clocks included.
-        real(wp) :: measured = 0.0_wp
+        !> Seconds from `begin` to `finish`, clocks included, and how many of them the processor has worked for this process.
+        real(wp) :: measured = 0.0_wp, processor = 0.0_wp
         !> Ticks of the clock in each part without the parts within, and with them; parts entered from it, and pairs within.
         integer(long), private :: ticks(n_parts) = 0, whole(n_parts) = 0, entered(n_parts) = 0, within(n_parts) = 0
         integer, private :: current = part_control
         integer(long), private :: since = 0, rate = 1
+        real(wp), private :: processor_from = 0.0_wp
     contains
         procedure :: begin
         procedure :: enter
@@ -96,7 +97,9 @@ contains
         self%within = 0
         self%pairs = 0
         self%measured = 0.0_wp
+        self%processor = 0.0_wp
         self%current = part_control
+        call cpu_time(self%processor_from)
         call system_clock(self%since, self%rate)
     end subroutine start_clock
 
@@ -140,8 +143,11 @@ contains
     subroutine finish(self)
         class(profile_type), intent(inout) :: self
         integer(long) :: now
+        real(wp) :: processor
 
         call system_clock(now)
+        call cpu_time(processor)
+        self%processor = processor - self%processor_from
         self%ticks(self%current) = self%ticks(self%current) + (now - self%since)
         self%since = now
         self%measured = real(sum(self%ticks), wp)/real(self%rate, wp)

@@ -39,6 +39,8 @@ contains
         call file%attach(place//'/seconds', 'unit', 's')
         call file%attach(place//'/seconds', 'meaning', 'time in the part and in none within it, the clock taken off')
         call file%attach(place, 'seconds', profile%total())
+        call file%attach(place, 'measured_seconds', profile%measured)
+        call file%attach(place, 'processor_seconds', profile%processor)
         call file%attach(place, 'output_seconds', profile%output_seconds())
         call file%attach(place, 'bare_seconds', profile%bare_seconds())
         call file%attach(place, 'clock_seconds', profile%clock_seconds())
