@@ -24,6 +24,7 @@ program main
     use test_events, only: collect_events
     use test_failures, only: collect_failures
     use test_faults, only: collect_faults
+    use test_late_faults, only: collect_late_faults
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_singular, only: collect_linalg_singular
@@ -81,6 +82,7 @@ program main
         new_testsuite('nearest_position', collect_nearest_position), &
         new_testsuite('failures', collect_failures), &
         new_testsuite('faults', collect_faults), &
+        new_testsuite('late_faults', collect_late_faults), &
         new_testsuite('statuses', collect_statuses), &
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &

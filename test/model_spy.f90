@@ -27,6 +27,8 @@ module model_spy
         !> The term (a need bit) that fails, how, and from which time on.
         integer :: fault_term = 0, fault = no_fault
         real(wp) :: fault_time = 0.0_wp
+        !> The segment between breakpoints in which alone it fails; 0 for any.
+        integer :: fault_segment = 0
         !> True where the fault happens once only.
         logical :: once = .false.
         !> How often it has happened, and the most often in a row at the same time and coordinates.
@@ -132,6 +134,7 @@ contains
         integer, intent(in) :: term
 
         is_due = self%fault /= no_fault .and. term == self%fault_term .and. self%last_time >= self%fault_time
+        if (self%fault_segment > 0) is_due = is_due .and. self%segment == self%fault_segment
         if (.not. is_due) return
         if (self%once) self%fault_term = 0
         self%n_faults = self%n_faults + 1

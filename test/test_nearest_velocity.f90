@@ -2,12 +2,16 @@
 !> Tests of the velocity of sure starts: the nearest consistent one in the mass metric and by weights.
 module test_nearest_velocity
     use asserts, only: check_below, check_close, check_failure, check_no_failure, check_text, check_true
+    use faulty_runs, only: faults, start_swing, status_of_fault
     use kkt, only: kkt_type
     use model_curve, only: curve_type
     use model_knife_edge, only: knife_edge_type
+    use model_moving_pivot, only: moving_pivot_type
     use model_sleigh, only: sleigh_type
+    use model_spy, only: spy_type
     use subjects, only: new_subject, subject_names
-    use tandem, only: assemble, assembly_type, failure_type => error_type, model_type, terms_type, wp
+    use tandem, only: assemble, assembly_type, failure_type => error_type, model_type, need_jacobian, need_nu, &
+        terms_type, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: natural_errors
@@ -27,7 +31,8 @@ contains
             new_unittest('nearest-velocity-by-weights-and-with-some-fixed', test_weights), &
             new_unittest('singular-masses', test_singular_mass), &
             new_unittest('nonholonomic-rows', test_nonholonomic), &
-            new_unittest('velocities-that-cannot-be', test_impossible_velocity)]
+            new_unittest('velocities-that-cannot-be', test_impossible_velocity), &
+            new_unittest('faults', test_faults)]
     end subroutine collect_nearest_velocity
 
     !> Against the equations with multipliers, solved by elimination; M is singular in the disk and in the motorcycles.
@@ -168,4 +173,36 @@ contains
         call assemble(model, request, 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'inconsistent_start', 'with fixed x, y, phi;')
     end subroutine test_impossible_velocity
+
+    !> What the velocity constraints are made of fails: a named status, and the start is as it was.
+    subroutine test_faults(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(moving_pivot_type), target :: inner
+        type(spy_type), target :: spy
+        type(assembly_type) :: request
+        type(failure_type), allocatable :: failure
+        real(wp) :: q0(2), qd0(2), q(2), qd(2)
+        integer, parameter :: terms(2) = [need_jacobian, need_nu]
+        character(len=8), parameter :: names(2) = [character(len=8) :: 'jacobian', 'nu']
+        integer :: i, k
+
+        call start_swing(inner, q0, qd0)
+        qd0 = qd0 + 0.1_wp
+        do i = 1, size(terms)
+            do k = 1, size(faults)
+                call spy%wrap(inner)
+                spy%fault = faults(k)
+                spy%fault_term = terms(i)
+                q = q0
+                qd = qd0
+                call assemble(spy, request, 0.0_wp, q, qd, failure)
+                call check_failure(error, failure, trim(status_of_fault(k)), trim(names(i)))
+                call check_close(error, [q, qd], [q0, qd0], 0.0_wp, 'the start')
+                if (allocated(error)) then
+                    error%message = error%message//' ['//trim(names(i))//', '//trim(status_of_fault(k))//']'
+                    return
+                end if
+            end do
+        end do
+    end subroutine test_faults
 end module test_nearest_velocity

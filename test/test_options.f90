@@ -32,6 +32,7 @@ contains
             new_unittest('secant-limit-must-exceed-one', test_secant_limit), &
             new_unittest('max-steps-must-be-positive', test_max_steps), &
             new_unittest('unset-tolerances-follow-the-constraint-tolerance', test_unset), &
+            new_unittest('lists-of-tolerances-are-compared', test_difference), &
             new_unittest('statuses-have-names', test_status_names), &
             new_unittest('input-errors-are-told-from-failures', test_input_errors), &
             new_unittest('messages-have-status-problem-and-advice', test_messages), &
@@ -253,6 +254,21 @@ contains
         call check_failure(error, failure, 'invalid_model')
         call check_true(error, failure%message == 'invalid_model: the horse is missing; buy one', failure%message)
     end subroutine test_messages
+
+    !> What a run that is taken up is refused for.
+    subroutine test_difference(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: one, other
+
+        one%rtol_q = [1.0e-6_wp, 1.0e-7_wp]
+        call check_true(error, one%first_difference(other) == 'rtol_q', 'a list and none differ')
+        other%rtol_q = one%rtol_q
+        call check_true(error, one%first_difference(other) == '', 'equal lists do not differ')
+        other%rtol_q(2) = 1.0e-8_wp
+        call check_true(error, one%first_difference(other) == 'rtol_q', 'lists with another number differ')
+        other%rtol_q = one%rtol_q(:1)
+        call check_true(error, one%first_difference(other) == 'rtol_q', 'lists of other lengths differ')
+    end subroutine test_difference
 
     subroutine test_numbers(error)
         type(error_type), allocatable, intent(out) :: error

@@ -32,6 +32,9 @@ contains
         end if
         if (self%work%is_set) call check_work(self, error)
         if (allocated(error)) return
+        ! What has failed there may work now.
+        if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
+        if (allocated(error)) return
         last_errors = self%errors
         last_grid_steps = self%grid_steps
         was_on_grid = self%on_grid
@@ -454,14 +457,28 @@ contains
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end subroutine renew_by_policy
 
+    !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
+    pure logical function stands_at_breakpoint(self)
+        class(simulation_type), intent(in) :: self
+
+        stands_at_breakpoint = .false.
+        if (.not. allocated(self%model%breakpoints)) return
+        if (self%model%segment > size(self%model%breakpoints)) return
+        stands_at_breakpoint = self%model%breakpoints(self%model%segment) <= self%state%t
+    end function stands_at_breakpoint
+
     !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
+    !> On an error the state is that of the segment that ends.
     subroutine cross_breakpoint(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
+        real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
         logical :: jumps
         integer :: stat
 
         associate (model => self%model, state => self%state)
+            qd = state%qd
+            qdd = state%qdd
             jumps = .false.
             if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
             model%segment = model%segment + 1
@@ -471,7 +488,7 @@ contains
             stat = status_ok
             if (jumps) then
                 call self%chart%project_velocity(state%t, state%q, state%qd, stat)
-                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%next%qd)))
+                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - qd)))
             end if
             if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
@@ -479,6 +496,10 @@ contains
             self%values_are_stale = .true.
             if (stat /= status_ok) then
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
+                model%segment = model%segment - 1
+                call self%chart%forget()
+                state%qd(:) = qd
+                state%qdd(:) = qdd
                 return
             end if
             call self%measure_errors(error)
