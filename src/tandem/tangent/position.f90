@@ -138,13 +138,8 @@ contains
         can = .true.
         self%u = 0.0_wp
         if (self%nh == 0) return
-        if (self%width == short) then
-            call invert_gram(self%n, self%nh, height, short, matrix, q, scale, self%u_basis, self%gram, self%weight, &
-                self%correction, can)
-        else
-            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
-                self%correction, can)
-        end if
+        call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
+            self%correction, can)
         self%has_gram = can
         self%has_learnt = .false.
         self%origin_gram(:, :) = self%gram

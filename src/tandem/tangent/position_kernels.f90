@@ -128,6 +128,23 @@ contains
     !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The weights
     !> of the rows of Phi by the way.
     pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
+        integer, intent(in) :: n, nh, height, width
+        !> C (height, n), q, coordinate scales.
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        !> U, its Gram matrix' inverse, weights of the rows, work space.
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), diagonal(width)
+        !> False where the rows of Phi_q are nearly dependent.
+        logical, intent(out) :: can
+
+        if (width == short) then
+            call invert_gram_of(n, nh, height, short, c, q, scale, u, gram, weight, diagonal, can)
+        else
+            call invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
+        end if
+    end subroutine invert_gram
+
+    !> The same, for a given length.
+    pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
@@ -194,7 +211,7 @@ contains
                 gram(k, j) = f
             end do
         end do
-    end subroutine invert_gram
+    end subroutine invert_gram_of
 
     !> The reciprocals of the natural scales of the rows of Phi.
     pure subroutine set_row_weight(m, n, nh, jacobian, q, scale, weight)
