@@ -489,6 +489,7 @@ contains
             return
         end if
         self%is_split = .true.
+        self%is_finite_here = .true.
         if (.not. self%has_bases) call self%reduced%load(self%split%elimination)
     end subroutine split_here
 
