@@ -3,8 +3,8 @@
 module tandem_app_report
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: derivative_name, error_type, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, &
-        new_stepper, options_type, properties_type, reason_name, simulation_type, statistics_type, status_output_failed, &
-        term_name, warning_type, wp
+        new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
+        status_output_failed, term_name, warning_type, wp
     use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
@@ -322,6 +322,9 @@ contains
             end do
         else
             call phrase%add('derivatives (the stepper is explicit)')
+        end if
+        if (scene%options%projection /= projections(1)) then
+            call phrase%add('projection of stages (projection = step_ends: not the method of the paper)')
         end if
         text = 'nothing'
         if (allocated(phrase%text)) text = phrase%text

@@ -20,7 +20,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1001
+#define TANDEM_INTERFACE_VERSION 1002
 
 /* Outcomes. */
 enum {
@@ -121,7 +121,8 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
 /* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once). */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
-/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis. */
+/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis,
+ * projection (stages, step_ends). */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps). */

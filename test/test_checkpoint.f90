@@ -68,6 +68,7 @@ contains
         testsuite = [ &
             new_unittest('fixed_steps', test_fixed_steps), &
             new_unittest('controlled_steps', test_controlled_steps), &
+            new_unittest('projection_at_ends', test_projection), &
             new_unittest('breakpoints', test_breakpoints), &
             new_unittest('events', test_events), &
             new_unittest('integrate', test_integrate), &
@@ -125,6 +126,28 @@ contains
         end do
     end subroutine try_all
 
+    !> Explicit steps that are projected at their ends, fixed and controlled, with charts that are kept.
+    subroutine test_projection(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        integer :: scene, stepper, policy, seed
+
+        seed = 31
+        do scene = 1, size(scenes)
+            do stepper = 1, 3
+                do policy = 1, 2
+                    options = options_type(stepper=stepper_names(stepper), step=0.004_wp, projection='step_ends')
+                    if (scenes(scene) == 'stiff_pendulum') options%step = 0.0005_wp
+                    options%chart = merge('every_step', 'adaptive  ', policy == 1)
+                    call try(trim(scenes(scene)), options, seed, .false., error)
+                    if (stepper_names(stepper) == 'rk4') cycle
+                    options%rtol = 1.0e-7_wp
+                    call try(trim(scenes(scene)), options, seed, .false., error)
+                end do
+            end do
+        end do
+    end subroutine test_projection
+
     !> A jump of nu, with charts that are kept over it.
     subroutine test_breakpoints(error)
         type(error_type), allocatable, intent(out) :: error
@@ -179,7 +202,7 @@ contains
 
         if (allocated(error)) return
         n = merge(n_steps, 2*n_steps, scene /= 'pendulum')
-        name = scene//', '//trim(options%stepper)//', '//trim(options%chart)//', '//options%refresh
+        name = scene//', '//trim(options%stepper)//', '//trim(options%chart)//', '//options%refresh//', '//options%projection
         do i = 1, n_moments
             seed = mod(1103*seed + 12345, 99991)
             moment(i) = 1 + mod(seed, n_steps - 5)

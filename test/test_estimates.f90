@@ -6,8 +6,8 @@ module test_estimates
     use model_pendulum, only: pendulum_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use runs, only: get_start, new_scene, run
-    use tandem, only: failure_type => error_type, model_type, motorcycle_type, options_type, simulation_type, statistics_type, &
-        wp
+    use tandem, only: failure_type => error_type, model_type, motorcycle_type, options_type, projections, simulation_type, &
+        statistics_type, wp
     use tandem_simulate_local_error, only: local_error_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_stepper_state, only: state_type
@@ -109,7 +109,7 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: q(:), qd(:)
-        integer :: i
+        integer :: i, j
 
         call new_scene('motorcycle', model)
         call get_start('motorcycle', q, qd)
@@ -120,16 +120,20 @@ contains
             model%damping = 1000*model%damping
         end select
         do i = 1, size(pairs)
-            options%stepper = pairs(i)
-            options%rtol = 1.0e-6_wp
-            call run(simulation, model, options, 0.0_wp, q, qd, 0.1_wp, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            statistics = simulation%statistics()
-            call check_true(error, statistics%is_stiff, trim(pairs(i))//': not noticed')
-            if (allocated(error)) return
-            call check_true(error, 2*statistics%stiff_steps > statistics%steps, trim(pairs(i))//': most steps are at the limit')
-            if (allocated(error)) return
+            do j = 1, size(projections)
+                options%stepper = pairs(i)
+                options%rtol = 1.0e-6_wp
+                options%projection = projections(j)
+                call run(simulation, model, options, 0.0_wp, q, qd, 0.1_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                statistics = simulation%statistics()
+                call check_true(error, statistics%is_stiff, trim(pairs(i))//', '//trim(projections(j))//': not noticed')
+                if (allocated(error)) return
+                call check_true(error, 2*statistics%stiff_steps > statistics%steps, trim(pairs(i))//', '// &
+                    trim(projections(j))//': most steps are at the limit')
+                if (allocated(error)) return
+            end do
         end do
     end subroutine test_stiff_suspension
 
@@ -174,23 +178,26 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: q(:), qd(:)
-        integer :: i, k, scene
+        integer :: i, j, k, scene
 
         do scene = 1, size(scenes)
             call new_scene(trim(scenes(scene)), model)
             call get_start(trim(scenes(scene)), q, qd)
             do i = 1, size(pairs)
                 do k = 4, 12, 2
-                    options%stepper = pairs(i)
-                    options%rtol = 10.0_wp**(-k)
-                    call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
-                    call check_no_failure(error, failure)
-                    if (allocated(error)) return
-                    statistics = simulation%statistics()
-                    ! Seen: no step at all.
-                    call check_true(error, .not. statistics%is_stiff .and. statistics%stiff_steps < 5, &
-                        trim(scenes(scene))//', '//trim(pairs(i))//': false alarm')
-                    if (allocated(error)) return
+                    do j = 1, size(projections)
+                        options%stepper = pairs(i)
+                        options%rtol = 10.0_wp**(-k)
+                        options%projection = projections(j)
+                        call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
+                        call check_no_failure(error, failure)
+                        if (allocated(error)) return
+                        statistics = simulation%statistics()
+                        ! Seen: no step at all.
+                        call check_true(error, .not. statistics%is_stiff .and. statistics%stiff_steps < 5, &
+                            trim(scenes(scene))//', '//trim(pairs(i))//', '//trim(projections(j))//': false alarm')
+                        if (allocated(error)) return
+                    end do
                 end do
             end do
         end do

@@ -25,6 +25,7 @@ contains
             new_unittest('unknown-chart-is-refused', test_chart), &
             new_unittest('unknown-refresh-is-refused', test_refresh), &
             new_unittest('unknown-basis-is-refused', test_basis), &
+            new_unittest('unknown-projection-is-refused', test_projection), &
             new_unittest('step-must-be-positive-and-finite', test_step), &
             new_unittest('error-control-has-a-tolerance-and-limits-that-can-be', test_control), &
             new_unittest('limits-must-not-be-negative', test_limits), &
@@ -49,6 +50,7 @@ contains
         ! What the documentation promises.
         call check_true(error, options%stepper == 'rk4' .and. options%chart == 'every_step' .and. options%refresh == 'factor', &
             'rk4, every_step and factor are the defaults')
+        call check_true(error, options%projection == 'stages', 'stages are projected by default')
         call check_below(error, abs(options%constraint_tolerance - 1.0e-12_wp), 0.0_wp, 'constraint_tolerance - 1e-12')
     end subroutine test_defaults
 
@@ -96,6 +98,14 @@ contains
         options%basis = 'lu'
         call check_refused(options, 'basis = "lu"', error)
     end subroutine test_basis
+
+    subroutine test_projection(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+
+        options%projection = 'never'
+        call check_refused(options, 'projection = "never"', error)
+    end subroutine test_projection
 
     subroutine test_step(error)
         type(error_type), allocatable, intent(out) :: error

@@ -9,7 +9,7 @@ module tandem_options
     implicit none (type, external)
     private
 
-    public :: options_type, chart_policies, refresh_modes, basis_methods
+    public :: options_type, chart_policies, refresh_modes, basis_methods, projections
 
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
@@ -18,6 +18,9 @@ module tandem_options
 
     !> Where the bases V, U, W, X come from: pivoted QR, or the paper's singular value decompositions.
     character(len=3), parameter :: basis_methods(2) = [character(len=3) :: 'qr', 'svd']
+
+    !> Where explicit steps are projected onto the constraints: at every stage, the paper's method, or at their ends alone.
+    character(len=9), parameter :: projections(2) = [character(len=9) :: 'stages', 'step_ends']
 
     !> A tolerance below this is lost in rounding.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp
@@ -43,6 +46,8 @@ module tandem_options
         character(len=6) :: refresh = 'factor'
         !> One of `basis_methods`.
         character(len=3) :: basis = 'qr'
+        !> One of `projections`; for explicit steppers.
+        character(len=9) :: projection = 'stages'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every
@@ -107,6 +112,9 @@ contains
                 'use factor or refine')
         else if (.not. any(self%basis == basis_methods)) then
             call set_error(error, status_invalid_option, 'basis = "'//trim(self%basis)//'" is unknown', 'use qr or svd')
+        else if (.not. any(self%projection == projections)) then
+            call set_error(error, status_invalid_option, 'projection = "'//trim(self%projection)//'" is unknown', &
+                'use stages or step_ends')
         else if (self%max_steps < 1) then
             call set_error(error, status_invalid_option, 'max_steps = '//to_text(self%max_steps)//' must be at least 1')
         else if (self%max_events < 1) then
@@ -291,6 +299,7 @@ contains
         call pack%item(self%chart)
         call pack%item(self%refresh)
         call pack%item(self%basis)
+        call pack%item(self%projection)
         call pack%item(self%constraint_tolerance)
         call pack%item(self%utol)
         call pack%item(self%btol)
@@ -320,6 +329,7 @@ contains
         if (is_other(self%btol, other%btol)) name = 'btol'
         if (is_other(self%utol, other%utol)) name = 'utol'
         if (is_other(self%constraint_tolerance, other%constraint_tolerance)) name = 'constraint_tolerance'
+        if (self%projection /= other%projection) name = 'projection'
         if (self%basis /= other%basis) name = 'basis'
         if (self%refresh /= other%refresh) name = 'refresh'
         if (self%chart /= other%chart) name = 'chart'

@@ -84,6 +84,7 @@ end = 0x10
 [solver]
 stepper = "trapezoid"
 step = 1e-2
+projection = "stages"
 refresh = "factor"
 basis = "svd"
 chart = "paper"

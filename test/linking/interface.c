@@ -479,7 +479,12 @@ static void test_misuse(void)
     expect("a-wrong-start-names-the-row", p, tandem_start(p, 0, wrong, bowl_qd), TANDEM_INCONSISTENT_START, "\"bowl\"");
     tandem_set_text(p, "stepper", "euler");
     expect("unknown-stepper", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "dop853");
+    tandem_set_text(p, "stepper", "trapezoid");
+    tandem_set_text(p, "projection", "step_ends");
+    expect("projection-of-implicit-steps", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "explicit stepper");
     tandem_set_text(p, "stepper", "rk4");
+    expect("projection-of-explicit-steps", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    tandem_set_text(p, "projection", "stages");
     tandem_set_real(p, "step", -1);
     expect("negative-step", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "step");
     tandem_set_real(p, "step", 1e-2);

@@ -398,6 +398,11 @@ class Outcome(Case):
         report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", fields, "--force").stdout
         self.assertIn("kinetic 337500.0 J at the start", report)
         self.assertNotIn("multipliers", report[report.index("left out"):])
+        self.assertNotIn("projection of stages", report)
+        ends = 'solver.projection="step_ends"'
+        report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", ends, "--force").stdout
+        self.assertIn("projection of stages (projection = step_ends: not the method of the paper)", report)
+        self.refused("run", "articulated_vehicle", "--set", ends, "--set", "solver.stepper=sdirk54", says="use projection = \"stages\"")
 
     def test_progress_is_a_line_per_ten_percent(self):
         done = self.tandem("run", "rolling_disk", "--set", "time.end=2")
@@ -556,7 +561,7 @@ class SceneErrors(Case):
         done = self.refused_file(['unknown key "masss" in [model]', "masss = 3", 'did you mean "mass"?'], 6, model="masss = 3")
         self.assertIn("the keys of [model]: mass, inertia, radius, gravity", done.stderr)
         done = self.refused_file(['unknown key "btol"', 'did you mean "Btol"?'], 6, solver="btol = 1e-9")
-        self.assertIn("stepper, step, rtol, atol, rtol_qd, atol_qd, first_step, max_step, chart, refresh, basis, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
+        self.assertIn("stepper, step, rtol, atol, rtol_qd, atol_qd, first_step, max_step, chart, refresh, basis, projection, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
         self.refused_file("the keys of [initial]: omega, tilt, q, qd", 6, initial="x = 1")
         self.refused_file("the keys of [output]: file, every, interval, flush, fields", 6, output="x = 1")
         self.refused_file("the keys of [time]: start, end", 5, time="end = 1\nx = 1")
@@ -607,6 +612,7 @@ class SceneErrors(Case):
             ("solver", "Btol = 1", "Btol must"), ("solver", "Htol = 1", "Htol must"), ("solver", "v_limit = -1", "v_limit must"),
             ("solver", "w_limit = -1", "w_limit must"), ("solver", "secant_limit = 0.5", "must be above 1"),
             ("solver", "start_tolerance = 0", "start_tolerance must"), ("solver", 'basis = "lu"', "qr, svd"),
+            ("solver", 'projection = "ends"', "stages, step_ends"),
             ("solver", "intol = 1", "intol must"), ("solver", "condition_limit = -1", "condition_limit must"),
             ("solver", "iteration_limit = -1", "iteration_limit must"), ("solver", "max_steps = 0", "must be at least 1"),
             ("solver", "max_evaluations = -1", "max_evaluations must"), ("solver", "max_seconds = -1", "max_seconds must"),

@@ -20,7 +20,8 @@ EXPONENTS = (4, 6, 8, 10)
 def style_of(solver):
     if solver in OTHERS:
         return OTHERS[solver]
-    return *STEPPERS[solver.removeprefix("tandem ")], "-"
+    stepper, _, at_ends = solver.removeprefix("tandem ").partition(", ")
+    return *STEPPERS[stepper], "--" if at_ends else "-"
 
 
 def draw(paths, picture):
@@ -118,6 +119,20 @@ class Tables:
             same = (c["scene"] == c["scene"][k]) & (c["solver"] == "index-1 LU") & (c["value"] == c["value"][k])
             lines.append(row(str(c["scene"][k]), f"1e-{round(exponent)}", number(c["ratio"][k]), brief(c["error_q"][k]),
                              brief(c["error_q"][same][0])))
+        return lines
+
+    def projection(self):
+        """dop853 projected at the ends of steps over dop853 projected at stages, and both errors."""
+        c = self.runs
+        lines = head("scene", "rtol", "time ratio", "evaluations", "of stages", "error", "of stages")
+        for k in np.flatnonzero(c["solver"] == "tandem dop853, step ends"):
+            exponent = -np.log10(c["value"][k])
+            if abs(exponent - round(exponent)) > 1e-6 or round(exponent) not in range(4, 11):
+                continue
+            same = np.flatnonzero((c["scene"] == c["scene"][k]) & (c["solver"] == "tandem dop853") & (c["value"] == c["value"][k]))[0]
+            lines.append(row(str(c["scene"][k]), f"1e-{round(exponent)}", number(c["cpu_seconds"][k] / c["cpu_seconds"][same]),
+                             str(c["evaluations"][k]), str(c["evaluations"][same]), brief(c["error_q"][k]),
+                             brief(c["error_q"][same])))
         return lines
 
     def chain(self):

@@ -12,6 +12,7 @@ module tandem_bench_by_tandem
     type, extends(solver_type) :: tandem_type
         private
         character(len=16) :: stepper = ''
+        character(len=9) :: projection = 'stages'
         type(simulation_type) :: simulation
         class(model_type), allocatable :: model
         real(wp) :: t_end = 0.0_wp
@@ -22,15 +23,21 @@ module tandem_bench_by_tandem
 
 contains
 
-    !> A solver with one of tandem's steppers.
-    function new_tandem(stepper) result(solver)
+    !> A solver with one of tandem's steppers, by default with stages projected.
+    function new_tandem(stepper, at_ends) result(solver)
         character(len=*), intent(in) :: stepper
+        !> Whether steps are projected at their ends alone.
+        logical, intent(in), optional :: at_ends
         type(tandem_type) :: solver
         class(stepper_type), allocatable :: method
         type(properties_type) :: properties
 
         solver%stepper = stepper
         solver%name = 'tandem '//stepper
+        if (present(at_ends)) then
+            if (at_ends) solver%projection = 'step_ends'
+            if (at_ends) solver%name = 'tandem '//stepper//', step ends'
+        end if
         call new_stepper(stepper, method)
         properties = method%properties()
         solver%is_implicit = properties%implicit
@@ -47,6 +54,7 @@ contains
         type(error_type), allocatable :: error
 
         options%stepper = self%stepper
+        options%projection = self%projection
         if (self%is_fixed) then
             options%step = control
         else

@@ -33,6 +33,7 @@ contains
         allocate (solvers(0))
         do i = 1, size(stepper_names)
             call add(problem, new_tandem(trim(stepper_names(i))), solvers)
+            if (stepper_names(i) == 'dop853') call add(problem, new_tandem('dop853', at_ends=.true.), solvers)
         end do
         do i = by_lu, by_lapack
             select case (problem%model%n)

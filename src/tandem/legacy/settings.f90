@@ -13,7 +13,7 @@ module tandem_legacy_settings
     character(len=*), parameter :: reals = 'step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, '// &
         'htol, intol, v_limit, w_limit, condition_limit, secant_limit, start_tolerance, max_seconds'
     character(len=*), parameter :: integers = 'max_steps, max_evaluations, max_events, iteration_limit, constant_mass'
-    character(len=*), parameter :: texts = 'stepper, chart, refresh, basis'
+    character(len=*), parameter :: texts = 'stepper, chart, refresh, basis, projection'
 
 contains
 
@@ -78,6 +78,7 @@ contains
         case ('chart'); call set_word(options%chart)
         case ('refresh'); call set_word(options%refresh)
         case ('basis'); call set_word(options%basis)
+        case ('projection'); call set_word(options%projection)
         case default; call refuse(name, 'a text option', texts, error)
         end select
 

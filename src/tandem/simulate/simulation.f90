@@ -8,7 +8,7 @@ module tandem_simulation
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
-    use tandem_options, only: options_type
+    use tandem_options, only: options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
@@ -367,6 +367,13 @@ contains
                 ' has no error estimate', 'choose another stepper, or a fixed step')
             return
         end if
+        if (options%projection /= projections(1) .and. self%method%implicit) then
+            call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but the stages of '// &
+                trim(options%stepper)//' are implicit: Newton''s iteration solves for points of the manifold', &
+                'use projection = "stages", or an explicit stepper')
+            return
+        end if
+        self%stepper%projects_stages = options%projection == projections(1)
         call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return
         self%state%q = spread(1.0_wp, 1, model%n)

@@ -3,6 +3,9 @@
 !>
 !> Stages are increments in ambient coordinates, xi' = qd and eta' = qdd, and the chart restores the constraints at each.
 !> Runge-Kutta methods are linear in their stages, so this is the trajectory of (51) in the chart's v and w.
+!> Where stages are not projected, the chart restores the constraints at the end of a step alone: no longer the paper's method, but
+!> index-1 equations with projection. The motion keeps C qdd = -gamma off the manifold too, so that a stage is where a method of
+!> order p takes it: the orders stay, and ends are off by O(h^(p+1)) before they are restored.
 !> The acceleration at the end of a step is the first stage of the next one; an error estimate may use it too.
 module tandem_stepper_explicit
     use tandem_kinds, only: wp
@@ -144,17 +147,26 @@ contains
         integer, intent(out) :: stat
 
         associate (n => self%n, rate => self%rate, y => self%y)
-            call load(n, state%dq, state%dqd, y)
-            call add_rates(size(rate, 1), size(a), h, a, rate, y)
             chart%is_stage = .true.
-            call chart%restore_position(t, y(:n), self%q, stat)
-            if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
+            stat = 0
+            if (self%projects_stages) then
+                call load(n, state%dq, state%dqd, y)
+                call add_rates(size(rate, 1), size(a), h, a, rate, y)
+                call chart%restore_position(t, y(:n), self%q, stat)
+                if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
+            else
+                ! From the state itself: the chart's origin and its u take no part.
+                call load(n, state%q, state%qd, y)
+                call add_rates(size(rate, 1), size(a), h, a, rate, y)
+                self%q(:) = y(:n)
+                rate(:n, stage) = y(n + 1:2*n)
+            end if
             if (stat == 0) call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
             chart%is_stage = .false.
         end associate
     end subroutine set_stage
 
-    !> y := the increments of a state.
+    !> y := the increments of a state, or the state.
     pure subroutine load(n, dq, dqd, y)
         integer, intent(in) :: n
         real(wp), intent(in) :: dq(n), dqd(n)

@@ -31,6 +31,9 @@ module tandem_stepper
 
     !> A one-step method: each file of this folder extends it.
     type, abstract :: stepper_type
+        !> Whether the chart restores the constraints at every stage, not at the end of the step alone. Explicit methods heed it;
+        !> set before the first step.
+        logical :: projects_stages = .true.
     contains
         procedure(properties_interface), deferred, nopass :: properties
         procedure(initialize_interface), deferred :: initialize

@@ -572,6 +572,8 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
+        ! A stage that was not projected left Phi as it was elsewhere.
+        if (self%is_stage) self%phi_is_current = .false.
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the table [solver]. What values may be is `options_type`'s to say; here its word gets the line of the file.
 module tandem_io_scene_solver
-    use tandem, only: basis_methods, chart_policies, error_type, options_type, refresh_modes, stepper_names
+    use tandem, only: basis_methods, chart_policies, error_type, options_type, projections, refresh_modes, stepper_names
     use tandem_io_scene_reader, only: reader_type
     implicit none (type, external)
     private
@@ -40,6 +40,7 @@ contains
         call reader%get('chart', options%chart, chart_policies, 'when it is renewed')
         call reader%get('refresh', options%refresh, refresh_modes, 'how the inverses follow the motion')
         call reader%get('basis', options%basis, basis_methods, 'where the bases of a chart come from')
+        call reader%get('projection', options%projection, projections, 'where explicit steps meet the constraints')
         call reader%get('constraint_tolerance', options%constraint_tolerance, help="of each row's natural scale")
         call verify('constraint_tolerance')
         call reader%get('utol', options%utol, help='of the position iteration; 0 for constraint_tolerance/100')
