@@ -87,7 +87,7 @@ contains
     end subroutine test_order
 
     !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at every tolerance at most four times the error of
-    !> steps whose stages are projected (measured: 0.03 to 2.7 times).
+    !> steps whose stages are projected (measured: 0.06 to 2.4 times). With looser ones both are as large as the motion.
     subroutine test_errors(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -99,7 +99,7 @@ contains
 
         call read_reference('disk', table)
         do i = 2, size(explicit)
-            do k = 4, 10
+            do k = 6, 10
                 do j = 1, size(projections)
                     options = options_type(stepper=explicit(i), rtol=10.0_wp**(-k), projection=projections(j))
                     call run_to('disk', options, 10.0_wp, state, failure)
