@@ -14,11 +14,6 @@ module tandem_model_evaluator
 
     public :: evaluator_type
 
-    integer :: i, mask
-    !> What each need mask adds to the evaluations of each term.
-    integer(long), parameter :: term_count(n_terms, 0:2**n_terms - 1) = &
-        reshape([((iand(shiftr(int(mask, long), i - 1), 1_long), i=1, n_terms), mask=0, 2**n_terms - 1)], [n_terms, 2**n_terms])
-
     type :: evaluator_type
         !> The values of the last evaluation of each term, of the rows in use.
         type(terms_type) :: terms
@@ -96,6 +91,12 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
+        ! Indices of the table below; declared in the module, they would be global variables.
+        integer :: i, mask
+        !> What each need mask adds to the evaluations of each term.
+        integer(long), parameter :: term_count(n_terms, 0:2**n_terms - 1) = &
+            reshape([((iand(shiftr(int(mask, long), i - 1), 1_long), i=1, n_terms), mask=0, 2**n_terms - 1)], &
+            [n_terms, 2**n_terms])
         integer :: wanted
 
         wanted = iand(need, self%has)
