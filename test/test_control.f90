@@ -29,6 +29,7 @@ contains
             new_unittest('the-skate-takes-no-more-steps-than-nohol', test_nohol), &
             new_unittest('dop853-meets-its-budget-on-the-disk', test_disk_budget), &
             new_unittest('large-steps-are-not-lost-to-what-corrections-taught', test_large_steps), &
+            new_unittest('the-motion-within-large-steps-can-be-looked-at', test_looks), &
             new_unittest('every-tolerance-ends-on-the-disk-with-constraints-held', test_disk_tolerances), &
             new_unittest('the-vehicle-passes-its-breakpoint-at-every-tolerance', test_breakpoint), &
             new_unittest('sdirk54-grows-its-steps-after-a-stiff-transient', test_stiff_growth), &
@@ -145,6 +146,37 @@ contains
         largest = maxval(abs(simulation%state%q - table%q(:, size(table%t))))
         statistics = simulation%statistics()
     end subroutine roll
+
+    !> A disk that rolls fast: where the iteration for the position contracts slowly, corrections teach it all the same.
+    subroutine test_looks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        real(wp) :: q(9), qd(9), t_before, t_after
+        integer :: j
+
+        call disk%define()
+        call disk%start([-20.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call simulation%initialize(disk, tolerance('dop853', 1.0e-5_wp), 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+        t_after = 0.0_wp
+        do while (t_after < 5.0_wp .and. .not. allocated(error))
+            t_before = t_after
+            call simulation%step(5.0_wp, failure)
+            call check_no_failure(error, failure)
+            t_after = simulation%state%t
+            do j = 1, 7
+                call simulation%look_at(t_before + (t_after - t_before)*j/8, failure)
+                call check_no_failure(error, failure)
+            end do
+            call simulation%look_back()
+        end do
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, statistics%failed <= 20, 'steps that could not be completed')
+    end subroutine test_looks
 
     !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies by 1e3 to 1e4 what a step leaves, so the
     !> tolerances are that much smaller.

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 from test_output import TANDEM, Case
 
-LONG = ["--set", "time.end=1000", "--no-error", "--quiet"]
+LONG = ["--set", "time.end=20000", "--no-error", "--quiet"]
 MOMENTS = 20
 
 

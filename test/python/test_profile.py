@@ -96,7 +96,7 @@ class Profile(Case):
         self.assertAlmostEqual(table["seconds"].sum() / attributes["seconds"], 1, 9)
 
     def test_a_run_that_is_interrupted_and_goes_on(self):
-        process = subprocess.Popen([TANDEM, "run", "rolling_disk", "--set", "time.end=1000", "--profile", "--quiet", "--output", "a.h5"],
+        process = subprocess.Popen([TANDEM, "run", "rolling_disk", "--set", "time.end=20000", "--profile", "--quiet", "--output", "a.h5"],
                                    cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         deadline = time.monotonic() + 30
         while not (self.folder / "a.h5").exists() and time.monotonic() < deadline:

@@ -181,7 +181,7 @@ class Signalled(Resume):
 
     def test_what_is_left_says_so(self):
         self.random = random.Random(SEED)
-        words = ["time.end=1000", "output.flush=0.01"]
+        words = ["time.end=20000", "output.flush=0.01"]
         self.interrupt(signal.SIGTERM, 1.0, 1.5, "run", "rolling_disk", *settings(words), "--output", "parts.h5")
         with h5py.File(self.folder / "parts.h5") as file:
             self.assertEqual(file.attrs["status"], "interrupted")

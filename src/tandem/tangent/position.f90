@@ -226,7 +226,7 @@ contains
         real(wp), parameter :: distrust = 10.0_wp
         real(wp) :: error, total, first_error, last_error, utol
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
-        real(wp), parameter :: slow = 0.5_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
+        real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
         !> Stands for the error before the first one.
         real(wp), parameter :: nothing_before = 1.0e100_wp
         logical :: learns, trusts
