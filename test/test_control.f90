@@ -30,6 +30,7 @@ contains
             new_unittest('dop853-meets-its-budget-on-the-disk', test_disk_budget), &
             new_unittest('large-steps-are-not-lost-to-what-corrections-taught', test_large_steps), &
             new_unittest('the-motion-within-large-steps-can-be-looked-at', test_looks), &
+            new_unittest('steppers-agree-on-a-nearly-flat-disk', test_flat), &
             new_unittest('every-tolerance-ends-on-the-disk-with-constraints-held', test_disk_tolerances), &
             new_unittest('the-vehicle-passes-its-breakpoint-at-every-tolerance', test_breakpoint), &
             new_unittest('sdirk54-grows-its-steps-after-a-stiff-transient', test_stiff_growth), &
@@ -177,6 +178,30 @@ contains
         statistics = simulation%statistics()
         call check_true(error, statistics%failed <= 20, 'steps that could not be completed')
     end subroutine test_looks
+
+    !> Accelerations from 1e-3 to 1e4 make D' M D a matrix whose factors are noise in an unfortunate order of the coordinates.
+    subroutine test_flat(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=6), parameter :: steppers(2) = ['dop853', 'dopri5']
+        real(wp), parameter :: alpha = 1.0e-3_wp, pi = acos(-1.0_wp)
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q0(9), qd0(9), q(9, 2), precession
+        integer :: i
+
+        call disk%define()
+        precession = sqrt(disk%mass*disk%gravity*disk%radius/(disk%inertia(2)*sin(alpha)))
+        call disk%start([0.0_wp, 0.0_wp, 0.95_wp*precession*sin(alpha)], 0.5_wp*pi - alpha, q0, qd0)
+        do i = 1, 2
+            call run(simulation, disk, tolerance(steppers(i), 1.0e-12_wp), 0.0_wp, q0, qd0, 4*pi/precession, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            q(:, i) = simulation%state%q
+        end do
+        ! They differ by 1e-15 where all is well, by 1e-4 where it is not.
+        call check_below(error, maxval(abs(q(1:2, 1) - q(1:2, 2))), 1.0e-12_wp, 'difference of the centre')
+    end subroutine test_flat
 
     !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies by 1e3 to 1e4 what a step leaves, so the
     !> tolerances are that much smaller.

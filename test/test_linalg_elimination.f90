@@ -21,6 +21,7 @@ contains
         testsuite = [ &
             new_unittest('right-inverse-and-null-space-of-random-matrices', test_random), &
             new_unittest('null-space-has-full-rank', test_full_rank), &
+            new_unittest('free-columns-keep-the-order-of-the-coordinates', test_order), &
             new_unittest('neighbours-are-eliminated-with-the-remembered-pivots', test_neighbours), &
             new_unittest('pivots-are-searched-anew-where-they-have-become-bad', test_turning_row), &
             new_unittest('a-turning-square-block-loses-no-digits', test_turning_block), &
@@ -89,6 +90,24 @@ contains
             end do
         end do
     end subroutine test_random
+
+    subroutine test_order(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(3, 9)
+        integer :: seed, stat, i, misplaced
+
+        seed = 12
+        misplaced = 0
+        call elimination%allocate(3, 9)
+        do i = 1, 20
+            call fill(seed, c)
+            call elimination%forget()
+            call elimination%eliminate(c, spread(1.0_wp, 1, 9), stat)
+            misplaced = misplaced + count(elimination%order(4:8) > elimination%order(5:9))
+        end do
+        call check_count(error, misplaced, 0, 'free columns out of their order')
+    end subroutine test_order
 
     !> NaN and Inf, in every entry, with remembered pivots and with a search, and the elimination serves again afterwards.
     subroutine test_not_finite(error)

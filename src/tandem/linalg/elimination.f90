@@ -33,9 +33,9 @@ module tandem_linalg_elimination
         integer :: choice = 0
         integer, private :: parity = 1, last_choice = 0, held_choice = 0, held_parity = 1
         logical, private :: has_pivots = .false., held_has_pivots = .false.
-        !> Largest scaled entry of each row of C when it was measured last, the pivots; two columns; 1 for rows and 0 for padding
+        !> Largest scaled entry of each row of C when it was measured last, the pivots; a column; 1 for rows and 0 for padding
         !> (height); the unit matrix (height, height).
-        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), others(:), mask(:), unit(:, :)
+        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and those of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         integer, allocatable, private :: held_order(:)
@@ -51,6 +51,7 @@ module tandem_linalg_elimination
         procedure :: get_null_space
         procedure :: pack_state
         procedure, private :: choose_pivots
+        procedure, private :: swap
     end type elimination_type
 
 contains
@@ -67,13 +68,14 @@ contains
         self%has_pivots = .false.
         self%parity = 1
         if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, &
-            self%others, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
+            self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
-        allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), self%others(self%height), &
+        allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), &
             self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
         allocate (self%scale(n), self%pivot_scale(self%height), source=1.0_wp)
         allocate (self%order(n), self%held_order(n), source=0)
         self%mask(:m) = 1.0_wp
+        self%pivots(m + 1:) = 1.0_wp
         do i = 1, self%height
             self%unit(i, i) = 1.0_wp
         end do
@@ -126,10 +128,10 @@ contains
         else if (self%height == lane) then
             ! The same loops, in the common case of a length that the compiler knows.
             call reduce(self%m, self%n, lane, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
-                self%unit, self%matrix, self%eliminated, self%column, self%others, self%pivots, stat)
+                self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
         else
             call reduce(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
-                self%unit, self%matrix, self%eliminated, self%column, self%others, self%pivots, stat)
+                self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
         end if
         if (stat == 0) return
         if (.not. is_finite(size(self%matrix), self%matrix)) then
@@ -181,12 +183,11 @@ contains
 
     !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
     !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
-    pure subroutine reduce(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, others, pivots, &
-        stat)
+    pure subroutine reduce(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, pivots, stat)
         integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
         real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
-        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), others(height), pivots(height)
+        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), pivots(height)
         integer, intent(out) :: stat
         !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
         real(wp), parameter :: smallest_pivot = 0.05_wp
@@ -203,8 +204,9 @@ contains
                 stat = k
                 return
             end if
-            call take_pivot(k, n, height, unit, a, column, others)
+            call take_pivot(k, n, height, unit, a, column)
         end do
+        call divide_rows(n, height, pivots, a, column)
         ! What is above its limit, row by row: not above 1 where all is well.
         do b = 0, height - short, short
             !GCC$ UNROLL 1
@@ -229,16 +231,18 @@ contains
         end do
     end subroutine reduce
 
-    !> Make column k the unit vector k, in whose place its inverse is stored: row k := row k/a(k, k), the others less a(i, k) times
-    !> it. Columns are written as wholes: a load of what was stored in parts would wait for the memory.
-    pure subroutine take_pivot(k, n, height, unit, a, column, others)
+    !> Take a(k, k) from column k: the other rows less what makes it zero there, and in its place the column of the inverse. Row k
+    !> itself is divided by its pivot later, see `divide_rows`: so each entry takes one fused multiplication and subtraction, whose
+    !> rounding is that of the result, not that of what cancels; and columns are written as wholes, as a load of what was stored in
+    !> parts would wait for the memory.
+    pure subroutine take_pivot(k, n, height, unit, a, column)
         integer, intent(in) :: k, n
         integer, intent(in), value :: height
         !> The unit matrix.
         real(wp), intent(in) :: unit(height, height)
         real(wp), intent(inout) :: a(height, n)
-        !> Work space: what a column loses per unit of its row k, all rows but k.
-        real(wp), intent(inout) :: column(height), others(height)
+        !> Work space: what a column loses per unit of its row k.
+        real(wp), intent(inout) :: column(height)
         real(wp) :: f, inverse
         integer :: b, i, j
 
@@ -246,8 +250,7 @@ contains
         do b = 0, height - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                others(b + i) = 1.0_wp - unit(b + i, k)
-                column(b + i) = a(b + i, k)*others(b + i) - unit(b + i, k)
+                column(b + i) = a(b + i, k)*(1.0_wp - unit(b + i, k))
                 a(b + i, k) = unit(b + i, k)
             end do
         end do
@@ -258,11 +261,39 @@ contains
             do b = 0, height - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    a(b + i, j) = a(b + i, j)*others(b + i) - column(b + i)*f
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
                 end do
             end do
         end do
     end subroutine take_pivot
+
+    !> Each row over its pivot; 1 in the padding.
+    pure subroutine divide_rows(n, height, pivots, a, inverse)
+        integer, intent(in) :: n
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: pivots(height)
+        real(wp), intent(inout) :: a(height, n)
+        !> Work space.
+        real(wp), intent(inout) :: inverse(height)
+        integer :: b, i, j
+
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                inverse(b + i) = 1.0_wp/pivots(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 3
+        do j = 1, n
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j)*inverse(b + i)
+                end do
+            end do
+        end do
+    end subroutine divide_rows
 
     !> Eliminate with a search for pivots.
     subroutine choose_pivots(self, scale, stat)
@@ -301,19 +332,37 @@ contains
                 self%pivot_scale(k) = 1.0_wp
                 return
             end if
-            do i = 1, self%height
-                candidate = self%eliminated(i, k)
-                self%eliminated(i, k) = self%eliminated(i, p)
-                self%eliminated(i, p) = candidate
-            end do
-            i = self%order(k)
-            self%order(k) = self%order(p)
-            self%order(p) = i
+            call self%swap(k, p)
             self%pivots(k) = self%eliminated(k, k)
             self%pivot_scale(k) = scale(self%order(k))
-            call take_pivot(k, self%n, self%height, self%unit, self%eliminated, self%column, self%others)
+            call take_pivot(k, self%n, self%height, self%unit, self%eliminated, self%column)
+        end do
+        call divide_rows(self%n, self%height, self%pivots, self%eliminated, self%column)
+        ! The free columns in the order of the coordinates: D'M D is factored in it, and rounding is that of no other order.
+        do i = self%m + 2, self%n
+            do j = i, self%m + 2, -1
+                if (self%order(j - 1) < self%order(j)) exit
+                call self%swap(j - 1, j)
+            end do
         end do
     end subroutine choose_pivots
+
+    !> Exchange two columns.
+    pure subroutine swap(self, j, k)
+        class(elimination_type), intent(inout) :: self
+        integer, intent(in) :: j, k
+        real(wp) :: entry
+        integer :: i
+
+        do i = 1, self%height
+            entry = self%eliminated(i, j)
+            self%eliminated(i, j) = self%eliminated(i, k)
+            self%eliminated(i, k) = entry
+        end do
+        i = self%order(j)
+        self%order(j) = self%order(k)
+        self%order(k) = i
+    end subroutine swap
 
     !> The largest scaled entry of each row.
     pure subroutine set_row_size(n, height, c, scale, row_size)
