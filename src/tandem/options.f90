@@ -51,7 +51,7 @@ module tandem_options
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every
-        !> stage adds up, and under error control, within a step, for 3e-3 `rtol` if that is larger.
+        !> stage adds up, and under error control, within a step, for a thousandth of `rtol` if that is larger.
         real(wp) :: utol = 0.0_wp
         !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: btol = 0.0_wp
@@ -252,7 +252,7 @@ contains
     !> as it is; 0 for that of the ends of steps. A utol that was set holds everywhere.
     pure real(wp) function stage_tolerance(self)
         class(options_type), intent(in) :: self
-        real(wp), parameter :: part = 3.0e-3_wp
+        real(wp), parameter :: part = 1.0e-3_wp
 
         stage_tolerance = 0.0_wp
         if (is_unset(self%utol) .and. self%is_adaptive()) stage_tolerance = part*self%relative_tolerance()
