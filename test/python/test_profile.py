@@ -102,9 +102,9 @@ class Profile(Case):
         while not (self.folder / "a.h5").exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(0.3)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=60)
-        self.assertEqual(process.returncode, 128 + signal.SIGINT)
+        self.assertEqual(process.returncode, 128 + signal.SIGTERM)
         self.assertIn("where the time went", out)
         with h5py.File(self.folder / "a.h5") as file:
             self.assertEqual(file.attrs["status"], "interrupted")
