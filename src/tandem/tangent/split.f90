@@ -193,7 +193,6 @@ contains
         class(split_type), intent(inout) :: self
         integer :: stat
 
-        if (self%is_measured) return
         self%is_measured = .true.
         if (self%way == by_elimination) then
             self%orientation = self%elimination%orientation()
