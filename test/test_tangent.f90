@@ -9,7 +9,7 @@ module test_tangent
     use tandem_linalg_lu, only: lu_type
     use tandem_status, only: status_chart_left, status_ok, status_singular_mass
     use tandem_tangent_dynamics, only: dynamics_type
-    use tandem_tangent_natural_scale, only: acceleration_errors, position_errors, velocity_errors
+    use tandem_tangent_natural_scale, only: constraint_errors, position_errors, velocity_errors
     use tandem_tangent_refinement, only: refinement_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
@@ -32,6 +32,7 @@ contains
             new_unittest('errors-name-their-row', test_row), &
             new_unittest('errors-of-a-nan-are-infinite', test_nan), &
             new_unittest('errors-without-rows-name-none', test_no_rows), &
+            new_unittest('errors-of-all-levels-are-those-of-plain-formulas', test_errors), &
             new_unittest('refinement-converges-quadratically', test_refinement), &
             new_unittest('refinement-leaves-a-good-inverse-alone', test_refinement_good), &
             new_unittest('refinement-stops-at-a-tolerance-below-rounding', test_refinement_rounding), &
@@ -69,13 +70,15 @@ contains
 
     subroutine test_acceleration_scale(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: c(1, 2), worst
-        integer :: row
+        real(wp) :: c(1, 2), errors(3)
+        integer :: rows(3)
 
         c(1, :) = [3.0_wp, -4.0_wp]
-        ! Residual 30 - 20 + 50 = 60, scale 30 + 20 + 50.
-        call acceleration_errors([50.0_wp], c, [10.0_wp, 5.0_wp], [1.0_wp, 1.0_wp], worst, row)
-        call check_below(error, abs(worst - 0.6_wp), 1.0e-16_wp, 'deviation from 0.6')
+        ! Residual 30 - 20 + 50 = 60, scale 30 + 20 + 50; the levels before as above.
+        call constraint_errors([1.0_wp], [50.0_wp], [50.0_wp], c, [10.0_wp, 5.0_wp], [10.0_wp, 5.0_wp], [10.0_wp, 5.0_wp], &
+            [1.0_wp, 1.0_wp], errors, rows)
+        call check_below(error, maxval(abs(errors - [0.02_wp, 0.4_wp, 0.6_wp])), 1.0e-16_wp, 'deviation from 1/50, 0.4, 0.6')
+        call check_true(error, all(rows == 1), 'rows')
     end subroutine test_acceleration_scale
 
     subroutine test_floor(error)
@@ -105,15 +108,90 @@ contains
 
     subroutine test_nan(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: c(2, 2), phi(2), worst
-        integer :: row
+        real(wp) :: c(2, 2), phi(2), worst, errors(3)
+        integer :: row, rows(3)
 
         c = 1.0_wp
         phi = [0.0_wp, ieee_value(1.0_wp, ieee_quiet_nan)]
         call position_errors(phi, c, [1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], worst, row)
         call check_true(error, worst >= huge(1.0_wp), 'the error of a NaN')
         call check_count(error, row, 2, 'row')
+        ! Of several the first.
+        call constraint_errors(phi, [phi(2), phi(2)], phi, c, c(:, 1), c(:, 1), c(:, 1), c(:, 1), errors, rows)
+        call check_true(error, all(errors >= huge(1.0_wp)), 'the errors of NaNs')
+        call check_true(error, all(rows == [2, 1, 2]), 'rows')
+        c(2, 1) = phi(2)
+        call constraint_errors([0.0_wp, 0.0_wp], c(:, 2), c(:, 2), c, c(:, 2), c(:, 2), c(:, 2), [1.0_wp, 1.0_wp], errors, rows)
+        call check_true(error, all(errors(2:) >= huge(1.0_wp)), 'the errors of a NaN in C')
+        call check_true(error, all(rows(2:) == 2), 'rows')
     end subroutine test_nan
+
+    !> Every level against a plain formula, with as many rows and columns as fill, and do not fill, the blocks of the loops.
+    subroutine test_errors(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: c(:, :), phi(:), nu(:), gamma(:), q(:), qd(:), qdd(:), scale(:)
+        real(wp) :: errors(3), expected(3), single
+        integer :: seed, m, n, nh, rows(3), row
+
+        seed = 8
+        do n = 1, 12
+            do m = 1, 20
+                nh = m/2
+                c = random_matrix(seed, m, n)
+                phi = random_column(seed, nh)
+                nu = random_column(seed, m)
+                gamma = random_column(seed, m)
+                q = random_column(seed, n)
+                qd = random_column(seed, n)
+                qdd = random_column(seed, n)
+                scale = 0.5_wp + abs(random_column(seed, n))
+                ! A row of zeros is its own scale, and without a right side no error.
+                c(1 + m/3, :) = 0.0_wp
+                call constraint_errors(phi, nu, gamma, c, q, qd, qdd, scale, errors, rows)
+                expected = [level(c(:nh, :), phi, 0*c(:nh, 1), q, scale), level(c, matmul(c, qd) - nu, nu, qd, scale), &
+                    level(c, matmul(c, qdd) + gamma, gamma, qdd, scale)]
+                call check_below(error, maxval(abs(errors - expected)/max(expected, tiny(1.0_wp))), 1.0e-12_wp, 'the three errors')
+                call check_true(error, all(rows <= m) .and. all(rows(2:) >= 1) .and. (rows(1) >= 1 .eqv. nh > 0), 'rows')
+                if (nh > 0) then
+                    call position_errors(phi, c, q, scale, single, row)
+                    call check_below(error, abs(single - errors(1)), 1.0e-14_wp*errors(1), 'the position error alone')
+                    call check_count(error, row, rows(1), 'its row')
+                end if
+                call velocity_errors(nu, c, qd, scale, single, row)
+                call check_below(error, abs(single - errors(2)), 1.0e-14_wp*errors(2), 'the velocity error alone')
+                call check_count(error, row, rows(2), 'its row')
+                if (allocated(error)) return
+            end do
+        end do
+
+    contains
+
+        !> The largest residual on the scale of its row.
+        real(wp) function level(c, residual, g, y, scale)
+            real(wp), intent(in) :: c(:, :), residual(:), g(:), y(:), scale(:)
+
+            level = maxval([0.0_wp, abs(residual)/max(tiny(1.0_wp), matmul(abs(c), max(abs(y), scale)) + abs(g))])
+        end function level
+
+        function random_column(seed, n) result(x)
+            integer, intent(inout) :: seed
+            integer, intent(in) :: n
+            real(wp) :: x(n)
+
+            call random_vector(seed, x)
+        end function random_column
+
+        function random_matrix(seed, m, n) result(a)
+            integer, intent(inout) :: seed
+            integer, intent(in) :: m, n
+            real(wp) :: a(m, n)
+            integer :: j
+
+            do j = 1, n
+                call random_vector(seed, a(:, j))
+            end do
+        end function random_matrix
+    end subroutine test_errors
 
     subroutine test_no_rows(error)
         type(error_type), allocatable, intent(out) :: error

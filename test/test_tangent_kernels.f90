@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the loops of explicit steps: how independent the rows of C are, and what corrections of the position teach.
 module test_tangent_kernels
-    use asserts, only: check_below, check_count
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    use asserts, only: check_below, check_count, check_true
     use differences, only: random_vector
     use svd, only: singular_values
     use tandem, only: wp
-    use tandem_linalg_elimination, only: elimination_type, short
-    use tandem_tangent_position_kernels, only: correct, place
+    use tandem_linalg_elimination, only: elimination_type, lane, short
+    use tandem_linalg_kernels, only: copy
+    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place
     use tandem_tangent_reduced, only: reduced_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -25,7 +27,11 @@ contains
             new_unittest('independence-falls-with-the-angle-between-two-rows', test_parallel), &
             new_unittest('a-correction-teaches-the-secant-condition', test_secant), &
             new_unittest('corrections-do-not-depend-on-the-units-of-rows', test_units), &
-            new_unittest('a-place-is-the-origin-less-its-correction', test_place)]
+            new_unittest('a-place-is-the-origin-less-its-correction', test_place), &
+            new_unittest('what-rounding-takes-from-a-place', test_rounding), &
+            new_unittest('the-gram-matrix-of-the-first-rows-is-inverted', test_gram), &
+            new_unittest('a-gram-matrix-of-dependent-rows-is-refused', test_no_gram), &
+            new_unittest('products-with-padding', test_products)]
     end subroutine collect_tangent_kernels
 
     !> 1/|C+| of unit rows in scaled unknowns, from the singular values and from the elimination.
@@ -160,6 +166,133 @@ contains
         end do
         call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')
     end subroutine test_units
+
+    !> The gap of a place that is off, and whether that is more than rounding.
+    subroutine test_rounding(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: u_basis(9, 8), u(8), origin(9), increment(9), q(9), scale(9), left(9), off(9)
+        integer :: j, seed, width
+        logical :: is_rounding
+
+        seed = 10
+        do j = 1, 8
+            call random_vector(seed, u_basis(:, j))
+        end do
+        call random_vector(seed, u)
+        call random_vector(seed, origin)
+        call random_vector(seed, increment)
+        scale = 1.0_wp
+        do width = 0, 8, short
+            q = origin + increment - matmul(u_basis(:, :width), u(:width))
+            call find_rounding(9, width, u_basis(:, :width), u(:width), origin, increment, q, scale, left, is_rounding)
+            call check_below(error, maxval(abs(left)), 4*epsilon(1.0_wp), 'rounding')
+            call check_true(error, is_rounding, 'rounding is that')
+            do j = 1, 9
+                off = q
+                off(j) = off(j) + 1.0e-10_wp
+                call find_rounding(9, width, u_basis(:, :width), u(:width), origin, increment, off, scale, left, is_rounding)
+                call check_below(error, abs(left(j) + 1.0e-10_wp), 1.0e-14_wp, 'the gap')
+                call check_true(error, .not. is_rounding, 'a gap is no rounding')
+            end do
+        end do
+    end subroutine test_rounding
+
+    !> U, the inverse of Phi_q U and the weights, by plain formulas; other rows of C behind those of Phi.
+    subroutine test_gram(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 13
+        real(wp), allocatable :: c(:, :), u(:, :), gram(:, :), weight(:), pivots(:), column(:), unit(:, :)
+        real(wp) :: q(n), scale(n)
+        integer :: height, i, j, m, nh, seed, width
+        logical :: can
+
+        seed = 11
+        call random_vector(seed, q)
+        call random_vector(seed, scale)
+        scale = 1.5_wp + scale
+        do nh = 1, 9
+            width = short*((nh + short - 1)/short)
+            height = lane*((nh + 2 + lane - 1)/lane)
+            m = nh + 2
+            allocate (c(height, n), u(n, width), gram(width, width), weight(width), pivots(width), column(width), source=0.0_wp)
+            do j = 1, n
+                call random_vector(seed, c(:m, j))
+            end do
+            call invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+            call check_true(error, can, 'can')
+            do i = 1, nh
+                call check_below(error, maxval(abs(u(:, i) - scale**2*c(i, :))), 1.0e-14_wp, 'U')
+                call check_below(error, abs(weight(i)*dot_product(abs(c(i, :)), max(abs(q), scale)) - 1.0_wp), 1.0e-14_wp, 'weight')
+            end do
+            unit = matmul(gram(:nh, :nh), matmul(c(:nh, :), u(:, :nh)))
+            do i = 1, nh
+                unit(i, i) = unit(i, i) - 1.0_wp
+            end do
+            call check_below(error, maxval(abs(unit)), 1.0e-10_wp, 'inverse times matrix')
+            call check_below(error, sum(abs(u(:, nh + 1:))) + sum(abs(gram(nh + 1:, :))) + sum(abs(gram(:, nh + 1:))), 0.0_wp, &
+                'the padding')
+            if (allocated(error)) return
+            deallocate (c, u, gram, weight, pivots, column)
+        end do
+    end subroutine test_gram
+
+    subroutine test_no_gram(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 6, nh = 3
+        real(wp) :: c(lane, n), u(n, short), gram(short, short), weight(short), pivots(short), column(short), far, one(n)
+        integer :: j, k, seed
+        logical :: can
+
+        seed = 12
+        one = 1.0_wp
+        do k = 1, 2
+            c = 0.0_wp
+            do j = 1, n
+                call random_vector(seed, c(:nh, j))
+            end do
+            far = merge(1.0e-7_wp, 1.0e-3_wp, k == 1)
+            c(3, :) = c(1, :) - c(2, :) + far*c(3, :)
+            call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
+            call check_true(error, can .eqv. k == 2, 'can')
+        end do
+        c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
+        call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
+        call check_true(error, .not. can, 'refused where C is not finite')
+    end subroutine test_no_gram
+
+    !> The first rows of C y, and the first columns of B times x; copies of all lengths.
+    subroutine test_products(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: c(11, 9), y(9), x(12), b(12, 12), z(12), to(13)
+        integer :: j, m, n, nh, seed, width
+
+        seed = 13
+        do j = 1, 9
+            call random_vector(seed, c(:, j))
+        end do
+        do j = 1, 12
+            call random_vector(seed, b(:, j))
+        end do
+        call random_vector(seed, y)
+        do m = 1, 11
+            do n = 1, 9
+                do nh = 1, m
+                    width = short*((nh + short - 1)/short)
+                    x = huge(1.0_wp)
+                    call multiply_rows(m, n, nh, width, c(:m, :n), y(:n), x(:width))
+                    call check_below(error, maxval(abs(x(:nh) - matmul(c(:nh, :n), y(:n)))), 1.0e-14_wp, 'C y')
+                    call multiply_columns(nh, width, b(:width, :width), x(:width), z(:width))
+                    call check_below(error, maxval(abs(z(:width) - matmul(b(:width, :nh), x(:nh)))), 1.0e-13_wp, 'B x')
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+        do n = 0, 12
+            to = 2.0_wp
+            call copy(n, b(:n, 1), to(:n))
+            call check_below(error, sum(abs(to(:n) - b(:n, 1))) + sum(abs(to(n + 1:) - 2.0_wp)), 0.0_wp, 'a copy')
+        end do
+    end subroutine test_products
 
     subroutine test_place(error)
         type(error_type), allocatable, intent(out) :: error

@@ -366,12 +366,20 @@ contains
 
     !> The largest scaled entry of each row.
     pure subroutine set_row_size(n, height, c, scale, row_size)
-        integer, intent(in) :: n, height
+        integer, intent(in) :: n
+        integer, intent(in), value :: height
         real(wp), intent(in) :: c(height, n), scale(n)
         real(wp), intent(inout) :: row_size(height)
         integer :: b, i, j
 
-        row_size = 0.0_wp
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                row_size(b + i) = 0.0_wp
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
         do j = 1, n
             do b = 0, height - short, short
                 !GCC$ UNROLL 1
@@ -398,7 +406,11 @@ contains
     pure subroutine measure_rows(self)
         class(elimination_type), intent(inout) :: self
 
-        call set_row_size(self%n, self%height, self%matrix, self%scale, self%row_size)
+        if (self%height == lane) then
+            call set_row_size(self%n, lane, self%matrix, self%scale, self%row_size)
+        else
+            call set_row_size(self%n, self%height, self%matrix, self%scale, self%row_size)
+        end if
     end subroutine measure_rows
 
     !> R (n, m) with C R = I.

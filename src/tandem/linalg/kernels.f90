@@ -6,7 +6,7 @@ module tandem_linalg_kernels
     implicit none (type, external)
     private
 
-    public :: add_product, add_transposed_product, are_same, is_finite, set_gram, set_product
+    public :: add_product, add_transposed_product, are_same, copy, is_finite, set_gram, set_product
 
 contains
 
@@ -97,6 +97,18 @@ contains
             end do
         end do
     end subroutine set_product
+
+    !> y := x. Of a few numbers an assignment of slices spends more on their bounds.
+    pure subroutine copy(n, x, y)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n)
+        real(wp), intent(inout) :: y(n)
+        integer :: i
+
+        do i = 1, n
+            y(i) = x(i)
+        end do
+    end subroutine copy
 
     !> Whether two vectors are the same; a NaN is not.
     pure logical function are_same(n, x, y)

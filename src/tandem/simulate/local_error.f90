@@ -102,18 +102,13 @@ contains
         self%t_last = arrived%t
         if (self%in_window == 0) then
             self%t0 = start%t
-            do i = 1, size(self%q0)
-                self%q0(i) = start%q(i)
-                self%qd0(i) = start%qd(i)
-                self%sum_q(i) = first_weight*start%qd(i)
-                self%sum_qd(i) = first_weight*start%qdd(i)
-            end do
+            self%q0(:) = start%q
+            self%qd0(:) = start%qd
+            self%sum_q(:) = first_weight*start%qd
+            self%sum_qd(:) = first_weight*start%qdd
         end if
         self%in_window = self%in_window + 1
-        do i = 1, size(self%q0)
-            self%sum_q(i) = self%sum_q(i) + weight(self%in_window)*arrived%qd(i)
-            self%sum_qd(i) = self%sum_qd(i) + weight(self%in_window)*arrived%qdd(i)
-        end do
+        call add_rates(size(self%q0), weight(self%in_window), arrived%qd, arrived%qdd, self%sum_q, self%sum_qd)
         is_complete = self%in_window == steps_of_window
         if (.not. is_complete) return
         self%in_window = 0
@@ -123,6 +118,20 @@ contains
             self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%sum_qd(i)
         end do
     end subroutine extend
+
+    !> The rates at the end of a step, weighted, to their sums.
+    pure subroutine add_rates(n, weight, qd, qdd, sum_q, sum_qd)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: weight, qd(n), qdd(n)
+        real(wp), intent(inout) :: sum_q(n), sum_qd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            sum_q(i) = sum_q(i) + weight*qd(i)
+            sum_qd(i) = sum_qd(i) + weight*qdd(i)
+        end do
+    end subroutine add_rates
 
     !> By how much the accelerations of a step miss its change of velocity, on the scale s + |qd|. Increments hold all of the
     !> acceleration, so in a smooth motion the velocity constraints take away no more than the error of the step.

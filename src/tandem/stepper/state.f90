@@ -2,6 +2,7 @@
 !> The state of the motion at one time.
 module tandem_stepper_state
     use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: copy_vector => copy
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -53,15 +54,14 @@ contains
     pure subroutine copy(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(in) :: other
-        integer :: i
+        integer :: n
 
+        n = size(other%q)
         self%t = other%t
-        do i = 1, size(other%q)
-            self%q(i) = other%q(i)
-            self%qd(i) = other%qd(i)
-            self%qdd(i) = other%qdd(i)
-            self%dq(i) = other%dq(i)
-            self%dqd(i) = other%dqd(i)
-        end do
+        call copy_vector(n, other%q, self%q)
+        call copy_vector(n, other%qd, self%qd)
+        call copy_vector(n, other%qdd, self%qdd)
+        call copy_vector(n, other%dq, self%dq)
+        call copy_vector(n, other%dqd, self%dqd)
     end subroutine copy
 end module tandem_stepper_state

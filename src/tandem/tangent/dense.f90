@@ -13,7 +13,7 @@ module tandem_tangent_dense
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
-    use tandem_linalg_kernels, only: add_product, are_same, is_finite, set_product
+    use tandem_linalg_kernels, only: add_product, are_same, copy, is_finite, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
@@ -25,7 +25,7 @@ module tandem_tangent_dense
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_dynamics, only: dynamics_type
-    use tandem_tangent_natural_scale, only: acceleration_errors, position_errors, velocity_errors
+    use tandem_tangent_natural_scale, only: find_errors => constraint_errors
     use tandem_tangent_position, only: position_type
     use tandem_tangent_reduced, only: reduced_type
     use tandem_tangent_split, only: by_elimination, by_factor, by_refinement, split_type
@@ -342,10 +342,11 @@ contains
         real(wp), intent(in), contiguous :: increment(:), q(:)
         real(wp), intent(out), contiguous :: left(:)
 
-        left = increment - (q - self%q0)
-        call self%position%subtract_correction(left)
+        logical :: is_rounding
+
+        call self%position%find_remainder(self%q0, increment, q, self%scale, left, is_rounding)
         ! More than rounding: q is not the point of that increment.
-        if (any(abs(left) > 8*epsilon(1.0_wp)*(abs(q) + abs(increment) + self%scale))) left = 0.0_wp
+        if (.not. is_rounding) left = 0.0_wp
     end subroutine remainder
 
     !> Bring the row scales and the factor of Phi_q U to (t, q).

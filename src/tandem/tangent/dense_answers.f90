@@ -85,9 +85,7 @@ contains
         subroutine measure(terms)
             type(terms_type), intent(in) :: terms
 
-            if (size(terms%phi) > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, errors(1), rows(1))
-            call velocity_errors(terms%nu, terms%jacobian, qd, self%scale, errors(2), rows(2))
-            call acceleration_errors(terms%gamma, terms%jacobian, qdd, self%scale, errors(3), rows(3))
+            call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, q, qd, qdd, self%scale, errors, rows)
         end subroutine measure
     end subroutine constraint_errors
 

@@ -96,12 +96,12 @@ contains
         integer :: split_stat
 
         self%failed_row = 0
-        self%q0(:) = q
-        self%qd0(:) = qd
+        call copy(self%n, q, self%q0)
+        call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
         if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
         if (stat /= status_ok) return
-        self%step_jacobian(:, :) = self%model%terms%jacobian
+        call copy(self%m*self%n, self%model%terms%jacobian, self%step_jacobian)
         split_stat = status_ok
         ! Implicit steps split where they need it.
         if (.not. self%has_bases) call self%split_here(split_stat)

@@ -6,14 +6,15 @@
 module tandem_tangent_position
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: short
-    use tandem_linalg_kernels, only: add_product
+    use tandem_linalg_kernels, only: add_product, copy
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_phi
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
-    use tandem_tangent_position_kernels, only: correct, invert_gram, measure, place, set_row_weight
+    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, measure, multiply_columns, &
+        multiply_rows, place, set_row_weight
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
     private
@@ -58,7 +59,7 @@ module tandem_tangent_position
         procedure :: refresh
         procedure :: refine
         procedure :: restore
-        procedure :: subtract_correction
+        procedure :: find_remainder
         procedure :: get_b_phi
         procedure :: hold
         procedure :: release
@@ -139,10 +140,10 @@ contains
         self%u = 0.0_wp
         if (self%nh == 0) return
         call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
-            self%correction, can)
+            self%correction, self%z, can)
         self%has_gram = can
         self%has_learnt = .false.
-        self%origin_gram(:, :) = self%gram
+        call copy(size(self%gram), self%gram, self%origin_gram)
         counts%position_factorizations = counts%position_factorizations + 1
     end subroutine start_without_basis
 
@@ -151,27 +152,15 @@ contains
         class(position_type), intent(inout) :: self
         !> C (m, n) and the acceleration (n) at the start of the step.
         real(wp), intent(in), contiguous :: jacobian(:, :), qdd(:)
-        integer :: i, j
 
         if (self%nh == 0 .or. .not. self%predicts) return
-        do i = 1, self%nh
-            self%correction(i) = 0.0_wp
-        end do
-        do j = 1, self%n
-            !GCC$ NOVECTOR
-            do i = 1, self%nh
-                self%correction(i) = self%correction(i) + jacobian(i, j)*qdd(j)
-            end do
-        end do
-        do i = 1, self%width
-            self%u_start(i) = self%u(i)
-            self%curvature(i) = 0.0_wp
-        end do
+        call multiply_rows(size(jacobian, 1), self%n, self%nh, self%width, jacobian, qdd, self%correction)
+        call copy(self%width, self%u, self%u_start)
         if (self%has_gram) then
-            self%curvature(:) = matmul(self%gram, self%correction)
+            call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
         else
             call self%lu%solve(self%correction(:self%nh))
-            self%curvature(:) = self%correction
+            call copy(self%width, self%correction, self%curvature)
         end if
     end subroutine start_step
 
@@ -333,14 +322,17 @@ contains
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
 
-    !> x := x - U u with the u of the last `restore`.
-    pure subroutine subtract_correction(self, x)
+    !> What rounding took from q = origin + increment - U u with the u of the last `restore`.
+    pure subroutine find_remainder(self, origin, increment, q, scale, left, is_rounding)
         class(position_type), intent(in) :: self
-        !> (n)
-        real(wp), intent(inout), contiguous :: x(:)
+        !> All (n), `scale` the coordinate scales.
+        real(wp), intent(in), contiguous :: origin(:), increment(:), q(:), scale(:)
+        real(wp), intent(out), contiguous :: left(:)
+        !> Whether it is no more than rounding.
+        logical, intent(out) :: is_rounding
 
-        if (self%nh > 0) call add_product(self%u_basis(:, :self%nh), self%u(:self%nh), -1.0_wp, x)
-    end subroutine subtract_correction
+        call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
+    end subroutine find_remainder
 
     !> B Phi_q (nh, n) at a point.
     subroutine get_b_phi(self, jacobian, b_phi, counts, stat)

@@ -6,7 +6,7 @@ module tandem_tangent_position_kernels
     implicit none (type, external)
     private
 
-    public :: correct, invert_gram, measure, place, set_row_weight
+    public :: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, place, set_row_weight
 
 contains
 
@@ -33,6 +33,95 @@ contains
             end do
         end do
     end subroutine place
+
+    !> increment - (q - origin) - U u, and whether that is no more than rounding.
+    pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        integer, intent(in) :: n, width
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
+        real(wp), intent(out) :: left(n)
+        logical, intent(out) :: is_rounding
+        integer :: i, l
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            left(i) = increment(i) - (q(i) - origin(i))
+        end do
+        do l = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, n
+                left(i) = left(i) - ((u_basis(i, l + 1)*u(l + 1) + u_basis(i, l + 2)*u(l + 2)) + &
+                    (u_basis(i, l + 3)*u(l + 3) + u_basis(i, l + 4)*u(l + 4)))
+            end do
+        end do
+        is_rounding = .true.
+        !GCC$ UNROLL 1
+        do i = 1, n
+            if (abs(left(i)) > 8*epsilon(1.0_wp)*(abs(q(i)) + abs(increment(i)) + scale(i))) is_rounding = .false.
+        end do
+    end subroutine find_rounding
+
+    !> x := C y, the first nh rows; behind them zeros, and in the block of the last one other rows of C where there are some.
+    pure subroutine multiply_rows(m, n, nh, width, c, y, x)
+        integer, intent(in) :: m, n, nh, width
+        real(wp), intent(in) :: c(m, n), y(n)
+        real(wp), intent(out) :: x(width)
+        real(wp) :: sums(short)
+        integer :: b, i, j
+
+        do b = 0, width - short, short
+            do i = 1, short
+                sums(i) = 0.0_wp
+            end do
+            if (b + short <= m) then
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, n
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        sums(i) = sums(i) + c(b + i, j)*y(j)
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(b + i) = sums(i)
+                end do
+            else
+                x(b + 1:b + short) = 0.0_wp
+                do j = 1, n
+                    do i = b + 1, nh
+                        x(i) = x(i) + c(i, j)*y(j)
+                    end do
+                end do
+            end if
+        end do
+    end subroutine multiply_rows
+
+    !> y := B x, the first nh columns of B.
+    pure subroutine multiply_columns(nh, width, b, x, y)
+        integer, intent(in) :: nh, width
+        real(wp), intent(in) :: b(width, width), x(width)
+        real(wp), intent(out) :: y(width)
+        real(wp) :: sums(short)
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            do i = 1, short
+                sums(i) = 0.0_wp
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    sums(i) = sums(i) + b(s + i, j)*x(j)
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(s + i) = sums(i)
+            end do
+        end do
+    end subroutine multiply_columns
 
     !> The largest error of the rows and their sum, which is not finite where one of them is not.
     pure subroutine measure(nh, phi, weight, error, total)
@@ -127,75 +216,58 @@ contains
 
     !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The weights
     !> of the rows of Phi by the way.
-    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
+    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
         integer, intent(in) :: n, nh, height, width
         !> C (height, n), q, coordinate scales.
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
         !> U, its Gram matrix' inverse, weights of the rows, work space.
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), diagonal(width)
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
         !> False where the rows of Phi_q are nearly dependent.
         logical, intent(out) :: can
 
         if (width == short) then
-            call invert_gram_of(n, nh, height, short, c, q, scale, u, gram, weight, diagonal, can)
+            call invert_gram_of(n, nh, height, short, c, q, scale, u, gram, weight, pivots, column, can)
         else
-            call invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
+            call invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
         end if
     end subroutine invert_gram
 
     !> The same, for a given length.
-    pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, diagonal, can)
+    pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), diagonal(width)
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
         logical, intent(out) :: can
         !> The Gram matrix squares the condition of Phi_q: beyond 1e5 U is made an orthonormal basis.
         real(wp), parameter :: smallest_pivot = 1.0e-10_wp
-        real(wp) :: f, inverse, magnitude
-        integer :: b, i, j, k
+        !> Four neighbours of it are a part of a unit vector.
+        real(wp), parameter :: one_at_0(-short:short) = [0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+        real(wp) :: f, inverse
+        integer :: b, i, j, k, p
 
-        weight = tiny(1.0_wp)
-        gram = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n
-            magnitude = max(abs(q(j)), scale(j))
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    weight(b + i) = weight(b + i) + abs(c(b + i, j))*magnitude
-                end do
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do k = 1, nh
-                f = c(k, j)*scale(j)**2
-                u(j, k) = f
-                do b = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        gram(b + i, k) = gram(b + i, k) + c(b + i, j)*f
-                    end do
-                end do
-            end do
+        do b = 0, width - short, short
+            call add_block(n, nh, height, width, b, c, q, scale, u, gram, weight)
         end do
-        weight = 1.0_wp/weight
         can = .true.
-        do k = 1, nh
-            diagonal(k) = gram(k, k)
+        do k = 1, width
+            pivots(k) = merge(gram(k, k), 1.0_wp, k <= nh)
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do k = 1, nh
-            can = can .and. gram(k, k) > smallest_pivot*diagonal(k)
+            f = gram(k, k)
+            can = f > smallest_pivot*pivots(k)
             if (.not. can) return
-            inverse = 1.0_wp/gram(k, k)
+            pivots(k) = f
+            inverse = 1.0_wp/f
+            ! Row k is divided by its pivot at last, as in `tandem_linalg_elimination`: columns are written as wholes.
             do b = 0, width - short, short
+                p = min(max(k - b, 0), short + 1)
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    diagonal(b + i) = merge(0.0_wp, gram(b + i, k), b + i == k)
-                    gram(b + i, k) = merge(1.0_wp, 0.0_wp, b + i == k)
+                    column(b + i) = gram(b + i, k)*(1.0_wp - one_at_0(i - p))
+                    gram(b + i, k) = one_at_0(i - p)
                 end do
             end do
             !GCC$ NOVECTOR
@@ -205,13 +277,90 @@ contains
                 do b = 0, width - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
-                        gram(b + i, j) = gram(b + i, j) - diagonal(b + i)*f
+                        gram(b + i, j) = gram(b + i, j) - column(b + i)*f
                     end do
                 end do
-                gram(k, j) = f
+            end do
+        end do
+        do b = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = 1.0_wp/pivots(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, nh
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    gram(b + i, j) = gram(b + i, j)*column(b + i)
+                end do
             end do
         end do
     end subroutine invert_gram_of
+
+    !> Rows b + 1 to b + short of Phi_q: their weights, their columns of U, and what they give of Phi_q U, which is symmetric. Four
+    !> columns at a time, whose sums stay in registers.
+    pure subroutine add_block(n, nh, height, width, b, c, q, scale, u, gram, weight)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width, b
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width)
+        real(wp) :: row(short), mask(short), sums(short), g1(short), g2(short), g3(short), g4(short), magnitude, square
+        integer :: i, j, s
+
+        do i = 1, short
+            mask(i) = merge(1.0_wp, 0.0_wp, b + i <= nh)
+            sums(i) = tiny(1.0_wp)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            magnitude = max(abs(q(j)), scale(j))
+            square = scale(j)**2
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + abs(c(b + i, j))*magnitude
+                row(i) = c(b + i, j)*mask(i)*square
+            end do
+            u(j, b + 1) = row(1)
+            u(j, b + 2) = row(2)
+            u(j, b + 3) = row(3)
+            u(j, b + 4) = row(4)
+        end do
+        !GCC$ UNROLL 1
+        do i = 1, short
+            weight(b + i) = 1.0_wp/sums(i)
+        end do
+        do s = 0, width - short, short
+            do i = 1, short
+                g1(i) = 0.0_wp
+                g2(i) = 0.0_wp
+                g3(i) = 0.0_wp
+                g4(i) = 0.0_wp
+                mask(i) = merge(1.0_wp, 0.0_wp, s + i <= nh)
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    g1(i) = g1(i) + c(s + i, j)*u(j, b + 1)
+                    g2(i) = g2(i) + c(s + i, j)*u(j, b + 2)
+                    g3(i) = g3(i) + c(s + i, j)*u(j, b + 3)
+                    g4(i) = g4(i) + c(s + i, j)*u(j, b + 4)
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                gram(s + i, b + 1) = g1(i)*mask(i)
+                gram(s + i, b + 2) = g2(i)*mask(i)
+                gram(s + i, b + 3) = g3(i)*mask(i)
+                gram(s + i, b + 4) = g4(i)*mask(i)
+            end do
+        end do
+    end subroutine add_block
 
     !> The reciprocals of the natural scales of the rows of Phi.
     pure subroutine set_row_weight(m, n, nh, jacobian, q, scale, weight)

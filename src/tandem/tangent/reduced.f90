@@ -8,8 +8,8 @@ module tandem_tangent_reduced
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
-    use tandem_tangent_reduced_kernels, only: find_acceleration, find_independence, find_velocity, finish, set_overlap, &
-        transpose_basis
+    use tandem_tangent_independence, only: find_independence
+    use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, scale_columns, set_overlap, transpose_basis
     implicit none (type, external)
     private
 
@@ -25,8 +25,6 @@ module tandem_tangent_reduced
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' D with factors in place (width, k), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
-        !> D'R (width, m).
-        real(wp), allocatable :: product(:, :)
         !> The factors of D0' D where its pivots want a search.
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
@@ -58,12 +56,11 @@ contains
         self%width = short*((n - m + short - 1)/short)
         self%square = scale**2
         self%inverse_square = 1.0_wp/self%square
-        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, self%product, &
+        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, &
             self%z, self%r, self%x, self%work)
         associate (k => self%k, height => self%height, width => self%width)
             allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, k), &
-                self%product(width, self%m), self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), &
-                source=0.0_wp)
+                self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
             call self%overlap_lu%allocate(k)
         end associate
     end subroutine allocate_reduced
@@ -81,13 +78,8 @@ contains
     !> Make the point the chart's origin.
     subroutine set_origin(self)
         class(reduced_type), intent(inout) :: self
-        integer :: i, j
 
-        do j = 1, self%n
-            do i = 1, self%width
-                self%origin(i, j) = self%basis(i, j)*self%inverse_square(j)
-            end do
-        end do
+        call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
     end subroutine set_origin
 
     !> How independent the rows of C are: 1/|C+|, in the Frobenius norm, of C with rows of unit length in scaled unknowns. A lower
@@ -101,8 +93,7 @@ contains
         if (self%m == 0) return
         associate (e => elimination)
             call find_independence(self%m, self%n, self%k, self%height, self%width, e%order, self%square, self%inverse_square, &
-                e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%basis_mass, self%product, self%r, self%x, &
-                independence)
+                e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%basis_mass, self%r, self%z, independence)
         end associate
     end subroutine find_independence_here
 

@@ -10,7 +10,7 @@ module tandem_tangent_reduced_kernels
     implicit none (type, external)
     private
 
-    public :: find_velocity, find_acceleration, find_independence, finish, set_overlap, transpose_basis
+    public :: find_velocity, find_acceleration, finish, scale_columns, set_overlap, transpose_basis
 
 contains
 
@@ -56,92 +56,23 @@ contains
         end do
     end subroutine transpose_basis
 
-    !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
-    !> unit length, scaled unknowns. 0 where D'D is singular.
-    pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, &
-        product, r, x, independence)
-        integer, intent(in) :: m, n, k, order(n)
-        integer, intent(in), value :: height, width
-        !> diag(s)^2 and its inverse, C, C eliminated, D'.
-        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
-        !> Work space.
-        real(wp), intent(inout) :: gram(width, k), inverse(k), part(width, n), product(width, m), r(height), x(height)
-        real(wp), intent(out) :: independence
-        real(wp) :: f, total
-        integer :: b, i, j, l, p, stat
+    !> B := A diag(f), A and B (width, n).
+    pure subroutine scale_columns(n, width, a, f, b)
+        integer, intent(in) :: n, width
+        real(wp), intent(in) :: a(width, n), f(n)
+        real(wp), intent(inout) :: b(width, n)
+        integer :: i, j, s
 
-        independence = 0.0_wp
-        ! The squared lengths of the rows; D' diag(s)^-2.
-        call clear(height, r)
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do l = 1, n
-            f = square(l)
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    r(b + i) = r(b + i) + c(b + i, l)**2*f
-                end do
-            end do
-            p = order(l)
-            f = inverse_square(p)
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    part(b + i, l) = basis(b + i, p)*f
-                end do
-            end do
-        end do
-        ! D'D: of the free columns, and of those of the pivots, where D' is -Y'.
-        do j = 1, k
-            !GCC$ UNROLL 1
-            do i = 1, width
-                gram(i, j) = part(i, m + j)
-            end do
+        do s = 0, width - short, short
             !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, m
-                f = a(l, m + j)
-                do b = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        gram(b + i, j) = gram(b + i, j) - part(b + i, l)*f
-                    end do
-                end do
-            end do
-        end do
-        call factor_small(k, width, gram, inverse, stat)
-        if (stat /= 0) return
-        ! |R|^2, rows of R summed up first, and D'R.
-        call clear(height, x)
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, m
-            f = r(j)
-            do b = 0, height - short, short
+            do j = 1, n
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    x(b + i) = x(b + i) + a(b + i, j)**2*f
+                    b(s + i, j) = a(s + i, j)*f(j)
                 end do
             end do
         end do
-        total = 0.0_wp
-        do i = 1, m
-            total = total + x(i)*inverse_square(order(i))
-        end do
-        call multiply_all(width, m, m, 1, height, part, a, product)
-        do j = 1, m
-            do l = 1, k
-                total = total - r(j)*product(l, j)**2*inverse(l)
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = l + 1, k
-                    product(i, j) = product(i, j) - gram(i, l)*product(l, j)
-                end do
-            end do
-        end do
-        if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
-    end subroutine find_independence
+    end subroutine scale_columns
 
     !> The velocity, where D0' D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
     !> wanted velocity less that.
@@ -222,29 +153,30 @@ contains
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
-            call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
-                reduced_mass, inverse, z, r, x, qdd, stat)
+            call multiply_all(short, n, n, 1, n, basis, mass, basis_mass)
+            call multiply_all(short, n, k, short, 1, basis_mass, basis, reduced_mass)
+            call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, polishes, gamma, force, basis_mass, reduced_mass, &
+                inverse, z, r, x, qdd, stat)
         else
-            call find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+            call multiply_all(width, n, n, 1, n, basis, mass, basis_mass)
+            call multiply_all(width, n, k, width, 1, basis_mass, basis, reduced_mass)
+            call find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, gamma, force, basis_mass, &
                 reduced_mass, inverse, z, r, x, qdd, stat)
         end if
     end subroutine find_acceleration
 
-    !> The same, for given lengths.
-    pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
+    !> The same with D' M and D' M D, for given lengths.
+    pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, gamma, force, basis_mass, &
         reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
         logical, intent(in) :: polishes
-        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), mass(n, n), gamma(m), force(n)
-        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height)
-        real(wp), intent(inout) :: qdd(n)
+        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), gamma(m), force(n), basis_mass(width, n)
+        real(wp), intent(inout) :: reduced_mass(width, k), inverse(k), z(width), r(height), x(height), qdd(n)
         integer, intent(out) :: stat
         real(wp) :: f
         integer :: b, i, j, p
 
-        call multiply_all(width, n, n, 1, n, basis, mass, basis_mass)
-        call multiply_all(width, n, k, width, 1, basis_mass, basis, reduced_mass)
         call factor_small(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
         ! R gamma, then D' (S + Q_A + M R gamma).
