@@ -45,6 +45,7 @@ program main
     use test_root, only: collect_root
     use test_simulation, only: collect_simulation
     use test_singular, only: collect_singular
+    use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
     use test_stability, only: collect_stability
@@ -70,6 +71,7 @@ program main
         new_testsuite('models', collect_models), &
         new_testsuite('motorcycle', collect_motorcycle), &
         new_testsuite('tangent', collect_tangent), &
+        new_testsuite('small_systems', collect_small_systems), &
         new_testsuite('tangent_kernels', collect_tangent_kernels), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &

@@ -113,9 +113,9 @@ contains
     subroutine eliminate(self, matrix, scale, stat)
         class(elimination_type), intent(inout) :: self
         !> C (m, n).
-        real(wp), intent(in), contiguous :: matrix(:, :)
+        real(wp), intent(in) :: matrix(self%m, self%n)
         !> Typical magnitudes of the unknowns (n), for the choice of pivots; the same ones every time.
-        real(wp), intent(in), contiguous :: scale(:)
+        real(wp), intent(in) :: scale(self%n)
         integer, intent(out) :: stat
         integer :: j, orientation
 
@@ -169,11 +169,15 @@ contains
                     end do
                 end do
             else
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
                 do i = 1, m
                     f = matrix(first + i)
                     copy(i, p) = f
                     a(i, j) = f
                 end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
                 do i = m + 1, height
                     a(i, j) = 0.0_wp
                 end do
@@ -193,18 +197,27 @@ contains
         real(wp), parameter :: smallest_pivot = 0.05_wp
         !> Largest |Y| that remembered pivots may leave.
         real(wp), parameter :: largest_growth = 10.0_wp
-        real(wp) :: f
+        real(wp) :: f, inverse, pivot
         integer :: b, i, j, k
 
         call load(m, n, height, matrix, mask, order, copy, a)
         stat = 0
+        ! The next pivot is divided by while the columns lose this one.
+        pivot = 1.0_wp
+        if (m > 0) pivot = a(1, 1)
+        inverse = 1.0_wp/pivot
         do k = 1, m
-            pivots(k) = a(k, k)
-            if (.not. (abs(pivots(k)) > tiny(1.0_wp) .and. abs(pivots(k)) <= huge(1.0_wp))) then
+            pivots(k) = pivot
+            if (.not. (abs(pivot) > tiny(1.0_wp) .and. abs(pivot) <= huge(1.0_wp))) then
                 stat = k
                 return
             end if
-            call take_pivot(k, n, height, unit, a, column)
+            f = inverse
+            if (k < m) then
+                pivot = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
+                inverse = 1.0_wp/pivot
+            end if
+            call take_pivot(k, n, height, f, unit, a, column)
         end do
         call divide_rows(n, height, pivots, a, column)
         ! What is above its limit, row by row: not above 1 where all is well.
@@ -235,29 +248,28 @@ contains
     !> itself is divided by its pivot later, see `divide_rows`: so each entry takes one fused multiplication and subtraction, whose
     !> rounding is that of the result, not that of what cancels; and columns are written as wholes, as a load of what was stored in
     !> parts would wait for the memory.
-    pure subroutine take_pivot(k, n, height, unit, a, column)
+    pure subroutine take_pivot(k, n, height, inverse, unit, a, column)
         integer, intent(in) :: k, n
         integer, intent(in), value :: height
-        !> The unit matrix.
-        real(wp), intent(in) :: unit(height, height)
+        !> 1/a(k, k), the unit matrix.
+        real(wp), intent(in) :: inverse, unit(height, height)
         real(wp), intent(inout) :: a(height, n)
         !> Work space: what a column loses per unit of its row k.
         real(wp), intent(inout) :: column(height)
-        real(wp) :: f, inverse
+        real(wp) :: f
         integer :: b, i, j
 
-        inverse = 1.0_wp/a(k, k)
         do b = 0, height - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                column(b + i) = a(b + i, k)*(1.0_wp - unit(b + i, k))
+                column(b + i) = a(b + i, k)*(inverse - inverse*unit(b + i, k))
                 a(b + i, k) = unit(b + i, k)
             end do
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 3
         do j = 1, n
-            f = a(k, j)*inverse
+            f = a(k, j)
             do b = 0, height - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
@@ -298,7 +310,7 @@ contains
     !> Eliminate with a search for pivots.
     subroutine choose_pivots(self, scale, stat)
         class(elimination_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: scale(:)
+        real(wp), intent(in) :: scale(self%n)
         integer, intent(out) :: stat
         real(wp) :: largest, candidate
         integer :: i, j, k, p
@@ -335,7 +347,7 @@ contains
             call self%swap(k, p)
             self%pivots(k) = self%eliminated(k, k)
             self%pivot_scale(k) = scale(self%order(k))
-            call take_pivot(k, self%n, self%height, self%unit, self%eliminated, self%column)
+            call take_pivot(k, self%n, self%height, 1.0_wp/self%pivots(k), self%unit, self%eliminated, self%column)
         end do
         call divide_rows(self%n, self%height, self%pivots, self%eliminated, self%column)
         ! The free columns in the order of the coordinates: D'M D is factored in it, and rounding is that of no other order.

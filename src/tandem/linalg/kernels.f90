@@ -6,9 +6,34 @@ module tandem_linalg_kernels
     implicit none (type, external)
     private
 
-    public :: add_product, add_transposed_product, are_same, copy, is_finite, set_gram, set_product
+    public :: add, add_product, add_transposed_product, are_same, copy, is_finite, set_gram, set_product
+
+    !> Entries are taken so many at a time, one vector register; with that said, gfortran spends nothing on how to take the rest.
+    integer, parameter :: short = 4
 
 contains
+
+    !> z := x + y.
+    pure subroutine add(n, x, y, z)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), y(n)
+        real(wp), intent(out) :: z(n)
+        integer :: b, i
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do b = 0, n - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                z(b + i) = x(b + i) + y(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, short - 1) + 1, n
+            z(i) = x(i) + y(i)
+        end do
+    end subroutine add
 
     !> y := y + factor A x, A (m, n).
     pure subroutine add_product(a, x, factor, y)
@@ -128,25 +153,28 @@ contains
     pure logical function is_finite(n, x)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
-        !> Sums of their own, so that none waits for another.
-        integer, parameter :: lane = 8
-        real(wp) :: total(lane)
-        integer :: b, i
+        real(wp) :: t1, t2, t3, t4
+        integer :: i
 
-        do i = 1, lane
-            total(i) = 0.0_wp
+        ! Sums of their own, so that none waits for another.
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        t4 = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 4, n, 4
+            t1 = t1 + abs(x(i - 3))
+            t2 = t2 + abs(x(i - 2))
+            t3 = t3 + abs(x(i - 1))
+            t4 = t4 + abs(x(i))
         end do
-        do b = 0, n - lane, lane
-            !GCC$ UNROLL 1
-            do i = 1, lane
-                total(i) = total(i) + abs(x(b + i))
-            end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, 3) + 1, n
+            t1 = t1 + abs(x(i))
         end do
-        do i = n - modulo(n, lane) + 1, n
-            total(1) = total(1) + abs(x(i))
-        end do
-        is_finite = ((total(1) + total(2)) + (total(3) + total(4))) + ((total(5) + total(6)) + (total(7) + total(8))) <= &
-            huge(1.0_wp)
+        is_finite = (t1 + t2) + (t3 + t4) <= huge(1.0_wp)
     end function is_finite
 
     !> C := A' B, A (l, m), B (l, n).

@@ -68,8 +68,8 @@ contains
     subroutine restore_position(self, t, increment, q, stat)
         class(profiled_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: increment(:)
-        real(wp), intent(out), contiguous :: q(:)
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: q(self%n)
         integer, intent(out) :: stat
         type(mark_type) :: mark
 
@@ -81,9 +81,9 @@ contains
     subroutine restore_velocity(self, t, q, increment, qd, stat)
         class(profiled_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
-        real(wp), intent(in), contiguous :: increment(:)
-        real(wp), intent(out), contiguous :: qd(:)
+        real(wp), intent(in) :: q(self%n)
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
         integer, intent(out) :: stat
         type(mark_type) :: mark
 
@@ -95,8 +95,8 @@ contains
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)
         class(profiled_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(out), contiguous :: qdd(:)
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
         type(mark_type) :: mark
 

@@ -5,7 +5,8 @@
 module tandem_stepper_dop853
     use tandem_kinds, only: wp
     use tandem_stepper, only: properties_type
-    use tandem_stepper_explicit, only: add_rates, explicit_type
+    use tandem_stepper_combination, only: combination_type
+    use tandem_stepper_explicit, only: explicit_type
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type
     implicit none (type, external)
@@ -16,8 +17,9 @@ module tandem_stepper_dop853
     !> The method of order 8.
     type, extends(explicit_type) :: dop853_type
         private
-        !> Coefficients of the three stages of dense output, and its matrix.
-        real(wp) :: extra_c(3) = 0.0_wp, extra_a(15, 3) = 0.0_wp, dense(16, 4) = 0.0_wp
+        !> Places of the three stages of dense output, and the sums of rates that give them and its polynomial.
+        real(wp) :: extra_c(3) = 0.0_wp
+        type(combination_type) :: extra_sum(3), dense_sum(4)
     contains
         procedure, nopass :: properties
         procedure :: set_tableau
@@ -91,40 +93,39 @@ contains
         ! Dense output of order 7.
         self%n_extra = 3
         self%extra_c = [0.1_wp, 0.2_wp, 7.0_wp/9]
-        self%extra_a = 0.0_wp
-        self%extra_a(:13, 1) = [ &
+        call self%extra_sum(1)%set([ &
             0.056167502283047954_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.25350021021662483_wp, &
             -0.2462390374708025_wp, -0.12419142326381637_wp, 0.15329179827876568_wp, &
-            0.00820105229563469_wp, 0.007567897660545699_wp, -0.008298_wp]
-        self%extra_a(:14, 2) = [ &
+            0.00820105229563469_wp, 0.007567897660545699_wp, -0.008298_wp])
+        call self%extra_sum(2)%set([ &
             0.03183464816350214_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.028300909672366776_wp, &
             0.053541988307438566_wp, -0.05492374857139099_wp, 0.0_wp, 0.0_wp, &
             -0.00010834732869724932_wp, 0.0003825710908356584_wp, -0.00034046500868740456_wp, &
-            0.1413124436746325_wp]
-        self%extra_a(:15, 3) = [ &
+            0.1413124436746325_wp])
+        call self%extra_sum(3)%set([ &
             -0.42889630158379194_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -4.697621415361164_wp, &
             7.683421196062599_wp, 4.06898981839711_wp, 0.3567271874552811_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-            -0.0013990241651590145_wp, 2.9475147891527724_wp, -9.15095847217987_wp]
-        self%dense(:, 1) = [ &
+            -0.0013990241651590145_wp, 2.9475147891527724_wp, -9.15095847217987_wp])
+        call self%dense_sum(1)%set([ &
             -8.428938276109013_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.5667149535193777_wp, &
             -3.0689499459498917_wp, 2.38466765651207_wp, 2.117034582445028_wp, -0.871391583777973_wp, &
             2.2404374302607883_wp, 0.6315787787694688_wp, -0.08899033645133331_wp, &
-            18.148505520854727_wp, -9.194632392478356_wp, -4.436036387594894_wp]
-        self%dense(:, 2) = [ &
+            18.148505520854727_wp, -9.194632392478356_wp, -4.436036387594894_wp])
+        call self%dense_sum(2)%set([ &
             10.427508642579134_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 242.28349177525817_wp, &
             165.20045171727028_wp, -374.5467547226902_wp, -22.113666853125306_wp, 7.733432668472264_wp, &
             -30.674084731089398_wp, -9.332130526430229_wp, 15.697238121770845_wp, &
-            -31.139403219565178_wp, -9.35292435884448_wp, 35.81684148639408_wp]
-        self%dense(:, 3) = [ &
+            -31.139403219565178_wp, -9.35292435884448_wp, 35.81684148639408_wp])
+        call self%dense_sum(3)%set([ &
             19.985053242002433_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -387.0373087493518_wp, &
             -189.17813819516758_wp, 527.8081592054236_wp, -11.57390253995963_wp, 6.8812326946963_wp, &
             -1.0006050966910838_wp, 0.7777137798053443_wp, -2.778205752353508_wp, &
-            -60.19669523126412_wp, 84.32040550667716_wp, 11.99229113618279_wp]
-        self%dense(:, 4) = [ &
+            -60.19669523126412_wp, 84.32040550667716_wp, 11.99229113618279_wp])
+        call self%dense_sum(4)%set([ &
             -25.69393346270375_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -154.18974869023643_wp, &
             -231.5293791760455_wp, 357.6391179106141_wp, 93.40532418362432_wp, -37.45832313645163_wp, &
             104.0996495089623_wp, 29.8402934266605_wp, -43.53345659001114_wp, 96.32455395918828_wp, &
-            -39.17726167561544_wp, -149.72683625798564_wp]
+            -39.17726167561544_wp, -149.72683625798564_wp])
     end subroutine set_tableau
 
     !> Increments within the last step, of order 7, by three more stages that are evaluated once a step.
@@ -142,7 +143,7 @@ contains
         h = arrived%t - start%t
         if (.not. self%has_extra) then
             do i = 1, 3
-                call self%set_stage(chart, start, h, start%t + self%extra_c(i)*h, self%extra_a(:12 + i, i), 13 + i, stat)
+                call self%set_stage(chart, start, h, start%t + self%extra_c(i)*h, self%extra_sum(i), 13 + i, stat)
                 if (stat /= 0) return
             end do
             self%has_extra = .true.
@@ -150,7 +151,7 @@ contains
         x = (t - start%t)/h
         self%y = 0.0_wp
         do k = 4, 1, -1
-            call add_rates(size(self%rate, 1), 16, h, self%dense(:, k), self%rate, self%y)
+            call self%dense_sum(k)%add(size(self%rate, 1), h, self%rate, self%y)
             self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%y
         end do
         associate (n => self%n, rate => self%rate)

@@ -11,15 +11,13 @@ module tandem_stepper_explicit
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
     use tandem_stepper, only: stepper_type, weighted_norm
+    use tandem_stepper_combination, only: combination_type, lane
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type
     implicit none (type, external)
     private
 
-    public :: explicit_type, add_rates
-
-    !> Inner loops have this length.
-    integer, parameter :: lane = 8
+    public :: explicit_type
 
     !> A method given by its tableau; s stages.
     type, abstract, extends(stepper_type) :: explicit_type
@@ -39,6 +37,8 @@ module tandem_stepper_explicit
         logical :: has_extra = .false.
         !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
         real(wp), allocatable, private :: q(:), defect(:)
+        !> The tableau as sums of rates: of the stages (s, the first is empty), of the end, of the estimates.
+        type(combination_type), allocatable, private :: stage_sum(:), end_sum, estimate_sum(:)
     contains
         procedure :: initialize
         procedure :: advance
@@ -66,7 +66,7 @@ contains
         class(explicit_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
-        integer :: i, n, s
+        integer :: i, n, n_estimates, s
 
         n = size(scale)
         call self%set_tableau()
@@ -80,6 +80,17 @@ contains
             self%defect(i) = 0.5_wp*self%c(i)**2 - dot_product(self%a(:i - 1, i), self%c(:i - 1))
         end do
         self%defect(s + 1) = 0.5_wp - dot_product(self%b, self%c)
+        if (allocated(self%stage_sum)) deallocate (self%stage_sum, self%end_sum, self%estimate_sum)
+        n_estimates = 0
+        if (allocated(self%e)) n_estimates = size(self%e, 2)
+        allocate (self%stage_sum(s), self%end_sum, self%estimate_sum(n_estimates))
+        do i = 2, s
+            call self%stage_sum(i)%set(self%a(:i - 1, i))
+        end do
+        call self%end_sum%set(self%b)
+        do i = 1, n_estimates
+            call self%estimate_sum(i)%set(self%e(:, i))
+        end do
     end subroutine initialize
 
     !> One step.
@@ -108,12 +119,12 @@ contains
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
             chart%defect = h**2*self%defect(i)
-            call self%set_stage(chart, state, h, t, self%a(:i - 1, i), i, stat)
+            call self%set_stage(chart, state, h, t, self%stage_sum(i), i, stat)
             if (stat /= 0) exit
         end do
         if (stat == 0) then
             call load(n, state%dq, state%dqd, self%y)
-            call add_rates(size(self%rate, 1), s, h, self%b, self%rate, self%y)
+            call self%end_sum%add(size(self%rate, 1), h, self%rate, self%y)
             !GCC$ UNROLL 1
             do i = 1, n
                 next%dq(i) = self%y(i)
@@ -135,14 +146,14 @@ contains
     end subroutine advance
 
     !> Evaluate a stage: its rates from those before it.
-    subroutine set_stage(self, chart, state, h, t, a, stage, stat)
+    subroutine set_stage(self, chart, state, h, t, sum_before, stage, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h, t
-        !> Coefficients of the rates before (stage - 1).
-        real(wp), intent(in), contiguous :: a(:)
+        !> What the rates before add up to.
+        type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
 
@@ -151,13 +162,13 @@ contains
             stat = 0
             if (self%projects_stages) then
                 call load(n, state%dq, state%dqd, y)
-                call add_rates(size(rate, 1), size(a), h, a, rate, y)
+                call sum_before%add(size(rate, 1), h, rate, y)
                 call chart%restore_position(t, y(:n), self%q, stat)
                 if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
             else
                 ! From the state itself: the chart's origin and its u take no part.
                 call load(n, state%q, state%qd, y)
-                call add_rates(size(rate, 1), size(a), h, a, rate, y)
+                call sum_before%add(size(rate, 1), h, rate, y)
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(n + 1:2*n)
             end if
@@ -191,7 +202,7 @@ contains
         real(wp) :: second
 
         norm = self%estimate_norm(1, h, weight_q, weight_qd)
-        if (size(self%e, 2) < 2 .or. .not. norm > 0.0_wp) return
+        if (size(self%estimate_sum) < 2 .or. .not. norm > 0.0_wp) return
         second = 0.1_wp*self%estimate_norm(2, h, weight_q, weight_qd)
         norm = norm**2/sqrt(norm**2 + second**2)
     end subroutine estimate
@@ -230,42 +241,9 @@ contains
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
 
         self%y = 0.0_wp
-        call add_rates(size(self%rate, 1), size(self%e, 1), h, self%e(:, number), self%rate, self%y)
+        call self%estimate_sum(number)%add(size(self%rate, 1), h, self%rate, self%y)
         estimate_norm = weighted_norm(self%y(:self%n), self%y(self%n + 1:2*self%n), weight_q, weight_qd)
     end function estimate_norm
-
-    !> y := y + h sum_j weight(j) rate(:, j).
-    pure subroutine add_rates(height, s, h, weight, rate, y)
-        !> Rows, a multiple of `lane`, and columns.
-        integer, intent(in) :: height, s
-        real(wp), intent(in) :: h, weight(s), rate(height, s)
-        real(wp), intent(inout) :: y(height)
-        !> Columns are added four at a time.
-        integer, parameter :: group = 4
-        real(wp) :: w(group)
-        integer :: b, column(group), i, j, l
-
-        l = 0
-        do j = 1, s
-            ! Half of a large tableau is zero.
-            if (abs(weight(j)) > 0.0_wp) then
-                l = l + 1
-                column(l) = j
-                w(l) = h*weight(j)
-            end if
-            if (l < group .and. j < s) cycle
-            column(l + 1:) = j
-            w(l + 1:) = 0.0_wp
-            l = 0
-            do b = 0, height - lane, lane
-                !GCC$ UNROLL 1
-                do i = 1, lane
-                    y(b + i) = y(b + i) + ((w(1)*rate(b + i, column(1)) + w(2)*rate(b + i, column(2))) + &
-                        (w(3)*rate(b + i, column(3)) + w(4)*rate(b + i, column(4))))
-                end do
-            end do
-        end do
-    end subroutine add_rates
 
     !> The stages of the last step, for its dense output.
     subroutine pack_state(self, pack)

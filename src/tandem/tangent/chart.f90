@@ -29,6 +29,8 @@ module tandem_tangent_chart
 
     !> The contract that steppers and the simulation rely on.
     type, abstract :: chart_type
+        !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
+        integer :: n = 0
         !> What the chart has done.
         type(counts_type) :: counts
         !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
@@ -160,8 +162,8 @@ module tandem_tangent_chart
             class(chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             !> Position increment (n).
-            real(wp), intent(in), contiguous :: increment(:)
-            real(wp), intent(out), contiguous :: q(:)
+            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(out) :: q(self%n)
             integer, intent(out) :: stat
         end subroutine restore_position_interface
 
@@ -172,10 +174,10 @@ module tandem_tangent_chart
             class(chart_type), intent(inout) :: self
             !> Time and coordinates (n) from `restore_position`.
             real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(in) :: q(self%n)
             !> Velocity increment (n).
-            real(wp), intent(in), contiguous :: increment(:)
-            real(wp), intent(out), contiguous :: qd(:)
+            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(out) :: qd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_velocity_interface
 
@@ -186,8 +188,8 @@ module tandem_tangent_chart
             class(chart_type), intent(inout) :: self
             !> Time, coordinates (n) and velocities (n) from the calls before.
             real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            real(wp), intent(out), contiguous :: qdd(:)
+            real(wp), intent(in) :: q(self%n), qd(self%n)
+            real(wp), intent(out) :: qdd(self%n)
             integer, intent(out) :: stat
         end subroutine solve_dynamics_interface
 

@@ -13,7 +13,7 @@ module tandem_tangent_dense
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
-    use tandem_linalg_kernels, only: add_product, are_same, copy, is_finite, set_product
+    use tandem_linalg_kernels, only: add, add_product, are_same, copy, is_finite, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
@@ -48,8 +48,8 @@ module tandem_tangent_dense
         type(reduced_type) :: reduced
         type(stage_type), public :: stage
         type(derivatives_type) :: derivatives
-        !> n coordinates, nh holonomic and m constraints.
-        integer :: n = 0, nh = 0, m = 0
+        !> nh holonomic and m constraints.
+        integer :: nh = 0, m = 0
         logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
         logical :: has_gamma = .true., has_nu = .true.
         !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
@@ -116,22 +116,22 @@ module tandem_tangent_dense
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure :: pack_state
-        procedure, private :: visit
-        procedure, private :: move_to
-        procedure, private :: refuse_infinite
-        procedure, private :: split_here
-        procedure, private :: split_fully
-        procedure, private :: start_without_basis
-        procedure, private :: measure_split
-        procedure, private :: measure_origin
-        procedure, private :: move_with
-        procedure, private :: load_bases
-        procedure, private :: evaluate_gamma
-        procedure, private :: evaluate_derivatives
-        procedure, private :: blame
-        procedure, private :: blame_dependent
-        procedure, private :: fail_term
-        procedure, private :: name_infinite
+        procedure, private, non_overridable :: visit
+        procedure, private, non_overridable :: move_to
+        procedure, private, non_overridable :: refuse_infinite
+        procedure, private, non_overridable :: split_here
+        procedure, private, non_overridable :: split_fully
+        procedure, private, non_overridable :: start_without_basis
+        procedure, private, non_overridable :: measure_split
+        procedure, private, non_overridable :: measure_origin
+        procedure, private, non_overridable :: move_with
+        procedure, private, non_overridable :: load_bases
+        procedure, private, non_overridable :: evaluate_gamma
+        procedure, private, non_overridable :: evaluate_derivatives
+        procedure, private, non_overridable :: blame
+        procedure, private, non_overridable :: blame_dependent
+        procedure, private, non_overridable :: fail_term
+        procedure, private, non_overridable :: name_infinite
     end type dense_chart_type
 
     interface
@@ -406,8 +406,8 @@ contains
     subroutine restore_position(self, t, increment, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: increment(:)
-        real(wp), intent(out), contiguous :: q(:)
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: q(self%n)
         integer, intent(out) :: stat
 
         call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
@@ -420,7 +420,7 @@ contains
     subroutine visit(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(in) :: q(self%n)
         integer, intent(out) :: stat
         integer :: i
 
@@ -449,7 +449,7 @@ contains
     subroutine move_to(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(in) :: q(self%n)
         integer, intent(out) :: stat
 
         call self%visit(t, q, stat)
@@ -480,9 +480,13 @@ contains
         if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
         if (stat /= status_ok) return
         associate (jacobian => self%model%terms%jacobian)
-            if (self%refines) call self%position%refine(jacobian, self%counts, stat)
-            if (stat /= status_ok) return
-            call self%split%update(jacobian, self%scale, self%x_basis, self%w_basis, self%counts, stat)
+            if (self%has_bases) then
+                if (self%refines) call self%position%refine(jacobian, self%counts, stat)
+                if (stat /= status_ok) return
+                call self%split%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
+            else
+                call self%split%eliminate(self%n, jacobian, self%scale, self%counts, stat)
+            end if
         end associate
         if (stat /= status_ok) then
             call self%blame(self%split%failed_row, 0.0_wp)
@@ -507,18 +511,16 @@ contains
     subroutine restore_velocity(self, t, q, increment, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), increment(:)
-        real(wp), intent(out), contiguous :: qd(:)
+        real(wp), intent(in) :: q(self%n), increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
         integer, intent(out) :: stat
-        integer :: i, pass
+        integer :: pass
 
         self%failed_row = 0
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        do i = 1, self%n
-            qd(i) = self%qd0(i) + increment(i)
-        end do
+        call add(self%n, self%qd0, increment, qd)
         if (self%m == 0) return
         if (.not. self%has_bases) then
             call self%reduced%restore_velocity(self%split%elimination, self%has_nu, .not. self%is_stage, self%model%terms%nu, qd, &
@@ -539,7 +541,7 @@ contains
     subroutine move_with(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: q(self%n), qd(self%n)
         integer, intent(out) :: stat
         integer :: i
 
@@ -568,8 +570,8 @@ contains
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(out), contiguous :: qdd(:)
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
 
         self%failed_row = 0

@@ -6,7 +6,7 @@
 module tandem_tangent_position
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: short
-    use tandem_linalg_kernels, only: add_product, copy
+    use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_phi
@@ -198,13 +198,13 @@ contains
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t
         !> q0 (n) and xi (n).
-        real(wp), intent(in), contiguous :: origin(:), increment(:)
+        real(wp), intent(in) :: origin(self%n), increment(self%n)
         !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it did.
         logical, intent(in) :: is_stage
         !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for none:
         !> then the last u is the start value.
         real(wp), intent(in) :: defect
-        real(wp), intent(out), contiguous :: q(:)
+        real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
@@ -223,9 +223,7 @@ contains
 
         stat = status_ok
         self%failed_row = 0
-        do i = 1, self%n
-            self%origin(i) = origin(i) + increment(i)
-        end do
+        call add(self%n, origin, increment, self%origin)
         if (self%nh == 0) then
             do i = 1, self%n
                 q(i) = self%origin(i)

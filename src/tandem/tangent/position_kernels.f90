@@ -15,14 +15,23 @@ contains
         integer, intent(in) :: n, width
         real(wp), intent(in) :: u_basis(n, width), u(width), origin(n)
         real(wp), intent(out) :: q(n)
-        integer :: i, l
+        integer :: b, i, l
 
         if (width == 0) then
             q = origin
             return
         end if
+        !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = 1, n
+        do b = 0, n - short, short
+            !GCC$ UNROLL 1
+            do i = b + 1, b + short
+                q(i) = origin(i) - ((u_basis(i, 1)*u(1) + u_basis(i, 2)*u(2)) + (u_basis(i, 3)*u(3) + u_basis(i, 4)*u(4)))
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, short - 1) + 1, n
             q(i) = origin(i) - ((u_basis(i, 1)*u(1) + u_basis(i, 2)*u(2)) + (u_basis(i, 3)*u(3) + u_basis(i, 4)*u(4)))
         end do
         do l = short, width - short, short
@@ -128,16 +137,30 @@ contains
         integer, intent(in) :: nh
         real(wp), intent(in) :: phi(nh), weight(nh)
         real(wp), intent(out) :: error, total
-        real(wp) :: e
+        real(wp) :: e1, e2, e3, e4
         integer :: i
 
         error = 0.0_wp
         total = 0.0_wp
+        !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = 1, nh
-            e = abs(phi(i))*weight(i)
-            if (e > error) error = e
-            total = total + e
+        do i = 4, nh, 4
+            e1 = abs(phi(i - 3))*weight(i - 3)
+            e2 = abs(phi(i - 2))*weight(i - 2)
+            e3 = abs(phi(i - 1))*weight(i - 1)
+            e4 = abs(phi(i))*weight(i)
+            total = total + ((e1 + e2) + (e3 + e4))
+            if (e2 > e1) e1 = e2
+            if (e4 > e3) e3 = e4
+            if (e3 > e1) e1 = e3
+            if (e1 > error) error = e1
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = nh - iand(nh, 3) + 1, nh
+            e1 = abs(phi(i))*weight(i)
+            total = total + e1
+            if (e1 > error) error = e1
         end do
     end subroutine measure
 
@@ -169,21 +192,15 @@ contains
         integer :: i, j, s
 
         do s = 0, width - short, short
+            !GCC$ UNROLL 1
             do i = 1, short
                 w(s + i) = 0.0_wp
             end do
         end do
-        along = 0.0_wp
-        square = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, nh
             f = phi(j)
-            y = last_phi(j) - f
-            last_phi(j) = f
-            z(j) = y*weight(j)**2
-            along = along + z(j)*f
-            square = square + z(j)*y
             do s = 0, width - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
@@ -193,10 +210,21 @@ contains
         end do
         f = 1.0_wp
         if (learns) then
+            along = 0.0_wp
+            square = 0.0_wp
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = 1, nh
-                y = z(j)/square
+                y = last_phi(j) - phi(j)
+                z(j) = y*weight(j)**2
+                along = along + z(j)*phi(j)
+                square = square + z(j)*y
+            end do
+            square = 1.0_wp/square
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                y = z(j)*square
                 do s = 0, width - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
@@ -204,8 +232,13 @@ contains
                     end do
                 end do
             end do
-            f = 1.0_wp + along/square
+            f = 1.0_wp + along*square
         end if
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, nh
+            last_phi(j) = phi(j)
+        end do
         do s = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short

@@ -104,15 +104,15 @@ contains
         !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> nu (m).
-        real(wp), intent(in), contiguous :: nu(:)
+        real(wp), intent(in) :: nu(self%m)
         !> The wanted velocity qd0 + eta (n), then the one with C qd = nu.
-        real(wp), intent(inout), contiguous :: qd(:)
+        real(wp), intent(inout) :: qd(self%n)
         !> A status code.
         integer, intent(out) :: stat
 
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
             call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
-                has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, self%inverse, qd, stat)
+                has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
             if (stat == 0) return
             ! D0' D wants a search for pivots.
             call set_overlap(n, k, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
@@ -132,8 +132,8 @@ contains
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
         !> M (n, n), gamma (m), S + Q_A (n).
-        real(wp), intent(in), contiguous :: mass(:, :), gamma(:), force(:)
-        real(wp), intent(out), contiguous :: qdd(:)
+        real(wp), intent(in) :: mass(self%n, self%n), gamma(self%m), force(self%n)
+        real(wp), intent(out) :: qdd(self%n)
         !> A status code.
         integer, intent(out) :: stat
 

@@ -7,6 +7,7 @@
 module tandem_tangent_reduced_kernels
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: lane, short
+    use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
     implicit none (type, external)
     private
 
@@ -77,33 +78,33 @@ contains
     !> The velocity, where D0' D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
     !> wanted velocity less that.
     pure subroutine find_velocity(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
-        work, diagonal, qd, stat)
+        work, qd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
         !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> C, C eliminated, D', D0' diag(s)^-2, nu.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
         !> Work space, and the velocity, first the wanted one.
-        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), diagonal(k), qd(n)
+        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), qd(n)
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
             call find_velocity_of(m, n, k, lane, short, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, work, &
-                diagonal, qd, stat)
+                qd, stat)
         else
             call find_velocity_of(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
-                work, diagonal, qd, stat)
+                work, qd, stat)
         end if
     end subroutine find_velocity
 
     !> The same, for given lengths.
     pure subroutine find_velocity_of(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
-        work, diagonal, qd, stat)
+        work, qd, stat)
         integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
         logical, intent(in) :: has_nu, polishes
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
-        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), diagonal(k), qd(n)
+        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), qd(n)
         integer, intent(out) :: stat
         integer :: i
 
@@ -120,7 +121,7 @@ contains
             call clear(height, r)
             call set_overlap(n, k, width, basis, origin, qd, overlap, z)
         end if
-        call solve_small(k, width, overlap, z, diagonal, stat)
+        call solve_near_diagonal(k, width, overlap, z, stat)
         if (stat == 0) then
             call finish(m, n, k, height, order, c, a, polishes, nu, -1.0_wp, z, r, x, qd)
         else if (.not. has_nu) then
@@ -177,7 +178,7 @@ contains
         real(wp) :: f
         integer :: b, i, j, p
 
-        call factor_small(k, width, reduced_mass, inverse, stat)
+        call factor_definite(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
         ! R gamma, then D' (S + Q_A + M R gamma).
         call multiply(height, m, a, gamma, r)
@@ -345,121 +346,4 @@ contains
             end do
         end do
     end subroutine clear
-
-    !> L diag(d) L' of a symmetric positive definite matrix (width, k), in place of its lower triangle; 1/d beside it. stat > 0: the
-    !> leading minor of that order is not positive, or so small against its own diagonal that the solution would be noise.
-    pure subroutine factor_small(k, width, a, inverse, stat)
-        integer, intent(in) :: k
-        integer, intent(in), value :: width
-        real(wp), intent(inout) :: a(width, k), inverse(k)
-        integer, intent(out) :: stat
-        !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
-        real(wp), parameter :: smallest_pivot = 8.0e-15_wp
-        real(wp) :: diagonal, f, least
-        integer :: i, j, l
-
-        stat = 0
-        least = 1.0_wp
-        !GCC$ UNROLL 1
-        do j = 1, k
-            diagonal = a(j, j)
-            !GCC$ UNROLL 1
-            do l = 1, j - 1
-                f = a(j, l)*a(l, l)
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = j, k
-                    a(i, j) = a(i, j) - a(i, l)*f
-                end do
-            end do
-            if (.not. a(j, j)*least > smallest_pivot*diagonal) then
-                stat = j
-                return
-            end if
-            least = min(least, a(j, j)/diagonal)
-            inverse(j) = 1.0_wp/a(j, j)
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = j + 1, k
-                a(i, j) = a(i, j)*inverse(j)
-            end do
-        end do
-    end subroutine factor_small
-
-    !> Solve with the factors of `factor_small`.
-    pure subroutine substitute(k, width, a, inverse, b)
-        integer, intent(in) :: k
-        integer, intent(in), value :: width
-        real(wp), intent(in) :: a(width, k), inverse(k)
-        real(wp), intent(inout) :: b(k)
-        integer :: i, j
-
-        !GCC$ UNROLL 1
-        do j = 1, k
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = j + 1, k
-                b(i) = b(i) - a(i, j)*b(j)
-            end do
-        end do
-        !GCC$ UNROLL 1
-        do j = k, 1, -1
-            b(j) = b(j)*inverse(j)
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = j + 1, k
-                b(j) = b(j) - a(i, j)*b(i)
-            end do
-        end do
-    end subroutine substitute
-
-    !> Solve a system (k, k) by elimination without a search. stat > 0: a pivot has become small against its diagonal entry.
-    pure subroutine solve_small(k, width, a, b, diagonal, stat)
-        integer, intent(in) :: k
-        integer, intent(in), value :: width
-        real(wp), intent(inout) :: a(width, k), b(k), diagonal(k)
-        integer, intent(out) :: stat
-        !> Near the origin the matrix is nearly D0' D0, whose pivots are far from this.
-        real(wp), parameter :: smallest_pivot = 1.0e-3_wp
-        real(wp) :: f, inverse
-        integer :: i, j, l
-
-        stat = 0
-        !GCC$ UNROLL 1
-        do j = 1, k
-            diagonal(j) = abs(a(j, j))
-        end do
-        !GCC$ UNROLL 1
-        do j = 1, k
-            if (.not. abs(a(j, j)) > smallest_pivot*diagonal(j)) then
-                stat = j
-                return
-            end if
-            inverse = 1.0_wp/a(j, j)
-            b(j) = b(j)*inverse
-            !GCC$ UNROLL 1
-            do l = j + 1, k
-                f = a(j, l)*inverse
-                a(j, l) = f
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = j + 1, k
-                    a(i, l) = a(i, l) - a(i, j)*f
-                end do
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = j + 1, k
-                b(i) = b(i) - a(i, j)*b(j)
-            end do
-        end do
-        !GCC$ UNROLL 1
-        do j = k, 2, -1
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = 1, j - 1
-                b(i) = b(i) - a(i, j)*b(j)
-            end do
-        end do
-    end subroutine solve_small
 end module tandem_tangent_reduced_kernels

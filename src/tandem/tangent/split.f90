@@ -51,6 +51,7 @@ module tandem_tangent_split
     contains
         procedure :: allocate => allocate_split
         procedure :: start
+        procedure :: eliminate
         procedure :: update
         procedure :: measure_orientation
         procedure :: complete
@@ -100,38 +101,48 @@ contains
         if (self%way == by_refinement) call self%invert(jacobian, x_basis, stat)
     end subroutine start
 
-    !> Bring R and D to C at a point; `by_factor` up to the factorisation.
-    subroutine update(self, jacobian, scale, x_basis, w_basis, counts, stat)
+    !> Eliminate C at a point: all that explicit steps need of R and D.
+    subroutine eliminate(self, n, jacobian, scale, counts, stat)
         class(split_type), intent(inout) :: self
-        !> C (m, n), coordinate scales (n), X (n, m) and W (n, k); the bases are not looked at `by_elimination`.
-        real(wp), intent(in), contiguous :: jacobian(:, :), scale(:), x_basis(:, :), w_basis(:, :)
+        integer, intent(in) :: n
+        !> C (m, n), coordinate scales (n).
+        real(wp), intent(in) :: jacobian(self%m, n), scale(n)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        self%is_measured = .false.
+        self%is_complete = .false.
+        if (self%m > 0) counts%constraint_factorizations = counts%constraint_factorizations + 1
+        call self%elimination%eliminate(jacobian, scale, self%failed_row)
+        stat = status_ok
+        if (self%failed_row > 0) stat = status_rank_deficient
+        if (self%failed_row < 0) stat = status_not_finite
+        self%failed_row = max(self%failed_row, 0)
+    end subroutine eliminate
+
+    !> Bring R and D to C at a point by the bases X and W; `by_factor` up to the factorisation.
+    subroutine update(self, jacobian, x_basis, w_basis, counts, stat)
+        class(split_type), intent(inout) :: self
+        !> C (m, n), X (n, m) and W (n, k).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :), w_basis(:, :)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
 
         self%failed_row = 0
         self%is_measured = .false.
-        stat = status_ok
+        self%is_complete = .false.
         if (self%m > 0) counts%constraint_factorizations = counts%constraint_factorizations + 1
-        select case (self%way)
-        case (by_elimination)
-            call self%elimination%eliminate(jacobian, scale, self%failed_row)
-            self%is_complete = .false.
-            if (self%failed_row > 0) stat = status_rank_deficient
-            if (self%failed_row < 0) stat = status_not_finite
-            self%failed_row = max(self%failed_row, 0)
-        case (by_factor)
-            self%is_complete = .false.
-            call set_product(jacobian, x_basis, self%c_x)
+        call set_product(jacobian, x_basis, self%c_x)
+        if (self%way == by_factor) then
             call self%c_x_lu%factor(self%c_x, stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
-        case default ! by_refinement
-            call set_product(jacobian, x_basis, self%c_x)
+        else
             call self%h%refine(self%c_x, self%htol, counts%h_corrections, stat)
             self%most_corrections = max(self%most_corrections, self%h%last_corrections)
-            self%is_complete = .false.
             if (stat == status_ok) call self%complete(jacobian, x_basis, w_basis)
-        end select
+        end if
     end subroutine update
 
     !> Form R and D for the C of the last update, unless that is done.

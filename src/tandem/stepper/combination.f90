@@ -1,0 +1,88 @@
+! SPDX-License-Identifier: MIT
+!> Linear combinations of rates, as a tableau's rows are. Half of a large tableau is zero: the columns that count are listed once.
+module tandem_stepper_combination
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: combination_type, lane
+
+    !> Rates are padded with zeros to a multiple of this, the length of inner loops.
+    integer, parameter :: lane = 8
+    !> Columns are added so many at a time.
+    integer, parameter :: group = 4
+
+    !> sum_j weight(j) rate(:, j) over the columns whose weight is not zero.
+    type :: combination_type
+        private
+        integer :: n_groups = 0
+        !> Weights and numbers of the columns (group, n_groups); the last group is filled up with weights of zero.
+        real(wp), allocatable :: weight(:, :)
+        integer, allocatable :: column(:, :)
+    contains
+        procedure :: set
+        procedure :: add
+    end type combination_type
+
+contains
+
+    !> Take weights, one for each column from the first one on.
+    pure subroutine set(self, weight)
+        class(combination_type), intent(inout) :: self
+        real(wp), intent(in) :: weight(:)
+        integer :: g, i, j
+
+        self%n_groups = (count(abs(weight) > 0.0_wp) + group - 1)/group
+        if (allocated(self%weight)) deallocate (self%weight, self%column)
+        allocate (self%weight(group, self%n_groups), source=0.0_wp)
+        allocate (self%column(group, self%n_groups), source=1)
+        i = 0
+        do j = 1, size(weight)
+            if (.not. abs(weight(j)) > 0.0_wp) cycle
+            g = i/group + 1
+            self%weight(mod(i, group) + 1, g) = weight(j)
+            ! What stands for the columns that are missing has been evaluated.
+            self%column(mod(i, group) + 1:, g) = j
+            i = i + 1
+        end do
+    end subroutine set
+
+    !> y := y + h times the combination.
+    pure subroutine add(self, height, h, rate, y)
+        class(combination_type), intent(in) :: self
+        !> Rows, a multiple of `lane`.
+        integer, intent(in) :: height
+        real(wp), intent(in) :: h
+        !> Rates, at least as many columns as there were weights.
+        real(wp), intent(in) :: rate(height, *)
+        real(wp), intent(inout) :: y(height)
+
+        call add_groups(self%n_groups, self%weight, self%column, height, h, rate, y)
+    end subroutine add
+
+    !> The same, of plain arrays.
+    pure subroutine add_groups(n_groups, weight, column, height, h, rate, y)
+        integer, intent(in) :: n_groups, column(group, n_groups), height
+        real(wp), intent(in) :: weight(group, n_groups), h, rate(height, *)
+        real(wp), intent(inout) :: y(height)
+        real(wp) :: w1, w2, w3, w4
+        integer :: b, c1, c2, c3, c4, g, i
+
+        do g = 1, n_groups
+            w1 = h*weight(1, g)
+            w2 = h*weight(2, g)
+            w3 = h*weight(3, g)
+            w4 = h*weight(4, g)
+            c1 = column(1, g)
+            c2 = column(2, g)
+            c3 = column(3, g)
+            c4 = column(4, g)
+            do b = 0, height - lane, lane
+                !GCC$ UNROLL 1
+                do i = 1, lane
+                    y(b + i) = y(b + i) + ((w1*rate(b + i, c1) + w2*rate(b + i, c2)) + (w3*rate(b + i, c3) + w4*rate(b + i, c4)))
+                end do
+            end do
+        end do
+    end subroutine add_groups
+end module tandem_stepper_combination

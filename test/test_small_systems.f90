@@ -1,0 +1,250 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the systems over the degrees of freedom, of sums of rates, and of what is asked of vectors at every stage.
+module test_small_systems
+    use asserts, only: check_below, check_count, check_true
+    use differences, only: random_vector
+    use tandem, only: wp
+    use tandem_linalg_kernels, only: add, are_same, is_finite
+    use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
+    use tandem_stepper_combination, only: combination_type, lane
+    use testdrive, only: error_type, new_unittest, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: collect_small_systems
+
+    !> Orders: those that have copies of their own, and two that have none.
+    integer, parameter :: orders(6) = [1, 2, 3, 4, 5, 11]
+
+contains
+
+    !> The suite.
+    subroutine collect_small_systems(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('definite-systems-are-solved', test_definite), &
+            new_unittest('singular-and-indefinite-ones-are-refused', test_not_definite), &
+            new_unittest('systems-near-a-diagonal-are-solved', test_near_diagonal), &
+            new_unittest('a-small-pivot-is-refused-where-it-is-met', test_small_pivot), &
+            new_unittest('sums-of-rates-are-those-of-matmul', test_combination), &
+            new_unittest('vectors-of-any-length-are-added', test_add), &
+            new_unittest('one-entry-makes-vectors-differ', test_same), &
+            new_unittest('one-entry-makes-a-vector-infinite', test_finite)]
+    end subroutine collect_small_systems
+
+    !> Random entries in the first m rows, zeros below.
+    subroutine get_random(seed, m, a)
+        integer, intent(inout) :: seed
+        integer, intent(in) :: m
+        real(wp), intent(out) :: a(:, :)
+        integer :: j
+
+        a = 0.0_wp
+        do j = 1, size(a, 2)
+            call random_vector(seed, a(:m, j))
+        end do
+    end subroutine get_random
+
+    subroutine test_definite(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: a(:, :), b(:), factors(:, :), inverse(:), root(:, :), x(:)
+        integer :: i, j, k, seed, stat
+
+        seed = 11
+        do i = 1, size(orders)
+            k = orders(i)
+            allocate (a(k + 2, k), b(k), inverse(k), root(k + 2, k), x(k))
+            call get_random(seed, k, root)
+            call random_vector(seed, x)
+            a = 0.0_wp
+            a(:k, :) = matmul(root(:k, :), transpose(root(:k, :)))
+            do j = 1, k
+                a(j, j) = a(j, j) + 1.0_wp
+            end do
+            b = matmul(a(:k, :), x)
+            factors = a
+            ! Only the lower triangle is read.
+            do j = 2, k
+                factors(:j - 1, j) = huge(1.0_wp)
+            end do
+            call factor_definite(k, k + 2, factors, inverse, stat)
+            call check_count(error, stat, 0, 'stat')
+            if (allocated(error)) return
+            call substitute(k, k + 2, factors, inverse, b)
+            call check_below(error, maxval(abs(b - x)), 1.0e-12_wp, 'the solution')
+            if (allocated(error)) return
+            deallocate (a, b, inverse, root, x)
+        end do
+    end subroutine test_definite
+
+    subroutine test_not_definite(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: a(:, :), inverse(:), v(:)
+        integer :: i, j, k, seed, stat
+
+        seed = 5
+        do i = 1, size(orders)
+            k = orders(i)
+            allocate (a(k, k), inverse(k), v(k))
+            call random_vector(seed, v)
+            ! Of rank one: the second minor is rounding.
+            do j = 1, k
+                a(:, j) = v*v(j)
+            end do
+            call factor_definite(k, k, a, inverse, stat)
+            call check_count(error, stat, merge(0, 2, k == 1), 'stat of a singular matrix')
+            if (allocated(error)) return
+            ! The last one negative.
+            a = 0.0_wp
+            do j = 1, k
+                a(j, j) = merge(-1.0_wp, 1.0_wp, j == k)
+            end do
+            call factor_definite(k, k, a, inverse, stat)
+            call check_count(error, stat, k, 'stat of an indefinite matrix')
+            if (allocated(error)) return
+            a = ieee_value(1.0_wp, ieee_quiet_nan)
+            call factor_definite(k, k, a, inverse, stat)
+            call check_count(error, stat, 1, 'stat of NaN')
+            if (allocated(error)) return
+            deallocate (a, inverse, v)
+        end do
+    end subroutine test_not_definite
+
+    subroutine test_near_diagonal(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: a(:, :), b(:), x(:)
+        integer :: i, j, k, seed, stat
+
+        seed = 23
+        do i = 1, size(orders)
+            k = orders(i)
+            allocate (a(k + 1, k), b(k), x(k))
+            call get_random(seed, k, a)
+            a = a/k
+            do j = 1, k
+                a(j, j) = a(j, j) + 2.0_wp
+            end do
+            call random_vector(seed, x)
+            b = matmul(a(:k, :), x)
+            call solve_near_diagonal(k, k + 1, a, b, stat)
+            call check_count(error, stat, 0, 'stat')
+            if (allocated(error)) return
+            call check_below(error, maxval(abs(b - x)), 1.0e-13_wp, 'the solution')
+            if (allocated(error)) return
+            deallocate (a, b, x)
+        end do
+    end subroutine test_near_diagonal
+
+    subroutine test_small_pivot(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: a(:, :), b(:)
+        integer :: i, j, k, stat
+
+        do i = 2, size(orders)
+            k = orders(i)
+            allocate (a(k, k), b(k), source=1.0_wp)
+            ! Columns 1 and 2 are nearly the same: the second pivot is 1e-4 of its diagonal entry.
+            do j = 3, k
+                a(:, j) = 0.0_wp
+                a(j, j) = 1.0_wp
+            end do
+            a(2, 2) = 1.0001_wp
+            call solve_near_diagonal(k, k, a, b, stat)
+            call check_count(error, stat, 2, 'stat')
+            if (allocated(error)) return
+            deallocate (a, b)
+        end do
+    end subroutine test_small_pivot
+
+    subroutine test_combination(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(combination_type) :: combination
+        real(wp) :: rate(2*lane, 13), weight(13), y(2*lane), expected(2*lane)
+        real(wp), parameter :: h = 0.3_wp
+        integer :: n, seed
+
+        seed = 7
+        call get_random(seed, 2*lane, rate)
+        do n = 0, 13
+            call random_vector(seed, weight)
+            call random_vector(seed, y)
+            ! Some are zero; what their columns hold must not matter.
+            where (weight < -0.5_wp) weight = 0.0_wp
+            expected = y + h*matmul(rate(:, :n), weight(:n))
+            call combination%set(weight(:n))
+            call combination%add(size(rate, 1), h, rate, y)
+            call check_below(error, maxval(abs(y - expected)), 1.0e-14_wp, 'the sum')
+            if (allocated(error)) return
+        end do
+        rate(:, 2) = ieee_value(1.0_wp, ieee_quiet_nan)
+        rate(:, 4:) = ieee_value(1.0_wp, ieee_quiet_nan)
+        y = 0.0_wp
+        call combination%set([1.0_wp, 0.0_wp, 2.0_wp, 0.0_wp])
+        call combination%add(size(rate, 1), h, rate, y)
+        call check_below(error, maxval(abs(y - h*(rate(:, 1) + 2*rate(:, 3)))), 1.0e-15_wp, 'a sum beside NaN')
+    end subroutine test_combination
+
+    subroutine test_add(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: x(13), y(13), z(13)
+        integer :: n, seed
+
+        seed = 3
+        call random_vector(seed, x)
+        call random_vector(seed, y)
+        do n = 0, 12
+            z = 9.0_wp
+            call add(n, x, y, z)
+            call check_true(error, all(abs(z(:n) - (x(:n) + y(:n))) <= 0.0_wp), 'the sums')
+            if (allocated(error)) return
+            call check_true(error, all(abs(z(n + 1:) - 9.0_wp) <= 0.0_wp), 'what is behind them')
+            if (allocated(error)) return
+        end do
+    end subroutine test_add
+
+    subroutine test_same(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: x(9), y(9)
+        integer :: i, n, seed
+
+        seed = 3
+        call random_vector(seed, x)
+        do n = 1, 9
+            call check_true(error, are_same(n, x, x), 'a vector is itself')
+            if (allocated(error)) return
+            do i = 1, n
+                y = x
+                y(i) = nearest(x(i), 1.0_wp)
+                call check_true(error, .not. are_same(n, x, y), 'another entry')
+                if (allocated(error)) return
+                y(i) = ieee_value(1.0_wp, ieee_quiet_nan)
+                call check_true(error, .not. are_same(n, y, y), 'NaN')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_same
+
+    subroutine test_finite(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: x(9), y(9)
+        integer :: i, n, seed
+
+        seed = 3
+        call random_vector(seed, x)
+        do n = 1, 9
+            call check_true(error, is_finite(n, x), 'a finite vector')
+            if (allocated(error)) return
+            do i = 1, 9
+                y = x
+                y(i) = ieee_value(1.0_wp, ieee_quiet_nan)
+                call check_true(error, is_finite(n, y) .eqv. i > n, 'NaN')
+                if (allocated(error)) return
+                y(i) = -ieee_value(1.0_wp, ieee_positive_inf)
+                call check_true(error, is_finite(n, y) .eqv. i > n, 'an infinity')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_finite
+end module test_small_systems
