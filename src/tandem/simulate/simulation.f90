@@ -123,7 +123,6 @@ module tandem_simulation
         procedure :: save_state
         procedure :: restore_state
         procedure, private :: advance
-        procedure, private :: note_dense_error
         procedure, private :: look_for_events
         procedure, private :: act_on_events
         procedure, private :: renew_values
@@ -272,12 +271,6 @@ module tandem_simulation
             real(wp), intent(in) :: t_limit
             type(error_type), allocatable, intent(out) :: error
         end subroutine advance
-
-        !> Take note of how well the dense output at the current state solves the equations of motion.
-        module subroutine note_dense_error(self)
-            implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
-        end subroutine note_dense_error
 
         !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
         module subroutine fail(self, stat, where_, error)
