@@ -174,7 +174,7 @@ contains
             where (weight < -0.5_wp) weight = 0.0_wp
             expected = y + h*matmul(rate(:, :n), weight(:n))
             call combination%set(weight(:n))
-            call combination%add(size(rate, 1), h, rate, y)
+            call combination%add(size(rate, 1), size(rate, 2), h, rate, y)
             call check_below(error, maxval(abs(y - expected)), 1.0e-14_wp, 'the sum')
             if (allocated(error)) return
         end do
@@ -182,7 +182,7 @@ contains
         rate(:, 4:) = ieee_value(1.0_wp, ieee_quiet_nan)
         y = 0.0_wp
         call combination%set([1.0_wp, 0.0_wp, 2.0_wp, 0.0_wp])
-        call combination%add(size(rate, 1), h, rate, y)
+        call combination%add(size(rate, 1), size(rate, 2), h, rate, y)
         call check_below(error, maxval(abs(y - h*(rate(:, 1) + 2*rate(:, 3)))), 1.0e-15_wp, 'a sum beside NaN')
     end subroutine test_combination
 

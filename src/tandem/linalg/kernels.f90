@@ -22,10 +22,10 @@ contains
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do b = 0, n - short, short
+        do b = 1, n/short
             !GCC$ UNROLL 1
-            do i = 1, short
-                z(b + i) = x(b + i) + y(b + i)
+            do i = (b - 1)*short + 1, b*short
+                z(i) = x(i) + y(i)
             end do
         end do
         !GCC$ NOVECTOR
@@ -154,7 +154,7 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
         real(wp) :: t1, t2, t3, t4
-        integer :: i
+        integer :: b, i
 
         ! Sums of their own, so that none waits for another.
         t1 = 0.0_wp
@@ -163,7 +163,8 @@ contains
         t4 = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = 4, n, 4
+        do b = 1, n/4
+            i = 4*b
             t1 = t1 + abs(x(i - 3))
             t2 = t2 + abs(x(i - 2))
             t3 = t3 + abs(x(i - 1))

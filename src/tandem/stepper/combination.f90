@@ -48,22 +48,20 @@ contains
     end subroutine set
 
     !> y := y + h times the combination.
-    pure subroutine add(self, height, h, rate, y)
+    pure subroutine add(self, height, n_rates, h, rate, y)
         class(combination_type), intent(in) :: self
-        !> Rows, a multiple of `lane`.
-        integer, intent(in) :: height
-        real(wp), intent(in) :: h
-        !> Rates, at least as many columns as there were weights.
-        real(wp), intent(in) :: rate(height, *)
+        !> Rows, a multiple of `lane`, and columns, at least as many as there were weights.
+        integer, intent(in) :: height, n_rates
+        real(wp), intent(in) :: h, rate(height, n_rates)
         real(wp), intent(inout) :: y(height)
 
-        call add_groups(self%n_groups, self%weight, self%column, height, h, rate, y)
+        call add_groups(self%n_groups, self%weight, self%column, height, n_rates, h, rate, y)
     end subroutine add
 
     !> The same, of plain arrays.
-    pure subroutine add_groups(n_groups, weight, column, height, h, rate, y)
-        integer, intent(in) :: n_groups, column(group, n_groups), height
-        real(wp), intent(in) :: weight(group, n_groups), h, rate(height, *)
+    pure subroutine add_groups(n_groups, weight, column, height, n_rates, h, rate, y)
+        integer, intent(in) :: n_groups, column(group, n_groups), height, n_rates
+        real(wp), intent(in) :: weight(group, n_groups), h, rate(height, n_rates)
         real(wp), intent(inout) :: y(height)
         real(wp) :: w1, w2, w3, w4
         integer :: b, c1, c2, c3, c4, g, i

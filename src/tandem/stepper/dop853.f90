@@ -151,7 +151,7 @@ contains
         x = (t - start%t)/h
         self%y = 0.0_wp
         do k = 4, 1, -1
-            call self%dense_sum(k)%add(size(self%rate, 1), h, self%rate, self%y)
+            call self%dense_sum(k)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
             self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%y
         end do
         associate (n => self%n, rate => self%rate)

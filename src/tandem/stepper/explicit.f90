@@ -124,7 +124,7 @@ contains
         end do
         if (stat == 0) then
             call load(n, state%dq, state%dqd, self%y)
-            call self%end_sum%add(size(self%rate, 1), h, self%rate, self%y)
+            call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
             !GCC$ UNROLL 1
             do i = 1, n
                 next%dq(i) = self%y(i)
@@ -162,13 +162,13 @@ contains
             stat = 0
             if (self%projects_stages) then
                 call load(n, state%dq, state%dqd, y)
-                call sum_before%add(size(rate, 1), h, rate, y)
+                call sum_before%add(size(rate, 1), size(rate, 2), h, rate, y)
                 call chart%restore_position(t, y(:n), self%q, stat)
                 if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
             else
                 ! From the state itself: the chart's origin and its u take no part.
                 call load(n, state%q, state%qd, y)
-                call sum_before%add(size(rate, 1), h, rate, y)
+                call sum_before%add(size(rate, 1), size(rate, 2), h, rate, y)
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(n + 1:2*n)
             end if
@@ -241,7 +241,7 @@ contains
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
 
         self%y = 0.0_wp
-        call self%estimate_sum(number)%add(size(self%rate, 1), h, self%rate, self%y)
+        call self%estimate_sum(number)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
         estimate_norm = weighted_norm(self%y(:self%n), self%y(self%n + 1:2*self%n), weight_q, weight_qd)
     end function estimate_norm
 

@@ -23,9 +23,9 @@ contains
         end if
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do b = 0, n - short, short
+        do b = 1, n/short
             !GCC$ UNROLL 1
-            do i = b + 1, b + short
+            do i = (b - 1)*short + 1, b*short
                 q(i) = origin(i) - ((u_basis(i, 1)*u(1) + u_basis(i, 2)*u(2)) + (u_basis(i, 3)*u(3) + u_basis(i, 4)*u(4)))
             end do
         end do
@@ -138,13 +138,14 @@ contains
         real(wp), intent(in) :: phi(nh), weight(nh)
         real(wp), intent(out) :: error, total
         real(wp) :: e1, e2, e3, e4
-        integer :: i
+        integer :: b, i
 
         error = 0.0_wp
         total = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = 4, nh, 4
+        do b = 1, nh/4
+            i = 4*b
             e1 = abs(phi(i - 3))*weight(i - 3)
             e2 = abs(phi(i - 2))*weight(i - 2)
             e3 = abs(phi(i - 1))*weight(i - 1)
