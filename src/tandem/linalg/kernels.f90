@@ -18,14 +18,15 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), y(n)
         real(wp), intent(out) :: z(n)
-        integer :: b, i
+        integer :: b, i, l
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do b = 1, n/short
+            l = (b - 1)*short
             !GCC$ UNROLL 1
-            do i = (b - 1)*short + 1, b*short
-                z(i) = x(i) + y(i)
+            do i = 1, short
+                z(l + i) = x(l + i) + y(l + i)
             end do
         end do
         !GCC$ NOVECTOR

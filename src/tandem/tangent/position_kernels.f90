@@ -24,9 +24,11 @@ contains
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do b = 1, n/short
+            l = (b - 1)*short
             !GCC$ UNROLL 1
-            do i = (b - 1)*short + 1, b*short
-                q(i) = origin(i) - ((u_basis(i, 1)*u(1) + u_basis(i, 2)*u(2)) + (u_basis(i, 3)*u(3) + u_basis(i, 4)*u(4)))
+            do i = 1, short
+                q(l + i) = origin(l + i) - ((u_basis(l + i, 1)*u(1) + u_basis(l + i, 2)*u(2)) + &
+                    (u_basis(l + i, 3)*u(3) + u_basis(l + i, 4)*u(4)))
             end do
         end do
         !GCC$ NOVECTOR
