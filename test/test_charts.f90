@@ -498,24 +498,29 @@ contains
         character(len=9), parameter :: steppers(2) = ['trapezoid', 'sdirk54  ']
         real(wp), allocatable :: state(:, :), first(:, :)
         real(wp), parameter :: bound(3, 2) = reshape([2.2e-6_wp, 2.5e-6_wp, 1.0e-6_wp, 1.4e-9_wp, 3.0e-10_wp, 1.5e-9_wp], [3, 2])
+        !> The least that Newton's iteration may be asked to leave. It stops one correction earlier or later by chance, and what it
+        !> leaves grows: with 1e-13 runs of the disk by the trapezoidal rule differ by 2e-11, with this by 2e-12.
+        real(wp), parameter :: of_newton = 1.0e-15_wp
         type(failure_type), allocatable :: failure
         type(options_type) :: options
         integer :: i, j, k, l, m
 
         do k = 1, size(scenes)
             do i = 1, size(steppers)
-                call run_to(trim(scenes(k)), choose(step=step(k), stepper=steppers(i)), t_end(k), first, failure)
+                options = choose(step=step(k), stepper=steppers(i))
+                options%intol = of_newton
+                call run_to(trim(scenes(k)), options, t_end(k), first, failure)
                 call check_no_failure(error, failure)
                 do j = 1, size(chart_policies)
                     do l = 1, size(refresh_modes)
                         do m = 1, size(basis_methods)
                             options = choose(step=step(k), stepper=steppers(i), chart=chart_policies(j), refresh=refresh_modes(l), &
                                 v_limit=v_limit(k))
+                            options%intol = of_newton
                             options%basis = basis_methods(m)
                             call run_to(trim(scenes(k)), options, t_end(k), state, failure)
                             call check_no_failure(error, failure)
-                            ! What Newton's tolerance of 1e-14 leaves in each stage, and the disk multiplies: 1.2e-11 has been seen.
-                            call check_close(error, state(:, 1), first(:, 1), merge(3.0e-11_wp, bound(k, i), &
+                            call check_close(error, state(:, 1), first(:, 1), merge(1.0e-11_wp, bound(k, i), &
                                 chart_policies(j) == 'every_step'), trim(scenes(k))//': q with '//trim(steppers(i))// &
                                 ', '//trim(chart_policies(j))//', '//refresh_modes(l)//', '//basis_methods(m))
                             if (allocated(error)) return
