@@ -103,10 +103,7 @@ contains
         if (self%mass_is_known) wanted = iand(wanted, not(need_mass))
         stat = 0
         if (wanted == 0) return
-        !GCC$ UNROLL 1
-        do i = 1, n_terms
-            counts%terms(i) = counts%terms(i) + term_count(i, wanted)
-        end do
+        counts%terms(:) = counts%terms + term_count(:, wanted)
         if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
         if (wanted == iand(wanted, self%model%provides) .and. .not. allocated(self%all_rows)) then
             ! The common case, without detours.
