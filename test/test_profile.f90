@@ -11,6 +11,7 @@ module test_profile
         observer_type, options_type, part_group, part_group_name, part_name, part_open, part_rows, part_start, part_watch, &
         profile_type, profiled_chart_type, profiled_model_type, profiled_observer_type, simulation_type, statistics_type, &
         stepper_names, term_name, terms_of_part, to_text, wp
+    use tandem_io_output_observers, only: observer_list_type
     use tandem_profile_parts, only: part_acceleration, part_control, part_correction, part_derivatives, part_energy, part_matrix, &
         part_multipliers, part_renew, part_terms
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -144,21 +145,25 @@ contains
         end do
     end subroutine test_segments
 
-    !> An observer's time is its own, with what it asks of the chart and the model.
+    !> An observer's time is its own, with what it asks of the chart and the model. Nested as for `tandem run --profile`: a list of
+    !> one that is timed, which is a list.
     subroutine test_observers(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run
         type(curious_type), target :: curious
-        type(profiled_observer_type) :: observer
+        type(profiled_observer_type), target :: observer
+        type(observer_list_type), target :: inner, outer
         type(failure_type), allocatable :: failure
         real(wp) :: own
 
         call make(run, 'disk')
         call set_up(run, options_of(1, .false.), .true., error)
-        observer%inner => curious
+        call inner%add(curious)
+        observer%inner => inner
         observer%profile => run%profile
         observer%part = part_rows
-        call run%simulation%integrate(n_steps*0.004_wp, failure, observer)
+        call outer%add(observer)
+        call run%simulation%integrate(n_steps*0.004_wp, failure, outer)
         call run%profile%finish()
         call check_no_failure(error, failure)
         if (allocated(error)) return

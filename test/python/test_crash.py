@@ -29,7 +29,9 @@ class Running(Case):
 
     def start(self, *arguments, limit=None):
         def prepare():
+            # Who calls the tests in the background or from `nohup` has these ignored.
             signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
             if limit:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 

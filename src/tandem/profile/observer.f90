@@ -23,8 +23,8 @@ module tandem_profile_observer
 
 contains
 
-    !> Forward.
-    subroutine observe(self, simulation, occasion, error)
+    !> Forward. What observes may be of this type again.
+    recursive subroutine observe(self, simulation, occasion, error)
         class(profiled_observer_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         !> `at_start`, `at_step`, `at_end` or `at_event`.

@@ -30,8 +30,8 @@ contains
         self%items = [self%items, item_type(observer)]
     end subroutine add
 
-    !> Call each in turn, also after an error; the first one counts.
-    subroutine observe(self, simulation, occasion, error)
+    !> Call each in turn, also after an error; the first one counts. One of them may be a list again.
+    recursive subroutine observe(self, simulation, occasion, error)
         class(observer_list_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         !> `at_start`, `at_step` or `at_end`.

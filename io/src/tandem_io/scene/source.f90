@@ -4,9 +4,10 @@
 module tandem_io_scene_source
     use tandem, only: error_type
     use tandem_status, only: status_invalid_option
+    use tandem_io_scene_lexer, only: scene_lexer_type
     use tandem_io_scene_text, only: to_toml
     use tomlf, only: toml_context, toml_error, toml_parser_config, toml_table
-    use tomlf_de_lexer, only: new_lexer_from_string, toml_lexer
+    use tomlf_de_lexer, only: new_lexer_from_string
     use tomlf_de_parser, only: parse
     implicit none (type, external)
     private
@@ -281,11 +282,11 @@ contains
         character(len=*), intent(in) :: name
         class(source_type), intent(inout) :: source
         type(error_type), allocatable, intent(out) :: error
-        type(toml_lexer) :: lexer
+        type(scene_lexer_type) :: lexer
         type(toml_error), allocatable :: parse_error
 
         ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
-        call new_lexer_from_string(lexer, with_short_ends(text)//new_line('a'))
+        call new_lexer_from_string(lexer%toml_lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
         call parse(lexer, source%root, toml_parser_config(color=.false.), source%context, parse_error)
         if (allocated(parse_error)) call set_input_error(error, without_level(parse_error%message))
