@@ -7,6 +7,7 @@ module test_linalg_elimination
     use tandem_linalg_elimination, only: elimination_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_positive_inf, ieee_quiet_nan, ieee_value
+    use, intrinsic :: ieee_exceptions, only: ieee_divide_by_zero, ieee_get_flag, ieee_set_flag
     implicit none (type, external)
     private
 
@@ -26,6 +27,7 @@ contains
             new_unittest('pivots-are-searched-anew-where-they-have-become-bad', test_turning_row), &
             new_unittest('a-turning-square-block-loses-no-digits', test_turning_block), &
             new_unittest('forget-searches-anew', test_forget), &
+            new_unittest('a-pivot-that-has-vanished-is-not-divided-by', test_vanished), &
             new_unittest('scales-choose-the-pivots', test_scale), &
             new_unittest('a-row-without-pivot-is-named', test_no_pivot), &
             new_unittest('what-is-not-finite-is-noticed-in-every-entry', test_not_finite), &
@@ -258,6 +260,29 @@ contains
         call elimination%get_null_space(d)
         call check_below(error, abs(d(1, 1) - 1), 0.0_wp, 'D with the second pivot')
     end subroutine test_forget
+
+    !> Programs that link the solver may stop at floating-point exceptions.
+    subroutine test_vanished(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        real(wp) :: c(2, 3)
+        logical :: was_raised
+        integer :: k, stat
+
+        do k = 1, 2
+            call elimination%allocate(2, 3)
+            c = reshape([2.0_wp, 0.0_wp, 0.0_wp, 2.0_wp, 1.0_wp, 1.0_wp], [2, 3])
+            call elimination%eliminate(c, spread(1.0_wp, 1, 3), stat)
+            c(k, k) = 0.0_wp
+            call ieee_set_flag(ieee_divide_by_zero, .false.)
+            call elimination%eliminate(c, spread(1.0_wp, 1, 3), stat)
+            call ieee_get_flag(ieee_divide_by_zero, was_raised)
+            call check_count(error, stat, 0, 'stat')
+            if (allocated(error)) return
+            call check_count(error, merge(1, 0, was_raised), 0, 'divisions by zero')
+            if (allocated(error)) return
+        end do
+    end subroutine test_vanished
 
     subroutine test_scale(error)
         type(error_type), allocatable, intent(out) :: error

@@ -202,22 +202,18 @@ contains
 
         call load(m, n, height, matrix, mask, order, copy, a)
         stat = 0
-        ! The next pivot is divided by while the columns lose this one.
         pivot = 1.0_wp
         if (m > 0) pivot = a(1, 1)
-        inverse = 1.0_wp/pivot
         do k = 1, m
             pivots(k) = pivot
             if (.not. (abs(pivot) > tiny(1.0_wp) .and. abs(pivot) <= huge(1.0_wp))) then
                 stat = k
                 return
             end if
-            f = inverse
-            if (k < m) then
-                pivot = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
-                inverse = 1.0_wp/pivot
-            end if
-            call take_pivot(k, n, height, f, unit, a, column)
+            inverse = 1.0_wp/pivot
+            ! The next pivot is known before the columns lose this one, so that the division by it need not wait for them.
+            if (k < m) pivot = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
+            call take_pivot(k, n, height, inverse, unit, a, column)
         end do
         call divide_rows(n, height, pivots, a, column)
         ! What is above its limit, row by row: not above 1 where all is well.

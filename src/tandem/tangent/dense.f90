@@ -121,13 +121,9 @@ module tandem_tangent_dense
         procedure, private, non_overridable :: refuse_infinite
         procedure, private, non_overridable :: split_here
         procedure, private, non_overridable :: split_fully
-        procedure, private, non_overridable :: start_without_basis
         procedure, private, non_overridable :: measure_split
-        procedure, private, non_overridable :: measure_origin
         procedure, private, non_overridable :: move_with
-        procedure, private, non_overridable :: load_bases
         procedure, private, non_overridable :: evaluate_gamma
-        procedure, private, non_overridable :: evaluate_derivatives
         procedure, private, non_overridable :: blame
         procedure, private, non_overridable :: blame_dependent
         procedure, private, non_overridable :: fail_term
@@ -146,13 +142,6 @@ module tandem_tangent_dense
             integer, intent(in), optional :: kept(:)
         end subroutine initialize
 
-        !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
-        module subroutine load_bases(self, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            integer, intent(out) :: stat
-        end subroutine load_bases
-
         !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
         module subroutine pack_state(self, pack)
             implicit none (type, external)
@@ -168,14 +157,6 @@ module tandem_tangent_dense
             real(wp), intent(in), contiguous :: q(:), qd(:)
             integer, intent(out) :: stat
         end subroutine renew
-
-        !> Where C has full rank by far, no basis is needed.
-        module subroutine start_without_basis(self, q, can)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in), contiguous :: q(:)
-            logical, intent(out) :: can
-        end subroutine start_without_basis
 
         !> Something failed here: was a term not finite, and which?
         module subroutine name_infinite(self, stat)
@@ -199,12 +180,6 @@ module tandem_tangent_dense
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
         end subroutine measure_split
-
-        !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
-        module subroutine measure_origin(self)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-        end subroutine measure_origin
 
         !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
         module logical function loses_rank_ahead(self, t, q, qd, h)
@@ -264,15 +239,6 @@ module tandem_tangent_dense
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
         end subroutine filter_error
-
-        !> The derivatives of the rows in use; rows that were dropped carry no load here.
-        module subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-            integer, intent(out) :: stat
-        end subroutine evaluate_derivatives
 
         !> lambda at (t, q, qd, qdd).
         module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
@@ -341,7 +307,6 @@ contains
         class(dense_chart_type), intent(in) :: self
         real(wp), intent(in), contiguous :: increment(:), q(:)
         real(wp), intent(out), contiguous :: left(:)
-
         logical :: is_rounding
 
         call self%position%find_remainder(self%q0, increment, q, self%scale, left, is_rounding)

@@ -27,7 +27,7 @@ contains
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
-        if (self%has_bases) call self%measure_origin()
+        if (self%has_bases) call measure_origin(self)
         call self%measure_split()
         if (allocated(self%dropped)) then
             call self%split_fully(stat)
@@ -69,7 +69,7 @@ contains
     end subroutine measure_split
 
     !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
-    module subroutine measure_origin(self)
+    subroutine measure_origin(self)
         class(dense_chart_type), intent(inout) :: self
         integer :: stat
 

@@ -111,9 +111,9 @@ contains
         end if
         is_done = .false.
         if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
-        if (self%skips_basis .and. split_stat == status_ok) call self%start_without_basis(q, is_done)
+        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, q, is_done)
         if (.not. is_done) then
-            call self%load_bases(stat)
+            call load_bases(self, stat)
             if (stat /= status_ok) return
             if (self%is_implicit) call self%stage%enter_chart()
             call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
@@ -133,7 +133,7 @@ contains
     end subroutine renew
 
     !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
-    module subroutine load_bases(self, stat)
+    subroutine load_bases(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
         integer :: columns, j
@@ -209,7 +209,7 @@ contains
     end subroutine pack_state
 
     !> Where C has full rank by far, no basis is needed.
-    module subroutine start_without_basis(self, q, can)
+    subroutine start_without_basis(self, q, can)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: q(:)
         logical, intent(out) :: can

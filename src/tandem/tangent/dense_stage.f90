@@ -19,7 +19,7 @@ contains
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%split%right_inverse, d => self%split%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
-            call self%evaluate_derivatives(t, q, qd, qdd, stat)
+            call evaluate_derivatives(self, t, q, qd, qdd, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
                 return
@@ -90,7 +90,7 @@ contains
     end subroutine filter_error
 
     !> The derivatives of the rows in use; rows that were dropped carry no load here.
-    module subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
+    subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
