@@ -29,6 +29,7 @@ program main
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_singular, only: collect_linalg_singular
     use test_linalg_solvers, only: collect_linalg_solvers
+    use test_mass_blocks, only: collect_mass_blocks
     use test_mechanisms, only: collect_mechanisms
     use test_model_check, only: collect_model_check
     use test_models, only: collect_models
@@ -73,6 +74,7 @@ program main
         new_testsuite('tangent', collect_tangent), &
         new_testsuite('small_systems', collect_small_systems), &
         new_testsuite('tangent_kernels', collect_tangent_kernels), &
+        new_testsuite('mass_blocks', collect_mass_blocks), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &
         new_testsuite('verification', collect_verification), &

@@ -161,7 +161,7 @@ contains
     subroutine test_combination(error)
         type(error_type), allocatable, intent(out) :: error
         type(combination_type) :: combination
-        real(wp) :: rate(2*lane, 13), weight(13), y(2*lane), expected(2*lane)
+        real(wp) :: rate(2*lane, 13), weight(13), x(2*lane), y(2*lane), expected(2*lane)
         real(wp), parameter :: h = 0.3_wp
         integer :: n, seed
 
@@ -169,20 +169,20 @@ contains
         call get_random(seed, 2*lane, rate)
         do n = 0, 13
             call random_vector(seed, weight)
-            call random_vector(seed, y)
+            call random_vector(seed, x)
             ! Some are zero; what their columns hold must not matter.
             where (weight < -0.5_wp) weight = 0.0_wp
-            expected = y + h*matmul(rate(:, :n), weight(:n))
+            expected = x + h*matmul(rate(:, :n), weight(:n))
             call combination%set(weight(:n))
-            call combination%add(size(rate, 1), size(rate, 2), h, rate, y)
+            call combination%add(size(rate, 1), size(rate, 2), h, rate, x, y)
             call check_below(error, maxval(abs(y - expected)), 1.0e-14_wp, 'the sum')
             if (allocated(error)) return
         end do
         rate(:, 2) = ieee_value(1.0_wp, ieee_quiet_nan)
         rate(:, 4:) = ieee_value(1.0_wp, ieee_quiet_nan)
-        y = 0.0_wp
+        x = 0.0_wp
         call combination%set([1.0_wp, 0.0_wp, 2.0_wp, 0.0_wp])
-        call combination%add(size(rate, 1), size(rate, 2), h, rate, y)
+        call combination%add(size(rate, 1), size(rate, 2), h, rate, x, y)
         call check_below(error, maxval(abs(y - h*(rate(:, 1) + 2*rate(:, 3)))), 1.0e-15_wp, 'a sum beside NaN')
     end subroutine test_combination
 

@@ -8,7 +8,8 @@ module test_tangent_kernels
     use tandem, only: wp
     use tandem_linalg_elimination, only: elimination_type, lane, short
     use tandem_linalg_kernels, only: copy
-    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place
+    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, &
+        refine_inverse
     use tandem_tangent_reduced, only: reduced_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -31,6 +32,8 @@ contains
             new_unittest('what-rounding-takes-from-a-place', test_rounding), &
             new_unittest('the-gram-matrix-of-the-first-rows-is-inverted', test_gram), &
             new_unittest('a-gram-matrix-of-dependent-rows-is-refused', test_no_gram), &
+            new_unittest('a-refinement-squares-what-an-inverse-lacks', test_refinement), &
+            new_unittest('an-inverse-of-elsewhere-is-not-refined', test_no_refinement), &
             new_unittest('products-with-padding', test_products)]
     end subroutine collect_tangent_kernels
 
@@ -259,6 +262,88 @@ contains
         call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
         call check_true(error, .not. can, 'refused where C is not finite')
     end subroutine test_no_gram
+
+    !> I - A B is its own square after the refinement B := B + B (I - A B), A = Phi_q U of another point.
+    subroutine test_refinement(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 9
+        real(wp) :: c(2*lane, n), moved(2*lane, n), one(n), column(n), before(7, 7), after(7, 7)
+        real(wp), allocatable :: u(:, :), b(:, :), product(:, :), residual(:, :), weight(:), pivots(:), work(:)
+        integer :: i, j, m, nh, seed, width
+        logical :: can
+
+        seed = 21
+        one = 1.0_wp
+        m = 8
+        do nh = 1, 7
+            width = short*((nh + short - 1)/short)
+            allocate (u(n, width), b(width, width), product(width, width), residual(width, width), weight(width), &
+                pivots(width), work(width))
+            c = 0.0_wp
+            do j = 1, n
+                call random_vector(seed, c(:m, j))
+                if (j <= m) c(j, j) = c(j, j) + 3.0_wp
+            end do
+            call invert_gram(n, nh, 2*lane, width, c, one, one, u, b, weight, pivots, work, can)
+            call check_true(error, can, 'can')
+            moved = c
+            do i = 1, m
+                call random_vector(seed, column)
+                moved(i, :) = moved(i, :) + 0.02_wp*column
+            end do
+            call set_lack(nh, moved, u, b, before)
+            call refine_inverse(n, nh, 2*lane, width, moved, u, weight, b, product, residual, can)
+            call check_true(error, can, 'refined')
+            call set_lack(nh, moved, u, b, after)
+            call check_true(error, maxval(abs(before(:nh, :nh))) > 1.0e-3_wp, 'it has moved')
+            call check_below(error, maxval(abs(after(:nh, :nh) - matmul(before(:nh, :nh), before(:nh, :nh)))), 1.0e-13_wp, 'square')
+            call check_below(error, sum(abs(b(nh + 1:, :))) + sum(abs(b(:, nh + 1:))), 0.0_wp, 'the padding')
+            if (allocated(error)) return
+            deallocate (u, b, product, residual, weight, pivots, work)
+        end do
+    end subroutine test_refinement
+
+    !> I - C U B of the first nh rows.
+    pure subroutine set_lack(nh, c, u, b, lack)
+        integer, intent(in) :: nh
+        real(wp), intent(in) :: c(:, :), u(:, :), b(:, :)
+        real(wp), intent(out) :: lack(:, :)
+        integer :: i
+
+        lack = 0.0_wp
+        lack(:nh, :nh) = -matmul(matmul(c(:nh, :), u(:, :nh)), b(:nh, :nh))
+        do i = 1, nh
+            lack(i, i) = lack(i, i) + 1.0_wp
+        end do
+    end subroutine set_lack
+
+    !> Far from its point, and where C is not finite, B stays as it is.
+    subroutine test_no_refinement(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 5, nh = 3
+        real(wp) :: c(lane, n), u(n, short), b(short, short), kept(short, short), product(short, short), residual(short, short)
+        real(wp) :: weight(short), pivots(short), work(short), one(n)
+        integer :: j, seed
+        logical :: can
+
+        seed = 22
+        one = 1.0_wp
+        c = 0.0_wp
+        do j = 1, n
+            call random_vector(seed, c(:nh, j))
+            if (j <= nh) c(j, j) = c(j, j) + 3.0_wp
+        end do
+        call invert_gram(n, nh, lane, short, c, one, one, u, b, weight, pivots, work, can)
+        kept = b
+        c(2, :) = 2*c(2, :)
+        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, can)
+        call check_true(error, .not. can, 'too far')
+        call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
+        c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
+        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, can)
+        call check_true(error, .not. can, 'not finite')
+        call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
+    end subroutine test_no_refinement
 
     !> The first rows of C y, and the first columns of B times x; copies of all lengths.
     subroutine test_products(error)

@@ -43,8 +43,9 @@ contains
                 call check_true(error, findings(i)%passed, trim(subject_names(k))//': '//trim(findings(i)%name)//', error '// &
                     format_real(findings(i)%error))
             end do
-            ! Phi_q, Phi_t, gamma, the symmetry of M, and five fused or eight single derivatives.
-            call check_count(error, size(findings), merge(12, 9, k == size(subject_names)), trim(subject_names(k))//': findings')
+            ! Phi_q, Phi_t, gamma, the symmetry of M and its blocks, and five fused or eight single derivatives.
+            call check_count(error, size(findings), merge(12, 9, k == size(subject_names)) + &
+                merge(1, 0, allocated(model%mass_blocks)), trim(subject_names(k))//': findings')
         end do
     end subroutine test_verify
 

@@ -169,17 +169,14 @@ contains
                     end do
                 end do
             else
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = 1, m
-                    f = matrix(first + i)
-                    copy(i, p) = f
-                    a(i, j) = f
-                end do
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = m + 1, height
-                    a(i, j) = 0.0_wp
+                ! At the end of C, what would be behind it is read from its last entry and masked.
+                do b = 0, height - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        f = matrix(min(first + b + i, m*n))*mask(b + i)
+                        copy(b + i, p) = f
+                        a(b + i, j) = f
+                    end do
                 end do
             end if
         end do

@@ -154,29 +154,27 @@ contains
     pure logical function is_finite(n, x)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
-        real(wp) :: t1, t2, t3, t4
+        real(wp) :: t(short), rest
         integer :: b, i
 
-        ! Sums of their own, so that none waits for another.
-        t1 = 0.0_wp
-        t2 = 0.0_wp
-        t3 = 0.0_wp
-        t4 = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do b = 1, n/4
-            i = 4*b
-            t1 = t1 + abs(x(i - 3))
-            t2 = t2 + abs(x(i - 2))
-            t3 = t3 + abs(x(i - 1))
-            t4 = t4 + abs(x(i))
+        do i = 1, short
+            t(i) = 0.0_wp
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do i = n - iand(n, 3) + 1, n
-            t1 = t1 + abs(x(i))
+        do b = 1, n/short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t(i) = t(i) + abs(x(short*(b - 1) + i))
+            end do
         end do
-        is_finite = (t1 + t2) + (t3 + t4) <= huge(1.0_wp)
+        rest = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, short - 1) + 1, n
+            rest = rest + abs(x(i))
+        end do
+        is_finite = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= huge(1.0_wp)
     end function is_finite
 
     !> C := A' B, A (l, m), B (l, n).

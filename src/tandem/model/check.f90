@@ -103,6 +103,13 @@ contains
             end if
         end if
 
+        if (allocated(model%mass_blocks)) then
+            if (any(model%mass_blocks < 1) .or. sum(model%mass_blocks) /= model%n) then
+                call refuse('mass_blocks are not positive sizes that add up to n', &
+                    'give the size of each diagonal block of M', error)
+            end if
+        end if
+
     contains
 
         subroutine check_length(name, found, expected)

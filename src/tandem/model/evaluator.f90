@@ -23,20 +23,31 @@ module tandem_model_evaluator
         !> The terms that the model has, a sum of need bits.
         integer :: has = 0
         !> The term that failed last, empty for the fused procedure.
-        character(len=12) :: failed_term = ''
+        character(len=20) :: failed_term = ''
         class(model_type), pointer, private :: model => null()
         !> Whether the mass matrix is constant and was evaluated; to be reset where a parameter has changed.
         logical :: mass_is_known = .false.
         !> Whether the mass matrix is believed to be symmetric: after the first one was, or where somebody else looks.
         logical :: mass_is_trusted = .false.
+        !> Whether nothing of it is to be looked at any more.
+        logical, private :: mass_is_settled = .false.
+        !> The terms that one call of the model's `evaluate` puts where they belong, a sum of need bits.
+        integer, private :: direct = 0
+        !> The first coordinates of the diagonal blocks of M, then n + 1 (n_blocks + 1 of n + 1).
+        integer, allocatable :: block_start(:)
+        integer :: n_blocks = 1
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
     contains
         procedure :: segment
         procedure :: initialize
         procedure :: evaluate
+        procedure, private :: evaluate_parts
+        procedure, private :: note_mass
         procedure, private :: take_kept
+        procedure, private :: take_blocks
         procedure, private :: judge_mass
+        procedure, private :: find_blocks
         procedure :: pack_state
     end type evaluator_type
 
@@ -53,6 +64,7 @@ contains
         self%model => model
         self%mass_is_known = .false.
         self%mass_is_trusted = .false.
+        self%mass_is_settled = .false.
         nh = model%n_holonomic
         nd = model%n_nonholonomic
         if (allocated(self%all_rows)) deallocate (self%all_rows)
@@ -65,7 +77,9 @@ contains
         end if
         call self%terms%allocate(model%n, nh, nd)
         self%part = spread(0.0_wp, 1, model%n)
+        call self%take_blocks()
         self%has = model%provides
+        self%direct = merge(0, model%provides, present(kept))
         if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
         if (model%n_constraints() > 0) self%has = ior(self%has, need_jacobian)
         if (associated(model%constraint_acceleration)) self%has = ior(self%has, need_gamma)
@@ -104,26 +118,95 @@ contains
         stat = 0
         if (wanted == 0) return
         counts%terms(:) = counts%terms + term_count(:, wanted)
-        if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
-        if (wanted == iand(wanted, self%model%provides) .and. .not. allocated(self%all_rows)) then
+        if (wanted == iand(wanted, self%direct)) then
             ! The common case, without detours.
+            counts%fused_calls = counts%fused_calls + 1
             call self%model%evaluate(wanted, t, q, qd, self%terms, stat)
             if (stat /= 0) self%failed_term = 'evaluate'
-        else if (allocated(self%all_rows)) then
+        else
+            call self%evaluate_parts(wanted, t, q, qd, counts, stat)
+        end if
+        if (stat /= 0) then
+            stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+        else if (iand(wanted, need_mass) /= 0 .and. .not. self%mass_is_settled) then
+            call self%note_mass(stat)
+        end if
+    end subroutine evaluate
+
+    !> Evaluate terms by several procedures, or with rows that are not in use.
+    subroutine evaluate_parts(self, wanted, t, q, qd, counts, stat)
+        class(evaluator_type), intent(inout) :: self
+        integer, intent(in) :: wanted
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(counts_type), intent(inout) :: counts
+        !> The procedure's own status.
+        integer, intent(out) :: stat
+
+        if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
+        if (allocated(self%all_rows)) then
             call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, self%failed_term, stat)
             if (stat == 0) call self%take_kept(wanted)
         else
             call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, self%failed_term, stat)
         end if
-        if (stat == 0) then
-            if (iand(wanted, need_mass) /= 0 .and. .not. self%mass_is_trusted) call self%judge_mass(stat)
-            if (iand(need, need_mass) /= 0) self%mass_is_known = self%model%constant_mass
-        else
-            stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
-        end if
-    end subroutine evaluate
+    end subroutine evaluate_parts
 
-    !> Refuse a mass matrix that is not symmetric. NaN are left to others.
+    !> Look at a mass matrix that was evaluated: the first one, or a constant one.
+    subroutine note_mass(self, stat)
+        class(evaluator_type), intent(inout) :: self
+        !> A status code.
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (.not. self%mass_is_trusted) call self%judge_mass(stat)
+        if (self%model%constant_mass) then
+            call self%find_blocks()
+            self%mass_is_known = .true.
+        else
+            self%mass_is_settled = .true.
+        end if
+    end subroutine note_mass
+
+    !> The blocks of M that the model tells of.
+    subroutine take_blocks(self)
+        class(evaluator_type), intent(inout) :: self
+        integer :: b
+
+        associate (n => self%model%n)
+            self%block_start = spread(n + 1, 1, n + 1)
+            self%block_start(1) = 1
+            self%n_blocks = 1
+            if (.not. allocated(self%model%mass_blocks)) return
+            self%n_blocks = size(self%model%mass_blocks)
+            do b = 1, self%n_blocks
+                self%block_start(b + 1) = self%block_start(b) + self%model%mass_blocks(b)
+            end do
+        end associate
+    end subroutine take_blocks
+
+    !> The smallest diagonal blocks that hold all entries of a constant M.
+    subroutine find_blocks(self)
+        class(evaluator_type), intent(inout) :: self
+        integer :: i, j, last
+
+        self%n_blocks = 0
+        last = 0
+        associate (mass => self%terms%mass)
+            do j = 1, size(mass, 1)
+                if (j > last) then
+                    self%n_blocks = self%n_blocks + 1
+                    self%block_start(self%n_blocks) = j
+                    last = j
+                end if
+                do i = last + 1, size(mass, 1)
+                    if (.not. (abs(mass(i, j)) <= 0.0_wp .and. abs(mass(j, i)) <= 0.0_wp)) last = i
+                end do
+            end do
+        end associate
+        self%block_start(self%n_blocks + 1) = size(self%block_start)
+    end subroutine find_blocks
+
+    !> Refuse a mass matrix that is not symmetric, or not zero outside of its blocks. NaN are left to others.
     subroutine judge_mass(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
@@ -131,7 +214,7 @@ contains
         !> Parts of the entries, and of the largest one, that rounding may make, in a model that computes them in its own way each.
         real(wp), parameter :: of_entry = 1.0e-6_wp, of_largest = 1.0e-12_wp
         real(wp) :: largest, allowed
-        integer :: i, j
+        integer :: b, i, j
 
         stat = status_ok
         self%mass_is_trusted = .true.
@@ -144,6 +227,16 @@ contains
                     stat = status_invalid_model
                     write (self%failed_term, '("mass(",i0,",",i0,")")') i, j
                     return
+                end do
+            end do
+            do b = 1, self%n_blocks - 1
+                do j = self%block_start(b), self%block_start(b + 1) - 1
+                    do i = self%block_start(b + 1), size(mass, 1)
+                        if (.not. abs(mass(i, j)) > 0.0_wp) cycle
+                        stat = status_invalid_model
+                        write (self%failed_term, '("outside(",i0,",",i0,")")') i, j
+                        return
+                    end do
                 end do
             end do
         end associate

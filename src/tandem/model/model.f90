@@ -37,6 +37,9 @@ module tandem_model
         integer :: n_nonholonomic = 0
         !> True where M does not depend on q: it is then evaluated once.
         logical :: constant_mass = .false.
+        !> Sizes of the diagonal blocks of M in their order, n in all, where every entry outside of them is zero at every q:
+        !> explicit steps leave those out. One block of n where not allocated. In a constant M they are found without being told.
+        integer, allocatable :: mass_blocks(:)
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.

@@ -2,7 +2,8 @@
 !> Checks every procedure of a model against differences of another one at random states: which is wrong, where, by how much.
 !>
 !> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only E, e, M and the
-!> forces themselves have nothing to be compared with; M is checked for symmetry. States need not satisfy the constraints.
+!> forces themselves have nothing to be compared with; M is checked for symmetry and blocks. States need not satisfy the
+!> constraints.
 module tandem_model_verification
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -141,7 +142,7 @@ contains
         end associate
     end subroutine differentiate
 
-    !> Phi_q, nu and gamma, and the symmetry of M.
+    !> Phi_q, nu and gamma, the symmetry and the blocks of M.
     subroutine compare_terms(evaluator, model, t, q, qd, parts, counts, findings, stat)
         type(evaluator_type), intent(inout) :: evaluator
         class(model_type), intent(in) :: model
@@ -162,8 +163,27 @@ contains
                 call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, findings)
             end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
+            if (allocated(model%mass_blocks)) then
+                call compare('mass_blocks', terms%mass, in_blocks(model%mass_blocks, terms%mass), findings)
+            end if
         end associate
     end subroutine compare_terms
+
+    !> A matrix without what is outside of its diagonal blocks.
+    pure function in_blocks(sizes, matrix) result(blocks)
+        integer, intent(in) :: sizes(:)
+        real(wp), intent(in) :: matrix(:, :)
+        real(wp) :: blocks(size(matrix, 1), size(matrix, 2))
+        integer :: b, first, last
+
+        blocks = 0.0_wp
+        first = 1
+        do b = 1, size(sizes)
+            last = first + sizes(b) - 1
+            blocks(first:last, first:last) = matrix(first:last, first:last)
+            first = last + 1
+        end do
+    end function in_blocks
 
     !> The single derivative procedures that the model has.
     subroutine compare_single(model, t, q, qd, qdd, lambda, parts, findings, stat)

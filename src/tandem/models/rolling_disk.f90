@@ -51,6 +51,8 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        ! The center, the Euler parameters, the contact's place on the rim.
+        self%mass_blocks = [1, 1, 1, 4, 1, 1]
         self%provides = need_phi + need_jacobian + need_gamma + need_mass + need_force
     end subroutine define
 

@@ -9,6 +9,7 @@ module tandem_profile_chart
     use tandem_profile_parts, only: part_acceleration, part_correction, part_energy, part_errors, part_filter, part_health, &
         part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
         part_velocity
+    use tandem_status, only: status_ok
     use tandem_tangent_chart, only: health_type
     use tandem_tangent_dense, only: dense_chart_type
     implicit none (type, external)
@@ -26,6 +27,7 @@ module tandem_profile_chart
         procedure :: restore_position
         procedure :: restore_velocity
         procedure :: solve_dynamics
+        procedure :: restore_motion
         procedure :: factor_stage
         procedure :: reuse_stage
         procedure :: correct_stage
@@ -104,6 +106,18 @@ contains
         call self%dense_chart_type%solve_dynamics(t, q, qd, qdd, stat)
         call self%profile%leave(mark)
     end subroutine solve_dynamics
+
+    subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+        real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+        integer, intent(out) :: stat
+
+        call self%restore_position(t, increment, q, stat)
+        if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
+        if (stat == status_ok) call self%solve_dynamics(t, q, qd, qdd, stat)
+    end subroutine restore_motion
 
     subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
         class(profiled_chart_type), intent(inout) :: self

@@ -26,7 +26,13 @@ contains
             end if
         end if
         if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
-            message = 'the mass matrix is not symmetric '//where_//', entry '//self%chart%failed_term
+            associate (term => self%chart%failed_term)
+                if (index(term, 'outside') == 1) then
+                    message = 'the mass matrix is not zero outside of mass_blocks '//where_//', entry mass'//term(8:)
+                else
+                    message = 'the mass matrix is not symmetric '//where_//', entry '//term
+                end if
+            end associate
         end if
         if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
             allocated(self%chart%failed_term)) then

@@ -47,25 +47,31 @@ contains
         end do
     end subroutine set
 
-    !> y := y + h times the combination.
-    pure subroutine add(self, height, n_rates, h, rate, y)
+    !> y := x + h times the combination.
+    pure subroutine add(self, height, n_rates, h, rate, x, y)
         class(combination_type), intent(in) :: self
         !> Rows, a multiple of `lane`, and columns, at least as many as there were weights.
         integer, intent(in) :: height, n_rates
-        real(wp), intent(in) :: h, rate(height, n_rates)
+        real(wp), intent(in) :: h, rate(height, n_rates), x(height)
         real(wp), intent(inout) :: y(height)
 
-        call add_groups(self%n_groups, self%weight, self%column, height, n_rates, h, rate, y)
+        call add_groups(self%n_groups, self%weight, self%column, height, n_rates, h, rate, x, y)
     end subroutine add
 
     !> The same, of plain arrays.
-    pure subroutine add_groups(n_groups, weight, column, height, n_rates, h, rate, y)
+    pure subroutine add_groups(n_groups, weight, column, height, n_rates, h, rate, x, y)
         integer, intent(in) :: n_groups, column(group, n_groups), height, n_rates
-        real(wp), intent(in) :: weight(group, n_groups), h, rate(height, n_rates)
+        real(wp), intent(in) :: weight(group, n_groups), h, rate(height, n_rates), x(height)
         real(wp), intent(inout) :: y(height)
         real(wp) :: w1, w2, w3, w4
         integer :: b, c1, c2, c3, c4, g, i
 
+        do b = 0, height - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                y(b + i) = x(b + i)
+            end do
+        end do
         do g = 1, n_groups
             w1 = h*weight(1, g)
             w2 = h*weight(2, g)

@@ -142,8 +142,9 @@ contains
         stat = 0
         h = arrived%t - start%t
         if (.not. self%has_extra) then
+            call self%take_start(start)
             do i = 1, 3
-                call self%set_stage(chart, start, h, start%t + self%extra_c(i)*h, self%extra_sum(i), 13 + i, stat)
+                call self%set_stage(chart, h, start%t + self%extra_c(i)*h, self%extra_sum(i), 13 + i, stat)
                 if (stat /= 0) return
             end do
             self%has_extra = .true.
@@ -151,8 +152,8 @@ contains
         x = (t - start%t)/h
         self%y = 0.0_wp
         do k = 4, 1, -1
-            call self%dense_sum(k)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
-            self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%y
+            call self%dense_sum(k)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y, self%part)
+            self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%part
         end do
         associate (n => self%n, rate => self%rate)
             call blend(x, h, self%y(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq)

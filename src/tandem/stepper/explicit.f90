@@ -28,8 +28,11 @@ module tandem_stepper_explicit
         !> Rates of the stages and at the end of the step (s + 1), and of the stages that dense output adds: those of the n
         !> coordinates, then those of the velocities, padded with zeros to a multiple of `lane`.
         real(wp), allocatable :: rate(:, :)
-        !> Increments, ordered alike.
+        !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
         real(wp), allocatable :: y(:)
+        real(wp), allocatable, private :: y_start(:)
+        !> Zeros, and work space, ordered alike.
+        real(wp), allocatable :: zero(:), part(:)
         integer :: n = 0
         !> How many stages dense output adds.
         integer :: n_extra = 0
@@ -43,6 +46,7 @@ module tandem_stepper_explicit
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
+        procedure :: take_start
         procedure :: set_stage
         procedure :: stiffness
         procedure, private :: estimate_norm
@@ -72,9 +76,12 @@ contains
         call self%set_tableau()
         s = size(self%b)
         self%n = n
-        if (allocated(self%rate)) deallocate (self%rate, self%y, self%q, self%defect)
+        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%q, self%defect)
         allocate (self%rate(lane*((2*n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
-        allocate (self%y(size(self%rate, 1)), self%q(n), self%defect(s + 1), source=0.0_wp)
+        associate (height => size(self%rate, 1))
+            allocate (self%y(height), self%y_start(height), self%zero(height), self%part(height), source=0.0_wp)
+        end associate
+        allocate (self%q(n), self%defect(s + 1), source=0.0_wp)
         !GCC$ UNROLL 1
         do i = 1, s
             self%defect(i) = 0.5_wp*self%c(i)**2 - dot_product(self%a(:i - 1, i), self%c(:i - 1))
@@ -113,31 +120,30 @@ contains
             self%rate(n + i, 1) = state%qdd(i)
         end do
         call chart%start_step(state%qdd)
+        call self%take_start(state)
         stat = 0
         !GCC$ UNROLL 1
         do i = 2, s
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
             chart%defect = h**2*self%defect(i)
-            call self%set_stage(chart, state, h, t, self%stage_sum(i), i, stat)
+            call self%set_stage(chart, h, t, self%stage_sum(i), i, stat)
             if (stat /= 0) exit
         end do
         if (stat == 0) then
-            call load(n, state%dq, state%dqd, self%y)
-            call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
+            ! Always from the increments: here the constraints are restored.
+            if (.not. self%projects_stages) call load(n, state%dq, state%dqd, self%y_start)
+            call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y_start, self%y)
             !GCC$ UNROLL 1
             do i = 1, n
                 next%dq(i) = self%y(i)
                 next%dqd(i) = self%y(n + i)
             end do
             chart%defect = h**2*self%defect(s + 1)
-            call chart%restore_position(next%t, next%dq, next%q, stat)
+            call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
         end if
         chart%defect = huge(1.0_wp)
         if (stat /= 0) return
-        call chart%restore_velocity(next%t, next%q, next%dqd, next%qd, stat)
-        if (stat /= 0) return
-        call chart%solve_dynamics(next%t, next%q, next%qd, next%qdd, stat)
         !GCC$ UNROLL 1
         do i = 1, n
             self%rate(i, s + 1) = next%qd(i)
@@ -145,12 +151,23 @@ contains
         end do
     end subroutine advance
 
-    !> Evaluate a stage: its rates from those before it.
-    subroutine set_stage(self, chart, state, h, t, sum_before, stage, stat)
+    !> Take note of where the stages start, before the first call of `set_stage` in a step.
+    subroutine take_start(self, state)
         class(explicit_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
+
+        if (self%projects_stages) then
+            call load(self%n, state%dq, state%dqd, self%y_start)
+        else
+            call load(self%n, state%q, state%qd, self%y_start)
+        end if
+    end subroutine take_start
+
+    !> Evaluate a stage: its rates from those before it.
+    subroutine set_stage(self, chart, h, t, sum_before, stage, stat)
+        class(explicit_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h, t
         !> What the rates before add up to.
         type(combination_type), intent(in) :: sum_before
@@ -159,20 +176,15 @@ contains
 
         associate (n => self%n, rate => self%rate, y => self%y)
             chart%is_stage = .true.
-            stat = 0
+            call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
             if (self%projects_stages) then
-                call load(n, state%dq, state%dqd, y)
-                call sum_before%add(size(rate, 1), size(rate, 2), h, rate, y)
-                call chart%restore_position(t, y(:n), self%q, stat)
-                if (stat == 0) call chart%restore_velocity(t, self%q, y(n + 1:2*n), rate(:n, stage), stat)
+                call chart%restore_motion(t, y(:n), y(n + 1:2*n), self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
             else
                 ! From the state itself: the chart's origin and its u take no part.
-                call load(n, state%q, state%qd, y)
-                call sum_before%add(size(rate, 1), size(rate, 2), h, rate, y)
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(n + 1:2*n)
+                call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
             end if
-            if (stat == 0) call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
             chart%is_stage = .false.
         end associate
     end subroutine set_stage
@@ -240,8 +252,7 @@ contains
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
 
-        self%y = 0.0_wp
-        call self%estimate_sum(number)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y)
+        call self%estimate_sum(number)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%zero, self%y)
         estimate_norm = weighted_norm(self%y(:self%n), self%y(self%n + 1:2*self%n), weight_q, weight_qd)
     end function estimate_norm
 

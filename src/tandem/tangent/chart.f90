@@ -3,7 +3,7 @@
 !>
 !> A stepper integrates increments from the chart's origin and asks the chart for the points that belong to them. It never
 !> sees a constraint or a basis. The order of the calls at a stage is fixed: `restore_position`, `restore_velocity`,
-!> `solve_dynamics`, all at the same time; each may use what the one before has evaluated.
+!> `solve_dynamics`, all at the same time; each may use what the one before has evaluated. `restore_motion` is the three in one.
 module tandem_tangent_chart
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -66,6 +66,7 @@ module tandem_tangent_chart
         procedure(restore_position_interface), deferred :: restore_position
         procedure(restore_velocity_interface), deferred :: restore_velocity
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
+        procedure(restore_motion_interface), deferred :: restore_motion
         procedure(factor_stage_interface), deferred :: factor_stage
         procedure(reuse_stage_interface), deferred :: reuse_stage
         procedure(matrix_cost_interface), deferred :: matrix_cost
@@ -192,6 +193,18 @@ module tandem_tangent_chart
             real(wp), intent(out) :: qdd(self%n)
             integer, intent(out) :: stat
         end subroutine solve_dynamics_interface
+
+        !> The point, velocity and acceleration that belong to increments, where nothing was evaluated yet.
+        subroutine restore_motion_interface(self, t, increment, increment_qd, q, qd, qdd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Increments of position and velocity (n).
+            real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+            real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_motion_interface
 
         !> Form and factor the Newton matrix of implicit stages at the last point of `solve_dynamics` (97).
         subroutine factor_stage_interface(self, t, q, qd, qdd, ha, stat)

@@ -111,12 +111,12 @@ contains
         end if
         is_done = .false.
         if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
-        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, q, is_done)
+        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, q, is_done)
         if (.not. is_done) then
             call load_bases(self, stat)
             if (stat /= status_ok) return
             if (self%is_implicit) call self%stage%enter_chart()
-            call self%position%start(self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            call self%position%start(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
             if (stat /= status_ok) return
         end if
         if (self%has_bases) then
@@ -209,8 +209,9 @@ contains
     end subroutine pack_state
 
     !> Where C has full rank by far, no basis is needed.
-    subroutine start_without_basis(self, q, can)
+    subroutine start_without_basis(self, t, q, can)
         class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:)
         logical, intent(out) :: can
         !> A smallest singular value above this needs no closer look.
@@ -223,7 +224,7 @@ contains
             can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
             if (.not. can) return
             self%independence = bound
-            call self%position%start_without_basis(e%height, e%matrix, q, self%scale, self%counts, can)
+            call self%position%start_without_basis(t, e%height, e%matrix, q, self%scale, self%counts, can)
         end associate
     end subroutine start_without_basis
 end submodule tandem_tangent_dense_setup

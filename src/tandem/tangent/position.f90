@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The position level of a chart: u with Phi(t, q0 + xi - U u) = 0 by Newton's iteration (17), and the matrix B = (Phi_q U)^-1
 !> (13) that it needs, factored once a step or refined at every point as in the paper (20). On a chart without bases
-!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion by Broyden's
-!> updates.
+!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
+!> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_tangent_position
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: short
@@ -13,13 +13,16 @@ module tandem_tangent_position
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
-    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, measure, multiply_columns, &
-        multiply_rows, place, set_row_weight
+    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, &
+        place, refine_inverse, set_row_weight
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
     private
 
     public :: position_type
+
+    !> Stands for an error or a part of it that nothing is known of.
+    real(wp), parameter :: unknown = 1.0e100_wp
 
     type :: position_type
         !> diag(s) U (n, width): nh columns, and zeros up to `width`.
@@ -40,15 +43,19 @@ module tandem_tangent_position
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
         !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
-        !> then what the corrections taught, if they did; the last Phi and the first u of an iteration (width); whether B is in use.
-        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), last_phi(:), first_u(:)
+        !> then what other points and corrections taught, if they did; the last Phi and the first u of an iteration (width);
+        !> whether B is in use; work space.
+        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
         logical, private :: has_learnt = .false., held_has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
-        !> By how much a correction has reduced the errors last.
-        real(wp), private :: rate = 1.0_wp, held_rate = 1.0_wp
+        !> The time that B belongs to and that of the origin. A correction with a B of age t leaves the part `ageing` t of an
+        !> error, as was seen last. How many corrections the last point took.
+        real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
+        integer, private :: n_taken = 0
         !> u and B while the caller looks elsewhere.
         real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
+        real(wp), private :: held_b_time = 0.0_wp, held_ageing = unknown
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
@@ -56,6 +63,7 @@ module tandem_tangent_position
         procedure :: start
         procedure :: start_without_basis
         procedure :: start_step
+        procedure :: follow
         procedure :: refresh
         procedure :: refine
         procedure :: restore
@@ -95,21 +103,23 @@ contains
         self%first_u = self%u
         self%u_start = self%u
         self%curvature = self%u
-        self%rate = 1.0_wp
+        self%ageing = unknown
         self%weight = self%u
         self%origin = spread(0.0_wp, 1, n)
         if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
-            self%held_gram, self%origin_gram)
+            self%held_gram, self%origin_gram, self%product, self%residual)
         allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
-        allocate (self%origin_gram(self%width, self%width), source=0.0_wp)
+        allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
+            self%residual(self%width, self%width), source=0.0_wp)
         allocate (self%u_basis(n, self%width), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
     end subroutine allocate_position
 
     !> Begin at the origin of a new chart; `u_basis` is set.
-    subroutine start(self, jacobian, q, scale, counts, stat)
+    subroutine start(self, t, jacobian, q, scale, counts, stat)
         class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
         !> C (m, n), q (n) and coordinate scales (n).
         real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
         type(counts_type), intent(inout) :: counts
@@ -119,15 +129,16 @@ contains
         stat = status_ok
         self%u = 0.0_wp
         if (self%nh == 0) return
-        call self%refresh(jacobian, q, scale, counts, stat)
+        call self%refresh(t, jacobian, q, scale, counts, stat)
         if (stat /= status_ok .or. .not. self%refines) return
         call self%factor(jacobian, counts, stat)
         if (stat == status_ok) call self%lu%invert(self%b%inverse)
     end subroutine start
 
     !> Begin at the origin of a new chart with U = diag(s)^2 Phi_q'.
-    subroutine start_without_basis(self, height, matrix, q, scale, counts, can)
+    subroutine start_without_basis(self, t, height, matrix, q, scale, counts, can)
         class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
         !> C with its columns padded (height, n).
         integer, intent(in) :: height
         real(wp), intent(in) :: matrix(height, self%n)
@@ -142,6 +153,8 @@ contains
         call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
             self%correction, self%z, can)
         self%has_gram = can
+        self%b_time = t
+        self%origin_time = t
         self%has_learnt = .false.
         call copy(size(self%gram), self%gram, self%origin_gram)
         counts%position_factorizations = counts%position_factorizations + 1
@@ -164,9 +177,31 @@ contains
         end if
     end subroutine start_step
 
-    !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
-    subroutine refresh(self, jacobian, q, scale, counts, stat)
+    !> Let B follow the motion to the point that was restored last, by one refinement (20), if that took many corrections.
+    subroutine follow(self, t, height, matrix, counts)
         class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> C at that point with its columns padded (height, n).
+        integer, intent(in) :: height
+        real(wp), intent(in) :: matrix(height, self%n)
+        type(counts_type), intent(inout) :: counts
+        !> A refinement costs about as much as a correction with its evaluation of Phi.
+        integer, parameter :: many = 3
+        logical :: can
+
+        if (self%n_taken < many .or. .not. (self%has_gram .and. self%predicts)) return
+        counts%b_corrections = counts%b_corrections + 1
+        call refine_inverse(self%n, self%nh, height, self%width, matrix, self%u_basis, self%weight, self%gram, self%product, &
+            self%residual, can)
+        if (.not. can) return
+        self%has_learnt = .true.
+        self%b_time = t
+    end subroutine follow
+
+    !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
+    subroutine refresh(self, t, jacobian, q, scale, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
@@ -175,6 +210,7 @@ contains
         if (self%nh == 0) return
         call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
         self%has_gram = .false.
+        self%b_time = t
         if (.not. self%refines) call self%factor(jacobian, counts, stat)
     end subroutine refresh
 
@@ -211,13 +247,12 @@ contains
         !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart. A look within a step that began
         !> with a prediction has none, and must not fail where the step did not.
         integer, parameter :: of_a_step = 40, of_a_look = 100
-        !> What a correction is trusted to do: this times what the last one did, and no less than rounding allows.
-        real(wp), parameter :: distrust = 10.0_wp
-        real(wp) :: error, total, first_error, last_error, utol
+        !> A correction is trusted to leave no more than this times what the age of its B and the error itself let expect. On the
+        !> disk it then left 4 times the tolerance at worst, with 5 in its place 36 times.
+        real(wp), parameter :: distrust = 8.0_wp
+        real(wp) :: age, error, total, first_error, last_error, utol
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
-        !> Stands for the error before the first one.
-        real(wp), parameter :: nothing_before = 1.0e100_wp
         logical :: learns, trusts
         integer :: i, k, limit
 
@@ -238,7 +273,9 @@ contains
             end do
         end if
         first_error = 0.0_wp
-        last_error = nothing_before
+        last_error = unknown
+        age = abs(t - self%b_time)
+        self%n_taken = 0
         utol = merge(self%stage_utol, self%utol, is_stage)
         trusts = is_stage .and. self%predicts
         !GCC$ NOVECTOR
@@ -246,14 +283,14 @@ contains
         do k = 0, limit
             call place(self%n, self%width, self%u_basis, self%u, self%origin, q)
             if (k > 0 .and. trusts) then
-                if (distrust*self%rate*last_error <= utol) return
+                if (distrust*(self%ageing*age + last_error)*last_error <= utol) return
             end if
             ! Phi does not depend on the velocity; q stands in for it.
             call model%evaluate(need_phi, t, q, q, counts, stat)
             if (stat /= status_ok) return
             call measure(self%nh, model%terms%phi, self%weight, error, total)
             ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
-            if (k == 1) self%rate = max(error, rounding)/last_error
+            if (k == 1 .and. age > 0.0_wp) self%ageing = max(error, rounding)/(last_error*age)
             if (error <= utol .and. total <= huge(1.0_wp)) return
             if (.not. total <= huge(1.0_wp)) then
                 model%failed_term = 'phi'
@@ -268,13 +305,14 @@ contains
                 ! What was learnt elsewhere does not serve here.
                 self%has_learnt = .false.
                 self%gram(:, :) = self%origin_gram
+                self%b_time = self%origin_time
                 self%u(:) = self%first_u
-                last_error = nothing_before
+                last_error = unknown
                 if (k < limit) cycle
             end if
             if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
             if (self%has_gram) then
-                learns = error < slow*last_error .and. last_error > noise .and. last_error < nothing_before
+                learns = error < slow*last_error .and. last_error > noise .and. last_error < unknown
                 self%has_learnt = self%has_learnt .or. learns
                 call correct(self%width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
                     self%correction, self%z)
@@ -287,6 +325,7 @@ contains
             end if
             last_error = error
             counts%position_corrections = counts%position_corrections + 1
+            self%n_taken = k + 1
             self%most_corrections = max(self%most_corrections, k + 1)
         end do
         stat = status_position_diverged
@@ -294,7 +333,10 @@ contains
         self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
-        if (self%has_learnt) self%gram(:, :) = self%origin_gram
+        if (self%has_learnt) then
+            self%gram(:, :) = self%origin_gram
+            self%b_time = self%origin_time
+        end if
         self%has_learnt = .false.
     end subroutine restore
 
@@ -303,7 +345,8 @@ contains
         class(position_type), intent(inout) :: self
 
         self%held_u = self%u
-        self%held_rate = self%rate
+        self%held_ageing = self%ageing
+        self%held_b_time = self%b_time
         self%held_has_learnt = self%has_learnt
         if (self%has_gram) self%held_gram(:, :) = self%gram
         if (self%refines) self%held_b = self%b%inverse
@@ -314,7 +357,8 @@ contains
         class(position_type), intent(inout) :: self
 
         self%u = self%held_u
-        self%rate = self%held_rate
+        self%ageing = self%held_ageing
+        self%b_time = self%held_b_time
         self%has_learnt = self%held_has_learnt
         if (self%has_gram) self%gram(:, :) = self%held_gram
         if (self%refines) self%b%inverse = self%held_b
@@ -397,7 +441,9 @@ contains
         call pack%item(self%u)
         call pack%item(self%u_start)
         call pack%item(self%curvature)
-        call pack%item(self%rate)
+        call pack%item(self%ageing)
+        call pack%item(self%b_time)
+        call pack%item(self%origin_time)
         call pack%item(self%gram)
         call pack%item(self%origin_gram)
         call pack%item(self%has_gram)

@@ -6,7 +6,7 @@ module tandem_tangent_position_kernels
     implicit none (type, external)
     private
 
-    public :: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, place, set_row_weight
+    public :: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, place, refine_inverse, set_row_weight
 
 contains
 
@@ -256,8 +256,10 @@ contains
         integer, intent(in) :: n, nh, height, width
         !> C (height, n), q, coordinate scales.
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        !> U, its Gram matrix' inverse, weights of the rows, work space.
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
+        !> U, the inverse of Phi_q U, weights of the rows, work space.
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), column(width)
+        !> The pivots of the elimination.
+        real(wp), intent(inout) :: pivots(width)
         !> False where the rows of Phi_q are nearly dependent.
         logical, intent(out) :: can
 
@@ -277,23 +279,124 @@ contains
         logical, intent(out) :: can
         !> The Gram matrix squares the condition of Phi_q: beyond 1e5 U is made an orthonormal basis.
         real(wp), parameter :: smallest_pivot = 1.0e-10_wp
+        integer :: b, k
+
+        do b = 0, width - short, short
+            call set_block(n, nh, height, width, b, c, q, scale, u, weight)
+        end do
+        call multiply(n, nh, height, width, c, u, gram)
+        if (nh < width) then
+            gram(nh + 1:, :) = 0.0_wp
+            gram(:, nh + 1:) = 0.0_wp
+        end if
+        do k = 1, width
+            pivots(k) = merge(smallest_pivot*gram(k, k), 1.0_wp, k <= nh)
+        end do
+        call invert(nh, width, gram, pivots, column, can)
+    end subroutine invert_gram_of
+
+    !> B := B + B (I - Phi_q U B), Newton's iteration (20) for the inverse once. What is beyond the nh rows and columns of B is zero
+    !> and stays so.
+    pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, can)
+        integer, intent(in) :: n, nh, height, width
+        !> C (height, n), U, weights of the rows.
+        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
+        !> B, work space.
+        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        !> False where B is too far from the inverse; it is as it was then.
+        logical, intent(out) :: can
+
+        if (width == short) then
+            call refine_inverse_of(n, nh, height, short, c, u, weight, b, a, e, can)
+        else
+            call refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, can)
+        end if
+    end subroutine refine_inverse
+
+    !> The same, for a given length.
+    pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, can)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
+        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        logical, intent(out) :: can
+        !> An entry of I - Phi_q U B, of weighted rows, above this: what would be left is no longer small.
+        real(wp), parameter :: too_far = 0.3_wp
+        integer :: i, j, s
+
+        call multiply(n, nh, height, width, c, u, a)
+        ! E = A B, then I - E.
+        call set_product(nh, width, a, b, e)
+        can = .true.
+        do j = 1, nh
+            e(j, j) = e(j, j) - 1.0_wp
+            do i = 1, nh
+                if (.not. abs(e(i, j))*weight(i) <= too_far*weight(j)) can = .false.
+            end do
+        end do
+        if (.not. can) return
+        call set_product(nh, width, b, e, a)
+        do j = 1, nh
+            do s = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    b(s + i, j) = b(s + i, j) - a(s + i, j)
+                end do
+            end do
+        end do
+    end subroutine refine_inverse_of
+
+    !> Y := A X, nh columns each.
+    pure subroutine set_product(nh, width, a, x, y)
+        integer, intent(in) :: nh
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: a(width, width), x(width, width)
+        real(wp), intent(inout) :: y(width, width)
+        integer :: i, j, l, s
+
+        do s = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, j) = (a(s + i, 1)*x(1, j) + a(s + i, 2)*x(2, j)) + (a(s + i, 3)*x(3, j) + a(s + i, 4)*x(4, j))
+                end do
+            end do
+            do l = short, width - short, short
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, nh
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = y(s + i, j) + ((a(s + i, l + 1)*x(l + 1, j) + a(s + i, l + 2)*x(l + 2, j)) + &
+                            (a(s + i, l + 3)*x(l + 3, j) + a(s + i, l + 4)*x(l + 4, j)))
+                    end do
+                end do
+            end do
+        end do
+    end subroutine set_product
+
+    !> A^-1 in place, A (width, width) of which nh rows and columns count, by elimination without a search.
+    pure subroutine invert(nh, width, a, pivots, column, can)
+        integer, intent(in) :: nh
+        integer, intent(in), value :: width
+        real(wp), intent(inout) :: a(width, width)
+        !> What pivots must exceed, positive numbers, then the pivots; work space.
+        real(wp), intent(inout) :: pivots(width), column(width)
+        !> False where one does not.
+        logical, intent(out) :: can
         !> Four neighbours of it are a part of a unit vector.
         real(wp), parameter :: one_at_0(-short:short) = [0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
         real(wp) :: f, inverse
         integer :: b, i, j, k, p
 
-        do b = 0, width - short, short
-            call add_block(n, nh, height, width, b, c, q, scale, u, gram, weight)
-        end do
         can = .true.
-        do k = 1, width
-            pivots(k) = merge(gram(k, k), 1.0_wp, k <= nh)
-        end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do k = 1, nh
-            f = gram(k, k)
-            can = f > smallest_pivot*pivots(k)
+            f = a(k, k)
+            can = f > pivots(k)
             if (.not. can) return
             pivots(k) = f
             inverse = 1.0_wp/f
@@ -302,18 +405,18 @@ contains
                 p = min(max(k - b, 0), short + 1)
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    column(b + i) = gram(b + i, k)*(1.0_wp - one_at_0(i - p))
-                    gram(b + i, k) = one_at_0(i - p)
+                    column(b + i) = a(b + i, k)*(1.0_wp - one_at_0(i - p))
+                    a(b + i, k) = one_at_0(i - p)
                 end do
             end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = 1, nh
-                f = gram(k, j)*inverse
+                f = a(k, j)*inverse
                 do b = 0, width - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
-                        gram(b + i, j) = gram(b + i, j) - column(b + i)*f
+                        a(b + i, j) = a(b + i, j) - column(b + i)*f
                     end do
                 end do
             end do
@@ -330,21 +433,20 @@ contains
             do b = 0, width - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    gram(b + i, j) = gram(b + i, j)*column(b + i)
+                    a(b + i, j) = a(b + i, j)*column(b + i)
                 end do
             end do
         end do
-    end subroutine invert_gram_of
+    end subroutine invert
 
-    !> Rows b + 1 to b + short of Phi_q: their weights, their columns of U, and what they give of Phi_q U, which is symmetric. Four
-    !> columns at a time, whose sums stay in registers.
-    pure subroutine add_block(n, nh, height, width, b, c, q, scale, u, gram, weight)
+    !> Rows b + 1 to b + short of Phi_q: their weights and their columns of U.
+    pure subroutine set_block(n, nh, height, width, b, c, q, scale, u, weight)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width, b
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width)
-        real(wp) :: row(short), mask(short), sums(short), g1(short), g2(short), g3(short), g4(short), magnitude, square
-        integer :: i, j, s
+        real(wp), intent(inout) :: u(n, width), weight(width)
+        real(wp) :: row(short), mask(short), sums(short), magnitude, square
+        integer :: i, j
 
         do i = 1, short
             mask(i) = merge(1.0_wp, 0.0_wp, b + i <= nh)
@@ -369,34 +471,58 @@ contains
         do i = 1, short
             weight(b + i) = 1.0_wp/sums(i)
         end do
+    end subroutine set_block
+
+    !> A = C U, the first `width` rows, nh columns. Four columns of C at a time, in one expression, as `multiply_all` in
+    !> `tandem_tangent_reduced_kernels`.
+    pure subroutine multiply(n, nh, height, width, c, u, a)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), u(n, width)
+        real(wp), intent(inout) :: a(width, width)
+        real(wp) :: u1, u2, u3, u4
+        integer :: i, j, l, rest, s
+
+        rest = iand(n, 3)
         do s = 0, width - short, short
-            do i = 1, short
-                g1(i) = 0.0_wp
-                g2(i) = 0.0_wp
-                g3(i) = 0.0_wp
-                g4(i) = 0.0_wp
-                mask(i) = merge(1.0_wp, 0.0_wp, s + i <= nh)
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, nh
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(s + i, l) = 0.0_wp
+                end do
             end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do j = 1, n
+            do j = 1, rest
+                !GCC$ NOVECTOR
                 !GCC$ UNROLL 1
-                do i = 1, short
-                    g1(i) = g1(i) + c(s + i, j)*u(j, b + 1)
-                    g2(i) = g2(i) + c(s + i, j)*u(j, b + 2)
-                    g3(i) = g3(i) + c(s + i, j)*u(j, b + 3)
-                    g4(i) = g4(i) + c(s + i, j)*u(j, b + 4)
+                do l = 1, nh
+                    u1 = u(j, l)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        a(s + i, l) = a(s + i, l) + c(s + i, j)*u1
+                    end do
                 end do
             end do
-            !GCC$ UNROLL 1
-            do i = 1, short
-                gram(s + i, b + 1) = g1(i)*mask(i)
-                gram(s + i, b + 2) = g2(i)*mask(i)
-                gram(s + i, b + 3) = g3(i)*mask(i)
-                gram(s + i, b + 4) = g4(i)*mask(i)
+            do j = rest + 1, n, 4
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = 1, nh
+                    u1 = u(j, l)
+                    u2 = u(j + 1, l)
+                    u3 = u(j + 2, l)
+                    u4 = u(j + 3, l)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        a(s + i, l) = a(s + i, l) + &
+                            ((c(s + i, j)*u1 + c(s + i, j + 1)*u2) + (c(s + i, j + 2)*u3 + c(s + i, j + 3)*u4))
+                    end do
+                end do
             end do
         end do
-    end subroutine add_block
+    end subroutine multiply
 
     !> The reciprocals of the natural scales of the rows of Phi.
     pure subroutine set_row_weight(m, n, nh, jacobian, q, scale, weight)

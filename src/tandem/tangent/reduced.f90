@@ -126,11 +126,13 @@ contains
     end subroutine restore_velocity
 
     !> The acceleration at the point of `load`.
-    subroutine solve(self, elimination, polishes, mass, gamma, force, qdd, stat)
+    subroutine solve(self, elimination, polishes, n_blocks, block_start, mass, gamma, force, qdd, stat)
         class(reduced_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
+        !> The diagonal blocks of M, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
         !> M (n, n), gamma (m), S + Q_A (n).
         real(wp), intent(in) :: mass(self%n, self%n), gamma(self%m), force(self%n)
         real(wp), intent(out) :: qdd(self%n)
@@ -139,8 +141,8 @@ contains
 
         associate (e => elimination)
             call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &
-                self%basis, polishes, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, self%z, self%r, self%x, &
-                qdd, stat)
+                self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, &
+                self%z, self%r, self%x, qdd, stat)
         end associate
         if (stat /= 0) then
             stat = status_singular_mass

@@ -141,9 +141,11 @@ contains
     end subroutine set_overlap
 
     !> The acceleration. stat > 0: D' M D is not positive definite.
-    pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, polishes, mass, gamma, force, basis_mass, &
-        reduced_mass, inverse, z, r, x, qdd, stat)
+    pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, polishes, n_blocks, block_start, mass, gamma, &
+        force, basis_mass, reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
+        !> The diagonal blocks of M, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
         !> C, C eliminated, D', M, gamma, S + Q_A.
@@ -154,12 +156,12 @@ contains
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
-            call multiply_all(short, n, n, 1, n, basis, mass, basis_mass)
+            call multiply_blocks(short, n, n_blocks, block_start, basis, mass, basis_mass)
             call multiply_all(short, n, k, short, 1, basis_mass, basis, reduced_mass)
             call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, polishes, gamma, force, basis_mass, reduced_mass, &
                 inverse, z, r, x, qdd, stat)
         else
-            call multiply_all(width, n, n, 1, n, basis, mass, basis_mass)
+            call multiply_blocks(width, n, n_blocks, block_start, basis, mass, basis_mass)
             call multiply_all(width, n, k, width, 1, basis_mass, basis, reduced_mass)
             call find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, gamma, force, basis_mass, &
                 reduced_mass, inverse, z, r, x, qdd, stat)
@@ -175,32 +177,29 @@ contains
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), gamma(m), force(n), basis_mass(width, n)
         real(wp), intent(inout) :: reduced_mass(width, k), inverse(k), z(width), r(height), x(height), qdd(n)
         integer, intent(out) :: stat
-        real(wp) :: f
-        integer :: b, i, j, p
+        integer :: b, i
 
         call factor_definite(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
-        ! R gamma, then D' (S + Q_A + M R gamma).
+        ! -R gamma, then D' (S + Q_A + M R gamma).
         call multiply(height, m, a, gamma, r)
-        call multiply(width, n, basis, force, z)
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, m
-            p = order(j)
-            f = r(j)
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    z(b + i) = z(b + i) + basis_mass(b + i, p)*f
-                end do
-            end do
-        end do
         do b = 0, height - short, short
             !GCC$ UNROLL 1
             do i = 1, short
                 r(b + i) = -r(b + i)
             end do
         end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, m
+            qdd(order(i)) = r(i)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = m + 1, n
+            qdd(order(i)) = 0.0_wp
+        end do
+        call set_difference(width, n, basis, force, basis_mass, qdd, z)
         call substitute(k, width, reduced_mass, inverse, z)
         call finish(m, n, k, height, order, c, a, polishes, gamma, 1.0_wp, z, r, x, qdd)
     end subroutine find_acceleration_of
@@ -332,6 +331,67 @@ contains
             end do
         end do
     end subroutine multiply_all
+
+    !> D' M, block by block.
+    pure subroutine multiply_blocks(width, n, n_blocks, block_start, basis, mass, basis_mass)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n, n_blocks, block_start(n_blocks + 1)
+        real(wp), intent(in) :: basis(width, n), mass(n, n)
+        real(wp), intent(inout) :: basis_mass(width, n)
+        real(wp) :: f
+        integer :: b, first, i, l, s
+
+        do b = 1, n_blocks
+            first = block_start(b)
+            l = block_start(b + 1) - first
+            if (l == 1) then
+                f = mass(first, first)
+                do s = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        basis_mass(s + i, first) = basis(s + i, first)*f
+                    end do
+                end do
+            else
+                call multiply_all(width, l, l, 1, n, basis(1, first), mass(first, first), basis_mass(1, first))
+            end if
+        end do
+    end subroutine multiply_blocks
+
+    !> z := A x - B y, A and B (width, n).
+    pure subroutine set_difference(width, n, a, x, b, y, z)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(width, n), x(n), b(width, n), y(n)
+        real(wp), intent(inout) :: z(width)
+        real(wp) :: x1, x2, y1, y2
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            x1 = x(1)
+            y1 = y(1)
+            if (iand(n, 1) == 0) then
+                x1 = 0.0_wp
+                y1 = 0.0_wp
+            end if
+            !GCC$ UNROLL 1
+            do i = 1, short
+                z(s + i) = a(s + i, 1)*x1 - b(s + i, 1)*y1
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1 + iand(n, 1), n, 2
+                x1 = x(j)
+                x2 = x(j + 1)
+                y1 = y(j)
+                y2 = y(j + 1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    z(s + i) = z(s + i) + ((a(s + i, j)*x1 + a(s + i, j + 1)*x2) - (b(s + i, j)*y1 + b(s + i, j + 1)*y2))
+                end do
+            end do
+        end do
+    end subroutine set_difference
 
     !> x := 0.
     pure subroutine clear(height, x)
