@@ -380,6 +380,8 @@ contains
         if (allocated(self%all_rows)) call self%all_rows%pack_state(pack)
         call pack%item(self%kept)
         call pack%item(self%mass_is_known)
+        call pack%item(self%n_blocks)
+        call pack%item(self%block_start)
         call pack%item(self%failed_term)
     end subroutine pack_state
 end module tandem_model_evaluator

@@ -290,7 +290,7 @@ contains
             if (stat /= status_ok) return
             call measure(self%nh, model%terms%phi, self%weight, error, total)
             ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
-            if (k == 1 .and. age > 0.0_wp) self%ageing = max(error, rounding)/(last_error*age)
+            if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(error, rounding)/(last_error*age)
             if (error <= utol .and. total <= huge(1.0_wp)) return
             if (.not. total <= huge(1.0_wp)) then
                 model%failed_term = 'phi'

@@ -365,7 +365,7 @@ contains
         real(wp), intent(in) :: a(width, n), x(n), b(width, n), y(n)
         real(wp), intent(inout) :: z(width)
         real(wp) :: x1, x2, y1, y2
-        integer :: i, j, s
+        integer :: i, j, l, s
 
         do s = 0, width - short, short
             x1 = x(1)
@@ -380,7 +380,8 @@ contains
             end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do j = 1 + iand(n, 1), n, 2
+            do l = 1, n/2
+                j = 2*l - 1 + iand(n, 1)
                 x1 = x(j)
                 x2 = x(j + 1)
                 y1 = y(j)
