@@ -114,6 +114,8 @@ contains
         real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
         integer, intent(out) :: stat
 
+        ! As in the chart itself: what is known of the last point is not looked at.
+        call self%forget()
         call self%restore_position(t, increment, q, stat)
         if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
         if (stat == status_ok) call self%solve_dynamics(t, q, qd, qdd, stat)

@@ -285,10 +285,7 @@ contains
             call set_block(n, nh, height, width, b, c, q, scale, u, weight)
         end do
         call multiply(n, nh, height, width, c, u, gram)
-        if (nh < width) then
-            gram(nh + 1:, :) = 0.0_wp
-            gram(:, nh + 1:) = 0.0_wp
-        end if
+        if (nh < width) gram(nh + 1:, :) = 0.0_wp
         do k = 1, width
             pivots(k) = merge(smallest_pivot*gram(k, k), 1.0_wp, k <= nh)
         end do
@@ -473,7 +470,7 @@ contains
         end do
     end subroutine set_block
 
-    !> A = C U, the first `width` rows, nh columns. Four columns of C at a time, in one expression, as `multiply_all` in
+    !> A = C U, the first `width` rows, nh columns, and zeros in those behind. Four columns of C at a time, in one expression, as `multiply_all` in
     !> `tandem_tangent_reduced_kernels`.
     pure subroutine multiply(n, nh, height, width, c, u, a)
         integer, intent(in) :: n, nh, height
@@ -487,7 +484,7 @@ contains
         do s = 0, width - short, short
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do l = 1, nh
+            do l = 1, width
                 !GCC$ UNROLL 1
                 do i = 1, short
                     a(s + i, l) = 0.0_wp
