@@ -470,8 +470,8 @@ contains
         end do
     end subroutine set_block
 
-    !> A = C U, the first `width` rows, nh columns, and zeros in those behind. Four columns of C at a time, in one expression, as `multiply_all` in
-    !> `tandem_tangent_reduced_kernels`.
+    !> A = C U, the first `width` rows, nh columns, and zeros in those behind. Four columns of C at a time, in one expression, as
+    !> `multiply_all` in `tandem_tangent_reduced_kernels`.
     pure subroutine multiply(n, nh, height, width, c, u, a)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
