@@ -72,6 +72,7 @@ module tandem_tangent_position
         procedure :: hold
         procedure :: release
         procedure :: pack_state
+        procedure, private :: forget_motion
         procedure, private :: set_phi_u
         procedure, private :: factor
     end type position_type
@@ -198,6 +199,15 @@ contains
         self%b_time = t
     end subroutine follow
 
+    !> Go back to the B of the chart's origin: where that is nearer in time, or what B has learnt since does not serve.
+    subroutine forget_motion(self)
+        class(position_type), intent(inout) :: self
+
+        self%gram(:, :) = self%origin_gram
+        self%b_time = self%origin_time
+        self%has_learnt = .false.
+    end subroutine forget_motion
+
     !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
     subroutine refresh(self, t, jacobian, q, scale, counts, stat)
         class(position_type), intent(inout) :: self
@@ -274,6 +284,7 @@ contains
         end if
         first_error = 0.0_wp
         last_error = unknown
+        if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
         age = abs(t - self%b_time)
         self%n_taken = 0
         utol = merge(self%stage_utol, self%utol, is_stage)
@@ -303,9 +314,7 @@ contains
                 self%first_u(:) = self%u
             else if (self%has_learnt .and. .not. error < last_error) then
                 ! What was learnt elsewhere does not serve here.
-                self%has_learnt = .false.
-                self%gram(:, :) = self%origin_gram
-                self%b_time = self%origin_time
+                call self%forget_motion()
                 self%u(:) = self%first_u
                 last_error = unknown
                 if (k < limit) cycle
@@ -333,11 +342,7 @@ contains
         self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
         ! Nothing of a failed iteration may reach the next step.
         self%u = 0.0_wp
-        if (self%has_learnt) then
-            self%gram(:, :) = self%origin_gram
-            self%b_time = self%origin_time
-        end if
-        self%has_learnt = .false.
+        if (self%has_learnt) call self%forget_motion()
     end subroutine restore
 
     !> Keep what the next step starts from, so that a look at another point leaves no trace.
