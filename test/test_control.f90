@@ -30,6 +30,7 @@ contains
             new_unittest('dop853-meets-its-budget-on-the-disk', test_disk_budget), &
             new_unittest('large-steps-are-not-lost-to-what-corrections-taught', test_large_steps), &
             new_unittest('the-motion-within-large-steps-can-be-looked-at', test_looks), &
+            new_unittest('a-look-far-from-the-last-stage-finds-its-point', test_flat_looks), &
             new_unittest('steppers-agree-on-a-nearly-flat-disk', test_flat), &
             new_unittest('every-tolerance-ends-on-the-disk-with-constraints-held', test_disk_tolerances), &
             new_unittest('the-vehicle-passes-its-breakpoint-at-every-tolerance', test_breakpoint), &
@@ -178,6 +179,37 @@ contains
         statistics = simulation%statistics()
         call check_true(error, statistics%failed <= 20, 'steps that could not be completed')
     end subroutine test_looks
+
+    !> Near the start of a step the B of its origin serves, not that of its end.
+    subroutine test_flat_looks(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: alpha = 1.0e-2_wp, pi = acos(-1.0_wp)
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9), precession, t_after, t_before, t_end
+        integer :: j
+
+        call disk%define()
+        precession = sqrt(disk%mass*disk%gravity*disk%radius/(disk%inertia(2)*sin(alpha)))
+        call disk%start([0.0_wp, 0.0_wp, 0.95_wp*precession*sin(alpha)], 0.5_wp*pi - alpha, q, qd)
+        t_end = 4*pi/precession
+        call simulation%initialize(disk, tolerance('dop853', 1.0e-6_wp), 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+        t_after = 0.0_wp
+        do while (t_after < t_end .and. .not. allocated(error))
+            t_before = t_after
+            call simulation%step(t_end, failure)
+            call check_no_failure(error, failure)
+            t_after = simulation%state%t
+            do j = 1, 31
+                call simulation%look_at(t_before + (t_after - t_before)*j/32, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+            end do
+            call simulation%look_back()
+        end do
+    end subroutine test_flat_looks
 
     !> Accelerations from 1e-3 to 1e4 make D' M D a matrix whose factors are noise in an unfortunate order of the coordinates.
     subroutine test_flat(error)
