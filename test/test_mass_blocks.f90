@@ -28,6 +28,7 @@ contains
         testsuite = [ &
             new_unittest('sizes-that-do-not-add-up-are-refused', test_sizes), &
             new_unittest('an-entry-outside-of-the-blocks-is-refused', test_outside), &
+            new_unittest('blocks-that-fit-the-start-alone-are-refused-later', test_later), &
             new_unittest('verification-finds-an-entry-outside', test_verification), &
             new_unittest('blocks-do-not-change-the-motion', test_motion), &
             new_unittest('the-blocks-of-a-constant-matrix-are-found', test_constant)]
@@ -66,6 +67,27 @@ contains
         call check_failure(error, failure, 'invalid_model', &
             'the mass matrix is not zero outside of mass_blocks at the start, entry mass(6,4)')
     end subroutine test_outside
+
+    !> Upright and at rest about one axis, M is diagonal; not so as soon as the disk turns.
+    subroutine test_later(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: charts(2) = [character(len=10) :: 'every_step', 'adaptive']
+        type(rolling_disk_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+        integer :: k
+
+        call model%define()
+        call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        model%mass_blocks = [4, 3, 2]
+        do k = 1, size(charts)
+            call run(simulation, model, choose(stepper='dop853', step=0.01_wp, chart=trim(charts(k))), 0.0_wp, q, qd, 1.0_wp, &
+                failure)
+            call check_failure(error, failure, 'invalid_model', 'the mass matrix is not zero outside of mass_blocks')
+            call check_below(error, simulation%state%t, 0.021_wp, 'it ends early')
+        end do
+    end subroutine test_later
 
     subroutine test_verification(error)
         type(error_type), allocatable, intent(out) :: error

@@ -46,6 +46,7 @@ module tandem_model_evaluator
         procedure, private :: note_mass
         procedure, private :: take_kept
         procedure, private :: take_blocks
+        procedure :: judge_blocks
         procedure, private :: judge_mass
         procedure, private :: find_blocks
         procedure :: pack_state
@@ -158,7 +159,10 @@ contains
         integer, intent(out) :: stat
 
         stat = status_ok
-        if (.not. self%mass_is_trusted) call self%judge_mass(stat)
+        if (.not. self%mass_is_trusted) then
+            call self%judge_mass(stat)
+            if (stat == status_ok) call self%judge_blocks(stat)
+        end if
         if (self%model%constant_mass) then
             call self%find_blocks()
             self%mass_is_known = .true.
@@ -206,7 +210,29 @@ contains
         self%block_start(self%n_blocks + 1) = size(self%block_start)
     end subroutine find_blocks
 
-    !> Refuse a mass matrix that is not symmetric, or not zero outside of its blocks. NaN are left to others.
+    !> Refuse a mass matrix that is not zero outside of the blocks that the model tells of: what is left out there would make the
+    !> motion another one. Of a constant M the blocks are its own.
+    subroutine judge_blocks(self, stat)
+        class(evaluator_type), intent(inout) :: self
+        !> `status_ok` or `status_invalid_model`.
+        integer, intent(out) :: stat
+        integer :: b, i, j
+
+        stat = status_ok
+        if (self%mass_is_known) return
+        do b = 1, self%n_blocks - 1
+            do j = self%block_start(b), self%block_start(b + 1) - 1
+                do i = self%block_start(b + 1), size(self%terms%mass, 1)
+                    if (.not. abs(self%terms%mass(i, j)) > 0.0_wp) cycle
+                    stat = status_invalid_model
+                    write (self%failed_term, '("outside(",i0,",",i0,")")') i, j
+                    return
+                end do
+            end do
+        end do
+    end subroutine judge_blocks
+
+    !> Refuse a mass matrix that is not symmetric. NaN are left to others.
     subroutine judge_mass(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
@@ -214,7 +240,7 @@ contains
         !> Parts of the entries, and of the largest one, that rounding may make, in a model that computes them in its own way each.
         real(wp), parameter :: of_entry = 1.0e-6_wp, of_largest = 1.0e-12_wp
         real(wp) :: largest, allowed
-        integer :: b, i, j
+        integer :: i, j
 
         stat = status_ok
         self%mass_is_trusted = .true.
@@ -227,16 +253,6 @@ contains
                     stat = status_invalid_model
                     write (self%failed_term, '("mass(",i0,",",i0,")")') i, j
                     return
-                end do
-            end do
-            do b = 1, self%n_blocks - 1
-                do j = self%block_start(b), self%block_start(b + 1) - 1
-                    do i = self%block_start(b + 1), size(mass, 1)
-                        if (.not. abs(mass(i, j)) > 0.0_wp) cycle
-                        stat = status_invalid_model
-                        write (self%failed_term, '("outside(",i0,",",i0,")")') i, j
-                        return
-                    end do
                 end do
             end do
         end associate

@@ -28,7 +28,8 @@ contains
         if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
             associate (term => self%chart%failed_term)
                 if (index(term, 'outside') == 1) then
-                    message = 'the mass matrix is not zero outside of mass_blocks '//where_//', entry mass'//term(8:)
+                    message = 'the mass matrix is not zero outside of mass_blocks '//where_//', entry mass'//term(8:)// &
+                        ': give larger blocks'
                 else
                     message = 'the mass matrix is not symmetric '//where_//', entry '//term
                 end if

@@ -127,6 +127,7 @@ module tandem_tangent_dense
         procedure, private, non_overridable :: blame
         procedure, private, non_overridable :: blame_dependent
         procedure, private, non_overridable :: fail_term
+        procedure, private, non_overridable :: judge_blocks
         procedure, private, non_overridable :: name_infinite
     end type dense_chart_type
 
@@ -411,6 +412,7 @@ contains
 
         self%failed_row = 0
         call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%judge_blocks(stat)
         if (stat == status_ok) then
             self%step_jacobian(:, :) = self%model%terms%jacobian
             call self%position%refresh(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
@@ -466,6 +468,17 @@ contains
         self%failed_value = value
         if (row > 0 .and. allocated(self%dropped)) self%failed_row = self%model%kept(row)
     end subroutine blame
+
+    !> Refuse M at the start of a step if it is not zero outside of its blocks.
+    subroutine judge_blocks(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%model%n_blocks == 1) return
+        call self%model%judge_blocks(stat)
+        if (stat /= status_ok) call self%fail_term()
+    end subroutine judge_blocks
 
     !> Remember which term of the model failed.
     subroutine fail_term(self)

@@ -100,6 +100,8 @@ contains
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
         if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
+        ! A promise that was kept at the start may be broken later.
+        if (stat == status_ok) call self%judge_blocks(stat)
         if (stat /= status_ok) return
         call copy(self%m*self%n, self%model%terms%jacobian, self%step_jacobian)
         split_stat = status_ok
