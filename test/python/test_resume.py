@@ -7,8 +7,10 @@ TANDEM_SEED chooses the moments. What issue 8 asks for is TANDEM_KILLS=20 python
 
 import os
 import random
+import shutil
 import signal
 import subprocess
+import sys
 import time
 import unittest
 
@@ -41,6 +43,34 @@ VARIANTS = [
     "output.interval=0.0137",
     'output.fields=["q","qd","lambda","kinetic_energy","step","chart"]',
 ]
+COMPILER = shutil.which("cc") or shutil.which("gcc")
+# Kills the program instead of its KILL_AT-th change of an HDF5 file, and says how many there were.
+KILLER = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+static long changes;
+static void count(int file)
+{
+    char link[32], path[4096];
+    const char *at = getenv("KILL_AT");
+    long length;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", file);
+    length = readlink(link, path, sizeof path);
+    if (length > 3 && memcmp(path + length - 3, ".h5", 3) == 0 && ++changes == (at ? atol(at) : 0))
+        kill(getpid(), SIGKILL);
+}
+#define REAL(name) ((__typeof__(name) *)dlsym(RTLD_NEXT, #name))
+ssize_t pwrite(int file, const void *from, size_t size, off_t at) { count(file); return REAL(pwrite)(file, from, size, at); }
+ssize_t pwrite64(int file, const void *from, size_t size, off64_t at) { count(file); return REAL(pwrite64)(file, from, size, at); }
+int ftruncate(int file, off_t size) { count(file); return REAL(ftruncate)(file, size); }
+int ftruncate64(int file, off64_t size) { count(file); return REAL(ftruncate64)(file, size); }
+__attribute__((destructor)) static void report(void) { fprintf(stderr, "changes: %ld\n", changes); }
+"""
 # What depends on the clock, and what says that a run was taken up.
 CLOCK = {"wall_seconds", "cpu_seconds", "global_error_seconds"}
 HISTORY = {"created", "command", "resumed", "scene", "status_message"}
@@ -167,6 +197,52 @@ class Killed(Resume):
         words = ["time.end=0.05", "output.every=3", "output.flush=0"]
         for _ in range(KILLS):
             self.chain("rolling_disk", words, signal.SIGKILL, 3)
+
+
+@unittest.skipUnless(COMPILER and sys.platform == "linux", "wants a C compiler and Linux")
+class KilledBetweenWrites(Resume):
+    """A run that is killed before it changes its file for the n-th time, for every n of its end and of a new beginning."""
+
+    RUN = ["rolling_disk", *settings(["time.end=0.2", "solver.stepper=rk4", "solver.step=1e-3", "output.flush=0"]), "--quiet"]
+
+    def setUp(self):
+        super().setUp()
+        (self.folder / "killer.c").write_text(KILLER, encoding="utf-8")
+        subprocess.run([COMPILER, "-shared", "-fPIC", "-o", "killer.so", "killer.c", "-ldl"], cwd=self.folder, check=True)
+
+    def call(self, *arguments, at=0):
+        return subprocess.run([TANDEM, *arguments], cwd=self.folder, capture_output=True, text=True, timeout=60,
+                              env=os.environ | {"LD_PRELOAD": str(self.folder / "killer.so"), "KILL_AT": str(at),
+                                                "OPENBLAS_NUM_THREADS": "1"})
+
+    def check(self, begin, *arguments, first, last):
+        """Kill at the first and at the last changes of the file; what is left goes on to the same end."""
+        begin()
+        done = self.call(*arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        changes = [int(line.split()[1]) for line in done.stderr.splitlines() if line.startswith("changes:")]
+        if not changes:
+            self.skipTest("programs cannot be preloaded here")
+        self.assertGreater(changes[-1], first + last)
+        for at in (*range(1, first + 1), *range(changes[-1] - last + 1, changes[-1] + 1)):
+            with self.subTest(at=at, of=changes[-1]):
+                begin()
+                self.assertEqual(self.call(*arguments, at=at).returncode, -signal.SIGKILL)
+                on = run("resume", "parts.h5", "--quiet", "--no-error", *settings(["solver.max_steps=100000"]), cwd=self.folder)
+                self.assertTrue(on.returncode == 0 or "is complete" in on.stderr, on.stderr)
+                self.assert_same("whole.h5", "parts.h5")
+                with h5py.File(self.folder / "parts.h5") as file:
+                    self.assertEqual(file.attrs["status"], "complete")
+
+    def test_the_end_of_a_run(self):
+        self.tandem("run", *self.RUN, "--no-error", "--output", "whole.h5")
+        self.check(lambda: None, "run", *self.RUN, "--no-error", "--output", "parts.h5", "--force", first=0, last=20)
+
+    def test_a_run_that_goes_on(self):
+        self.tandem("run", *self.RUN, "--no-error", "--output", "whole.h5")
+        self.tandem("run", *self.RUN, "--no-error", "--output", "part.h5", *settings(["solver.max_steps=100"]), code=1)
+        self.check(lambda: shutil.copy(self.folder / "part.h5", self.folder / "parts.h5"), "resume", "parts.h5", "--quiet",
+                   "--no-error", *settings(["solver.max_steps=100000"]), first=20, last=20)
 
 
 class Signalled(Resume):

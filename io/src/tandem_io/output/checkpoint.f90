@@ -31,8 +31,8 @@ module tandem_io_output_checkpoint
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
         real(wp) :: energy(2) = 0.0_wp
-        !> Whether the file says how the run has ended, and whether that it has reached its end.
-        logical :: has_outcome = .false., is_complete = .false.
+        !> Whether the file says that the run has reached its end.
+        logical :: is_complete = .false.
         !> How often the run was taken up before.
         integer :: times_resumed = 0
         !> Running number.
@@ -123,7 +123,7 @@ contains
         type(snapshot_type) :: candidate
         type(pack_type) :: pack
         integer(long), allocatable :: words(:)
-        integer(long) :: format, outcome
+        integer(long) :: format
         logical :: is_there
         character(len=96) :: problem, first_problem
         character(len=64) :: reason
@@ -152,11 +152,9 @@ contains
             if (size(words) > 0 .or. first_problem == '') first_problem = problem
             if (problem == '' .and. candidate%number > snapshot%number) snapshot = candidate
         end do
-        call file%get_attribute('/report', 'status_code', outcome, is_there)
         call file%get_text('/', 'status', status)
         call file%close()
-        snapshot%has_outcome = is_there .or. status /= 'running'
-        snapshot%is_complete = is_there .and. outcome == 0
+        snapshot%is_complete = status == 'complete'
         if (snapshot%number > 0) return
         if (allocated(file%problem)) first_problem = 'it has no checkpoint, or is damaged'
         call refuse(trim(first_problem))

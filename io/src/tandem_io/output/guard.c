@@ -97,18 +97,24 @@ static void put_number(unsigned char *bytes, int size, uint64_t number)
         bytes[i] = (unsigned char)(number >> 8 * i);
 }
 
+/* Read the superblock, if it is one as we know it. */
+static int read_superblock(int file, unsigned char *bytes, struct stat *about)
+{
+    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
+
+    return pread(file, bytes, superblock, 0) == superblock && memcmp(bytes, signature, sizeof signature) == 0 &&
+           bytes[version_at] == 3 && bytes[sizes_at] == 8 && bytes[sizes_at + 1] == 8 && fstat(file, about) == 0;
+}
+
 /* Remove the marks of a writer from the superblock, and let the file end where it says, or at `end` if that is later: before a
    flush, so that what the flush brings is never behind the end. What is no superblock as we know it is left alone. */
 void tandem_guard_mend(int file, int64_t end)
 {
-    static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
     unsigned char bytes[superblock];
     struct stat about;
     uint64_t last;
 
-    if (pread(file, bytes, superblock, 0) != superblock || memcmp(bytes, signature, sizeof signature) != 0)
-        return;
-    if (bytes[version_at] != 3 || bytes[sizes_at] != 8 || bytes[sizes_at + 1] != 8 || fstat(file, &about) != 0)
+    if (!read_superblock(file, bytes, &about))
         return;
     last = number_at(bytes + end_at, 8);
     if (bytes[marks_at] == 0 && end <= (int64_t)last && last <= (uint64_t)about.st_size)
@@ -124,6 +130,20 @@ void tandem_guard_mend(int file, int64_t end)
     put_number(bytes + checksum_at, 4, checksum(bytes));
     /* A failure leaves the mark, with which the file can be read by those who ask for it (SWMR). */
     if (pwrite(file, bytes, superblock, 0) != superblock)
+        return;
+}
+
+/* Cut off what lies behind the end that the superblock states: room that was taken for rows and not used. */
+void tandem_guard_trim(int file)
+{
+    unsigned char bytes[superblock];
+    struct stat about;
+    uint64_t last;
+
+    if (!read_superblock(file, bytes, &about))
+        return;
+    last = number_at(bytes + end_at, 8);
+    if (last < (uint64_t)about.st_size && number_at(bytes + checksum_at, 4) == checksum(bytes) && ftruncate(file, (off_t)last) != 0)
         return;
 }
 

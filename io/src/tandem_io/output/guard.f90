@@ -15,6 +15,7 @@ module tandem_io_output_guard
     contains
         procedure :: take
         procedure :: mend
+        procedure :: trim => trim_file
         procedure :: is_there
         procedure :: release
     end type guard_type
@@ -33,6 +34,12 @@ module tandem_io_output_guard
             integer(c_int), value :: file
             integer(c_int64_t), value :: end
         end subroutine c_mend
+
+        subroutine c_trim(file) bind(c, name='tandem_guard_trim')
+            import :: c_int
+            implicit none (type, external)
+            integer(c_int), value :: file
+        end subroutine c_trim
 
         subroutine c_release(file) bind(c, name='tandem_guard_release')
             import :: c_int
@@ -88,6 +95,13 @@ contains
 
         if (self%file >= 0) call c_mend(self%file, end)
     end subroutine mend
+
+    !> Let a file that is closed end where it says.
+    subroutine trim_file(self)
+        class(guard_type), intent(in) :: self
+
+        if (self%file >= 0) call c_trim(self%file)
+    end subroutine trim_file
 
     !> Whether the file still stands where it was made; true where there is no guard.
     logical function is_there(self)

@@ -8,9 +8,10 @@
 module tandem_io_output_hdf5
     use hdf5, only: h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdwr_f, &
         h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
-        h5open_f, h5p_dataset_create_f, h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5s_select_set_f, h5s_unlimited_f, &
-        h5sclose_f, h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, &
-        h5t_str_nullpad_f, h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
+        h5open_f, h5p_dataset_create_f, h5p_file_create_f, h5p_group_create_f, h5pclose_f, h5pcreate_f, &
+        h5pset_attr_phase_change_f, h5pset_chunk_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, &
+        h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, &
+        h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_io_output_access, only: end_of, make_access, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
@@ -20,6 +21,10 @@ module tandem_io_output_hdf5
     private
 
     public :: hdf5_type, start_library
+
+    !> Up to so many attributes stand in the header of their group, whose pieces HDF5 writes such that they are whole at every
+    !> moment. What it has for many attributes else is not.
+    integer, parameter :: most_attributes = 1000
 
     type :: hdf5_type
         !> The first failure; not allocated while all is well.
@@ -41,6 +46,8 @@ module tandem_io_output_hdf5
         ! Attributes.
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
+        procedure :: reserve
+        procedure :: detach_all
         procedure :: get_attribute
         procedure :: get_text
         procedure :: replace_text
@@ -150,7 +157,7 @@ module tandem_io_output_hdf5
             integer(long), intent(in) :: rows
         end subroutine cut
 
-        !> Remove a group with all that it holds.
+        !> Remove a group with all that it holds, if it is there.
         module subroutine remove(self, path)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -190,6 +197,24 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: values(:)
         end subroutine attach_strings
 
+        !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
+        !> once.
+        module subroutine reserve(self, path, bytes, meaning)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> About 40 and its value an attribute; at most 64000.
+            integer, intent(in) :: bytes
+            character(len=*), intent(in) :: meaning
+        end subroutine reserve
+
+        !> Take all attributes but the meaning from an object.
+        module subroutine detach_all(self, path)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+        end subroutine detach_all
+
         !> Read an attribute that is a whole number; 0 where there is none.
         module subroutine get_attribute(self, path, name, value, is_there)
             implicit none (type, external)
@@ -200,7 +225,7 @@ module tandem_io_output_hdf5
             logical, intent(out) :: is_there
         end subroutine get_attribute
 
-        !> Read an attribute that is a text; blank where there is none.
+        !> Read an attribute that is a text; blank where there is none that can be read.
         module subroutine get_text(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -268,7 +293,7 @@ contains
         !> Whether `start_appending` will be called; default false.
         logical, intent(in), optional :: grows
         logical :: grows_
-        integer(hid_t) :: access
+        integer(hid_t) :: access, properties
         integer :: stat
 
         call start_library(stat)
@@ -278,13 +303,17 @@ contains
         if (present(grows)) grows_ = grows
         call make_access(access, grows_)
         call forget_reason()
-        call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, access_prp=access)
+        call h5pcreate_f(h5p_file_create_f, properties, stat)
+        call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
+        call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, properties, access)
         call self%note(stat, 'create '//path)
+        call h5pclose_f(properties, stat)
         call h5pclose_f(access, stat)
     end subroutine create
 
-    !> From now on only rows are appended, and whatever ends the program leaves a file that holds what the last flush has brought
-    !> to it (HDF5's "single writer, multiple readers"). Groups, datasets and attributes must be there before.
+    !> From now on only rows are appended and attributes written, and whatever ends the program leaves a file that holds what the
+    !> last flush has brought to it (HDF5's "single writer, multiple readers"). Groups and datasets must be there before, and room
+    !> for new attributes (`reserve`); a text among the attributes that is written anew may be unreadable for a moment.
     subroutine start_appending(self, path)
         class(hdf5_type), intent(inout) :: self
         !> Where the file stands.
@@ -296,7 +325,7 @@ contains
         call self%guard%mend(0_c_int64_t)
     end subroutine start_appending
 
-    !> Open a file again that `close` has closed, to attach and to make what one likes.
+    !> Open a file again that `close` has closed, to attach what is left to say.
     subroutine reopen(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -310,9 +339,7 @@ contains
         call self%note(stat, 'open '//path//' again')
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
-        ! HDF5 marks it again.
-        call self%guard%take(path)
-        call self%guard%mend(0_c_int64_t)
+        call self%start_appending(path)
     end subroutine reopen
 
     !> Bring everything to the disk.
@@ -331,6 +358,7 @@ contains
     end subroutine flush
 
     !> Close the file, if it is open. After a failure HDF5 is not asked again: what it still held back would spoil what is there.
+    !> What `flush` has not brought to a growing file may be lost to readers if the program ends meanwhile.
     subroutine close(self)
         class(hdf5_type), intent(inout) :: self
         integer :: stat
@@ -339,6 +367,7 @@ contains
             call forget_reason()
             call h5fclose_f(self%file, stat)
             call self%note(stat, 'bring the rows to the disk')
+            if (.not. allocated(self%problem)) call self%guard%trim()
         end if
         self%file = -1_hid_t
         call self%guard%mend(0_c_int64_t)
@@ -349,13 +378,16 @@ contains
     subroutine add_group(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        integer(hid_t) :: group
+        integer(hid_t) :: group, properties
         integer :: stat
 
         if (allocated(self%problem)) return
-        call h5gcreate_f(self%file, path, group, stat)
+        call h5pcreate_f(h5p_group_create_f, properties, stat)
+        call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
+        call h5gcreate_f(self%file, path, group, stat, gcpl_id=properties)
         call self%note(stat, 'make the group '//path)
         if (stat == 0) call h5gclose_f(group, stat)
+        call h5pclose_f(properties, stat)
     end subroutine add_group
 
     !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).

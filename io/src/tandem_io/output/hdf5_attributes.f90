@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> What objects of a file say of themselves: numbers and texts as attributes.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
-    use hdf5, only: h5_integer_kind, h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5aopen_by_name_f, h5aread_f, &
-        h5awrite_f, h5kind_to_type, h5oclose_f, h5oopen_f, h5s_scalar_f, h5screate_f
+    use hdf5, only: h5_index_name_f, h5_integer_kind, h5_iter_inc_f, h5aclose_f, h5acreate_f, h5adelete_by_idx_f, h5adelete_f, &
+        h5aexists_f, h5aget_name_by_idx_f, h5aget_num_attrs_f, h5aopen_by_name_f, h5aopen_f, h5aread_f, h5awrite_f, &
+        h5kind_to_type, h5oclose_f, h5oopen_f, h5s_scalar_f, h5screate_f
     use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
     implicit none (type, external)
 
@@ -68,7 +69,7 @@ contains
         call h5tclose_f(text_type, stat)
     end subroutine attach_texts
 
-    !> Write an attribute; one of this name is replaced.
+    !> Write an attribute. A single value takes the place of an older one; an array is made anew, since its length may be another.
     subroutine attach_value(self, path, name, file_type, memory_type, values, length)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path, name
@@ -76,7 +77,7 @@ contains
         type(c_ptr), intent(in) :: values
         !> Length of an array, -1 for a scalar.
         integer, intent(in) :: length
-        integer(hid_t) :: object, space, attribute
+        integer(hid_t) :: object, attribute
         logical :: exists
         integer :: stat
 
@@ -85,22 +86,95 @@ contains
         call self%note(stat, 'open '//path)
         if (stat /= 0) return
         call h5aexists_f(object, name, exists, stat)
-        if (exists) call h5adelete_f(object, name, stat)
-        if (length < 0) then
-            call h5screate_f(h5s_scalar_f, space, stat)
-        else
-            call h5screate_simple_f(1, [int(length, hsize_t)], space, stat)
+        if (exists .and. length >= 0) then
+            call h5adelete_f(object, name, stat)
+            exists = .false.
         end if
-        call h5acreate_f(object, name, file_type, space, attribute, stat)
+        if (exists) then
+            call h5aopen_f(object, name, attribute, stat)
+        else
+            call make_attribute(object, name, file_type, length, attribute, stat)
+        end if
         call self%note(stat, 'make the attribute '//name//' of '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, memory_type, values, stat)
             call self%note(stat, 'write the attribute '//name//' of '//path)
             call h5aclose_f(attribute, stat)
         end if
-        call h5sclose_f(space, stat)
         call h5oclose_f(object, stat)
     end subroutine attach_value
+
+    !> Make an attribute and leave it open.
+    subroutine make_attribute(object, name, file_type, length, attribute, stat)
+        integer(hid_t), intent(in) :: object, file_type
+        character(len=*), intent(in) :: name
+        !> Length of an array, -1 for a scalar.
+        integer, intent(in) :: length
+        integer(hid_t), intent(out) :: attribute
+        !> What HDF5 returned.
+        integer, intent(out) :: stat
+        integer(hid_t) :: space
+        integer :: ignored
+
+        if (length < 0) then
+            call h5screate_f(h5s_scalar_f, space, stat)
+        else
+            call h5screate_simple_f(1, [int(length, hsize_t)], space, stat)
+        end if
+        call h5acreate_f(object, name, file_type, space, attribute, stat)
+        call h5sclose_f(space, ignored)
+    end subroutine make_attribute
+
+    !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
+    !> once: HDF5 leaves the place of an attribute that was taken away to others, as long as one stands behind it.
+    module subroutine reserve(self, path, bytes, meaning)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> About 40 and its value an attribute; at most 64000.
+        integer, intent(in) :: bytes
+        character(len=*), intent(in) :: meaning
+        character(len=*), parameter :: name = 'room'
+        integer(hid_t) :: object, attribute
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5oopen_f(self%file, path, object, stat)
+        call make_attribute(object, name, h5t_std_i64le, bytes/8, attribute, stat)
+        call self%note(stat, 'keep room for attributes of '//path)
+        if (stat == 0) then
+            call h5aclose_f(attribute, stat)
+            call self%attach(path, 'meaning', meaning)
+            call h5adelete_f(object, name, stat)
+        end if
+        call h5oclose_f(object, stat)
+    end subroutine reserve
+
+    !> Take all attributes but the meaning from an object.
+    module subroutine detach_all(self, path)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        character(len=len('meaning') + 1) :: name
+        integer(hid_t) :: object
+        integer(hsize_t) :: kept
+        integer :: i, n, stat
+
+        if (allocated(self%problem)) return
+        call h5oopen_f(self%file, path, object, stat)
+        call self%note(stat, 'open '//path)
+        if (stat /= 0) return
+        call h5aget_num_attrs_f(object, n, stat)
+        kept = 0
+        do i = 1, n
+            call h5aget_name_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, kept, name, stat)
+            if (name == 'meaning') then
+                kept = kept + 1
+            else
+                call h5adelete_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, kept, stat)
+            end if
+            call self%note(stat, 'take the attributes from '//path)
+        end do
+        call h5oclose_f(object, stat)
+    end subroutine detach_all
 
     !> Read an attribute that is a whole number; 0 where there is none.
     module subroutine get_attribute(self, path, name, value, is_there)
@@ -123,7 +197,7 @@ contains
         call h5aclose_f(attribute, stat)
     end subroutine get_attribute
 
-    !> Read an attribute that is a text; blank where there is none.
+    !> Read an attribute that is a text; blank where there is none that can be read.
     module subroutine get_text(self, path, name, value)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path, name
@@ -136,7 +210,7 @@ contains
         call h5aopen_by_name_f(self%file, path, name, attribute, stat)
         if (stat /= 0) return
         call read_text(attribute, value, stat)
-        call self%note(stat, 'read the attribute '//name//' of '//path)
+        if (stat /= 0) value = ''
         call h5aclose_f(attribute, stat)
     end subroutine get_text
 end submodule tandem_io_output_hdf5_attributes

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> What HDF5 has to do where a run goes on in its file: open what is there, cut rows off, and keep whole numbers that are no rows.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
-    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5kind_to_type, h5ldelete_f, h5sget_simple_extent_dims_f, &
-        h5sget_simple_extent_ndims_f
+    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5kind_to_type, h5ldelete_f, h5lexists_f, &
+        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
     implicit none (type, external)
 
 contains
@@ -149,14 +149,16 @@ contains
         call self%note(stat, 'cut '//path)
     end subroutine cut
 
-    !> Remove a group with all that it holds.
+    !> Remove a group with all that it holds, if it is there.
     module subroutine remove(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
+        logical :: exists
         integer :: stat
 
         if (allocated(self%problem)) return
-        call h5ldelete_f(self%file, path, stat)
+        call h5lexists_f(self%file, path, exists, stat)
+        if (exists) call h5ldelete_f(self%file, path, stat)
         call self%note(stat, 'remove '//path)
     end subroutine remove
 end submodule tandem_io_output_hdf5_resuming

@@ -110,7 +110,8 @@ contains
         subroutine refuse(reason)
             character(len=*), intent(in) :: reason
 
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, 'give the result of a run')
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, &
+                'give the result of a run; one that was killed before its first row must be started anew')
         end subroutine refuse
     end subroutine check_source
 

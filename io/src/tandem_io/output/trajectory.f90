@@ -26,6 +26,8 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows.
     integer, parameter :: largest_buffer = 2**17, most_rows = 4096
+    !> Bytes for the attributes of the report: twice what they take, for warnings are few.
+    integer, parameter :: room = 8192
     !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
     !> the rows.
     integer, parameter :: most_unwatched = 16
@@ -120,6 +122,7 @@ contains
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
         call self%file%add_group('/report')
+        call self%file%reserve('/report', room, 'what the run has cost and how wrong it was, once the status is not "running"')
         call self%checkpoint%make(self%file)
         call self%prepare(output, simulation)
         call open_events(self, simulation)
@@ -164,9 +167,9 @@ contains
             call self%file%close()
             return
         end do
-        if (snapshot%scene /= scene) call self%file%attach('/', 'scene', scene)
-        if (snapshot%has_outcome) call remove_report(self%file)
+        call self%file%remove('/report/profile')
         call self%file%start_appending(self%path)
+        call take_back(self%file, scene)
         do i = 0, ubound(self%series, 1)
             call self%file%cut(self%series(i)%dataset, self%series(i)%path, self%series(i)%width, snapshot%rows)
         end do
@@ -278,23 +281,25 @@ contains
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(in) :: run_error
+        integer(long) :: status_code
+        character(len=:), allocatable :: status
 
-        call self%file%close()
-        ! The rows are safe now. The outcome comes last, so that it is never said too early.
-        call self%file%reopen(self%path)
-        call write_report(self%file, simulation)
         if (self%snapshot%times_resumed > 0) call self%file%attach('/', 'resumed', int(self%snapshot%times_resumed, long))
-        call self%file%flush()
+        status = 'complete'
+        status_code = 0
         if (allocated(run_error)) then
+            status = trim(merge('interrupted', 'failed     ', run_error%stat == status_interrupted))
+            status_code = run_error%stat
             call self%file%attach('/', 'status_message', run_error%message)
-            call self%file%attach('/', 'status', trim(merge('interrupted', 'failed     ', run_error%stat == status_interrupted)))
-            call self%file%attach('/report', 'status_code', int(run_error%stat, long))
-        else
-            if (simulation%is_stopped) call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)// &
-                '" at t = '//to_text(simulation%state%t))
-            call self%file%attach('/', 'status', 'complete')
-            call self%file%attach('/report', 'status_code', 0_long)
+        else if (simulation%is_stopped) then
+            call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)//'" at t = '// &
+                to_text(simulation%state%t))
         end if
+        call write_report(self%file, simulation, status_code)
+        call self%file%flush()
+        ! The outcome comes last, so that it is never said too early.
+        call self%file%attach('/', 'status', status)
+        call self%file%flush()
         call self%file%close()
     end subroutine write_outcome
 
@@ -307,6 +312,7 @@ contains
         if (.not. global_error%is_known) return
         call self%file%reopen(self%path)
         call write_global_error(self%file, global_error)
+        call self%file%flush()
         call self%file%close()
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
@@ -319,6 +325,7 @@ contains
 
         call self%file%reopen(self%path)
         call write_profile(self%file, profile)
+        call self%file%flush()
         call self%file%close()
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_profile
@@ -529,15 +536,19 @@ contains
         if (present(scene)) call file%attach('/', 'scene', scene)
     end subroutine attach_head
 
-    !> Take back the outcome of a run that goes on; the report will be made anew.
-    subroutine remove_report(file)
+    !> Take back the outcome of a run that goes on; the report will be made anew. Texts are written even where they are as they
+    !> should be: one that was on its way when the program was killed cannot be read.
+    subroutine take_back(file, scene)
         type(hdf5_type), intent(inout) :: file
+        character(len=*), intent(in) :: scene
 
         call file%attach('/', 'status', 'running')
+        call file%flush()
         call file%attach('/', 'status_message', '')
-        call file%remove('/report')
-        call file%add_group('/report')
-    end subroutine remove_report
+        call file%attach('/', 'scene', scene)
+        call file%detach_all('/report')
+        call file%flush()
+    end subroutine take_back
 
     !> The index of a field's name.
     pure integer function index_of(name)
