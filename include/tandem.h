@@ -14,13 +14,15 @@
 #ifndef TANDEM_H
 #define TANDEM_H
 
+#include <stdint.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1002
+#define TANDEM_INTERFACE_VERSION 1003
 
 /* Outcomes. */
 enum {
@@ -125,7 +127,8 @@ int tandem_set_integer(tandem_problem *problem, const char *name, int value);
  * projection (stages, step_ends). */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
-/* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps). */
+/* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
+ * the diagonal blocks of M, outside of which it is zero). */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */
@@ -154,6 +157,14 @@ int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potent
 /* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, wall_seconds, ...;
  * the message of an unknown name lists them all. */
 int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
+
+/* All that the run remembers, as a row of words; *count tells how many. words == NULL: only count them; the number may grow in
+ * a run. Your own data of the model are not among them. The row serves the same version of the library on the same machine. */
+int tandem_save_state(tandem_problem *problem, int capacity, int64_t *words, int *count);
+
+/* Go on from a saved state, bitwise as if nothing had been: in a problem with the same model and options that was started, at
+ * the same start or another. Where it is refused, the problem must be started anew. */
+int tandem_restore_state(tandem_problem *problem, int count, const int64_t *words);
 
 /* Which smooth piece is current: 1 before the first breakpoint. Functions of the model look at this and never compare t with
  * a breakpoint. */

@@ -80,7 +80,7 @@ def read_names(root):
         f"procedure {name} {kind}"
         for name, kind in re.findall(r"term_row_type\('(\w+)', (of_\w+)\)", (legacy / "terms.f90").read_text())
     ]
-    lists = re.findall(r"case \('(\w+)'\)\n\s*self%model%\1 =", (legacy / "problem.f90").read_text())
+    lists = re.findall(r"case \('(\w+)'\)\n(?:(?! *case ).*\n)*?.*self%model%\1 =", (legacy / "problem.f90").read_text())
     return names + [f"list {name}" for name in lists]
 
 
@@ -145,6 +145,8 @@ def plain(prototype):
         name = re.sub(r"\bconst ", "", re.sub(r"\w+$", "", argument)).replace(" ", "")
         types.append("void*" if name in ("tandem_problem*", "char*") else name)
     # Fortran takes the list of numbers as an address, since it may be NULL.
+    # gfortran writes its kind of 64 bits as `long`, which it is where it runs.
+    types = ["int64_t*" if type_ == "long*" else type_ for type_ in types]
     types = ["void*" if type_ == "double*" and "tandem_set_vector" in before else type_ for type_ in types]
     return f"{before.replace(' *', '* ')}({', '.join(types)})".replace("  ", " ")
 

@@ -433,6 +433,82 @@ static void test_faults(void)
     tandem_free(p);
 }
 
+static void test_saved(void)
+{
+    static const char *const steppers[] = {"rk4", "dop853", "sdirk54"};
+    static int64_t words[20000];
+    double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0};
+    char name[60];
+    int count, again;
+
+    for (int i = 0; i < 3; i++) {
+        struct bowl b = new_bowl(), other = new_bowl();
+        tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&other);
+        tandem_set_text(p, "stepper", steppers[i]);
+        tandem_set_text(q, "stepper", steppers[i]);
+        if (i > 0) {
+            tandem_set_real(p, "rtol", 1e-6);
+            tandem_set_real(q, "rtol", 1e-6);
+        }
+        run_to(p, 1, x);
+        snprintf(name, sizeof name, "%s-is-saved", steppers[i]);
+        int status = tandem_save_state(p, 0, NULL, &count);
+        check(name, status == 0 && count > 0 && count < 20000 && tandem_save_state(p, count, words, &again) == 0 && again == count,
+              tandem_message(p));
+        tandem_integrate(p, 2);
+        tandem_get_state(p, NULL, x, x + N, NULL);
+        /* From another start. */
+        start[3] = b.k * (start[0] * start[0] + start[1] * start[1]) / 2;
+        tandem_start(q, 0.5, start, rate);
+        snprintf(name, sizeof name, "%s-goes-on-from-there", steppers[i]);
+        status = tandem_restore_state(q, count, words);
+        check(name, status == 0 && tandem_integrate(q, 2) == 0, tandem_message(q));
+        tandem_get_state(q, NULL, y, y + N, NULL);
+        snprintf(name, sizeof name, "%s-bitwise-as-if-nothing-had-been", steppers[i]);
+        check(name, memcmp(x, y, sizeof x) == 0, "another motion");
+        tandem_free(p);
+        tandem_free(q);
+    }
+
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    expect("nothing-to-save-before-the-start", p, tandem_save_state(p, 20000, words, &again), TANDEM_INVALID_OPTION,
+           "tandem_start");
+    check("and-it-counts-nothing", again == 0, "not zero");
+    expect("nor-to-restore", p, tandem_restore_state(p, count, words), TANDEM_INVALID_OPTION, "tandem_start");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("no-room-for-the-state", p, tandem_save_state(p, 10, words, &again), TANDEM_INVALID_OPTION, "room for 10");
+    expect("nowhere-to-save", p, tandem_save_state(p, 10, NULL, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("no-saved-state", p, tandem_restore_state(p, 10, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("state-of-another-run", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "stepper");
+    expect("then-it-must-be-started", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    words[count / 2] ^= 4;
+    expect("damaged-state", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "damaged");
+    tandem_free(p);
+}
+
+static void test_mass_blocks(void)
+{
+    struct bowl b = new_bowl(), whole = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&whole);
+    double x[2 * N], y[2 * N], off = 0;
+    const double sizes[] = {1, 1, 2}, half[] = {1, 1.5, 1.5}, few[] = {1, 2};
+
+    run_to(q, 1, y);
+    tandem_set_vector(p, "mass_blocks", 3, sizes);
+    run_to(p, 1, x);
+    for (int i = 0; i < 2 * N; i++) off = fmax(off, fabs(x[i] - y[i]));
+    check("blocks-of-the-mass-change-nothing", off < 1e-13, tandem_message(p));
+    expect("half-a-block", p, tandem_set_vector(p, "mass_blocks", 3, half), TANDEM_INVALID_OPTION, "whole numbers");
+    tandem_set_vector(p, "mass_blocks", 2, few);
+    expect("too-few-blocks", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "mass_blocks");
+    tandem_set_vector(p, "mass_blocks", 0, NULL);
+    expect("and-none-again", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    tandem_free(p);
+    tandem_free(q);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -448,8 +524,9 @@ static void test_misuse(void)
                  tandem_set_text(NULL, "stepper", "rk4") + tandem_set_vector(NULL, "breakpoints", 0, NULL) +
                  tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
                  tandem_get_state(NULL, x, x, x, x) + tandem_get_state_at(NULL, 0, x, x, x) + tandem_get_multipliers(NULL, 0, x) +
-                 tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x);
-    check("null-is-refused-everywhere", status == 17 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+                 tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x) + tandem_save_state(NULL, 0, NULL, NULL) +
+                 tandem_restore_state(NULL, 0, NULL);
+    check("null-is-refused-everywhere", status == 19 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
 
     expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
@@ -529,6 +606,8 @@ int main(void)
     test_missing();
     test_sizes();
     test_faults();
+    test_saved();
+    test_mass_blocks();
     test_misuse();
     return failures > 0;
 }

@@ -10,6 +10,8 @@ C
       INCLUDE 'tandem.inc'
       DIMENSION Q(3), QD(3), QDD(3), Q2(3), QD2(3), RPAR(3), IPAR(3)
       DIMENSION IH(TDHLEN), JH(TDHLEN), KH(TDHLEN), ALAM(1)
+      PARAMETER (MSAVE = 20000)
+      DIMENSION ISAVE(MSAVE)
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
       EXTERNAL AMDER
       COMMON /COUNT/ NFAIL
@@ -87,6 +89,39 @@ C
       CALL BAD ('but-not-before-the-step', JH, TDEOPT, 'last step')
       CALL TDDENS (JH, 1.0D0, Q, QD, QDD, RPAR, IPAR, IERR)
       CALL WAS (JH, IERR)
+C
+C     A run that is saved goes on in another problem, from another start.
+      CALL TDSAVE (JH, 0, ISAVE, NEED, IERR)
+      CALL OK ('a-state-is-counted', JH, IERR)
+      CALL TOLD ('and-has-some-integers', NEED .GT. 0 .AND.
+     &           NEED .LE. MSAVE)
+      CALL BAD ('no-room-for-a-state', JH, TDEOPT, 'room for 5')
+      CALL TDSAVE (JH, 5, ISAVE, NEED, IERR)
+      CALL WAS (JH, IERR)
+      CALL TDSAVE (JH, MSAVE, ISAVE, NEED, IERR)
+      CALL OK ('a-state-is-saved', JH, IERR)
+      CALL TDINTG (JH, T2, Q2, QD2, 3.0D0, RPAR, IPAR, IERR)
+      CALL TDNEW (KH, 3, 0, 1, IERR)
+      CALL TDEVAL (KH, EVAL, TDJAC+TDGAM+TDMASS+TDFORC, IERR)
+      CALL TDSETR (KH, 'step', 2.0D-3, IERR)
+      CALL BAD ('no-state-without-a-start', KH, TDEOPT, 'TDSTRT')
+      CALL TDREST (KH, NEED, ISAVE, IERR)
+      CALL WAS (KH, IERR)
+      CALL START (Q, QD)
+      CALL TDSTRT (KH, 1.0D0, Q, QD, RPAR, IPAR, IERR)
+      CALL TDREST (KH, NEED, ISAVE, IERR)
+      CALL OK ('a-state-is-restored', KH, IERR)
+      CALL TDINTG (KH, T, Q, QD, 3.0D0, RPAR, IPAR, IERR)
+      CALL TOLD ('bitwise-as-if-nothing-had-been', IERR .EQ. 0 .AND.
+     &           ABS(T - T2) .LE. 0.0D0 .AND. ABS(Q(1) - Q2(1)) .LE.
+     &           0.0D0 .AND. ABS(QD(2) - QD2(2)) .LE. 0.0D0)
+      CALL BAD ('a-negative-state', KH, TDEOPT, 'negative')
+      CALL TDREST (KH, -1, ISAVE, IERR)
+      CALL WAS (KH, IERR)
+      CALL BAD ('half-a-state', KH, TDECHK, 'cut off')
+      CALL TDREST (KH, NEED/2, ISAVE, IERR)
+      CALL WAS (KH, IERR)
+      CALL TDFREE (KH, IERR)
 C
 C     A derivative, by its name and as none.
       CALL TDDIR (JH, 'mass_derivative', AMDER, IERR)

@@ -2,15 +2,16 @@
 !> The C interface. `include/tandem.h` declares these functions and says what each does; here are their Fortran sides, which
 !> check pointers, convert texts, and leave the rest to the problem. Every function returns the status of the problem.
 module tandem_legacy_c
-    use tandem_kinds, only: wp
+    use tandem_error, only: to_text
+    use tandem_kinds, only: long, wp
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_problem, only: message_of_no_problem, problem_type
     use tandem_legacy_terms, only: of_direction, of_motion, of_position
     use tandem_legacy_version, only: interface_version
     use tandem_status, only: status_invalid_option
-    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_loc, c_null_char, &
-        c_null_ptr, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_int64_t, c_loc, &
+        c_null_char, c_null_ptr, c_ptr
     implicit none (type, external)
     private
 
@@ -18,7 +19,7 @@ module tandem_legacy_c
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
     public :: c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
-    public :: c_get_segment
+    public :: c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
     integer, parameter :: longest_text = 256
@@ -377,6 +378,54 @@ contains
         if (present(value)) value = figure
         c_get_statistic = problem%stat
     end function c_get_statistic
+
+    !> Save the run. Without words, only their number is given.
+    integer(c_int) function c_save_state(handle, capacity, words, count) bind(C, name='tandem_save_state')
+        type(c_ptr), value :: handle
+        !> How many words there is room for.
+        integer(c_int), value :: capacity
+        integer(c_int64_t), intent(inout), optional :: words(*)
+        !> How many there are.
+        integer(c_int), intent(out), optional :: count
+        type(problem_type), pointer :: problem
+        integer(long), allocatable :: row(:)
+
+        call find(handle, problem)
+        c_save_state = status_invalid_option
+        if (present(count)) count = 0
+        if (.not. associated(problem)) return
+        call problem%save_state(row)
+        if (allocated(row)) then
+            if (present(count)) count = size(row)
+            if (.not. present(words)) then
+                if (.not. present(count)) call problem%refuse('words and count are both NULL', 'give one of them')
+            else if (capacity < size(row)) then
+                call problem%refuse('the state takes '//to_text(size(row))//' words, and there is room for '//to_text(capacity), &
+                    'make room for as many as tandem_save_state counts without words')
+            else
+                words(:size(row)) = row
+            end if
+        end if
+        c_save_state = problem%stat
+    end function c_save_state
+
+    !> Take a saved run up.
+    integer(c_int) function c_restore_state(handle, count, words) bind(C, name='tandem_restore_state')
+        type(c_ptr), value :: handle
+        integer(c_int), value :: count
+        integer(c_int64_t), intent(in), optional :: words(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_restore_state = status_invalid_option
+        if (.not. associated(problem)) return
+        if (present(words) .and. count >= 0) then
+            call problem%restore_state(words(:count))
+        else
+            call problem%refuse('words is NULL, or their number negative', 'give what tandem_save_state gave')
+        end if
+        c_restore_state = problem%stat
+    end function c_restore_state
 
     !> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint. May be called from the
     !> functions of the model.

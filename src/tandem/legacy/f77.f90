@@ -456,6 +456,60 @@ subroutine tdstat(h, name, value, ierr)
     ierr = problem%stat
 end subroutine tdstat
 
+!> Save the run in the integers ISAVE(NSAVE), of which N are used; with NSAVE = 0, N alone is given.
+subroutine tdsave(h, nsave, isave, n, ierr)
+    use tandem_error, only: to_text
+    use tandem_kinds, only: long
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4), nsave
+    integer, intent(inout) :: isave(*)
+    integer, intent(out) :: n, ierr
+    type(problem_type), pointer :: problem
+    integer(long), allocatable :: words(:)
+
+    n = 0
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%save_state(words)
+    if (allocated(words)) then
+        n = size(words)*storage_size(words)/storage_size(n)
+        if (nsave >= n) then
+            isave(:n) = transfer(words, isave(1), n)
+        else if (nsave /= 0) then
+            call problem%refuse('the state takes '//to_text(n)//' integers, and there is room for '//to_text(nsave), &
+                'make room for as many as TDSAVE counts with NSAVE = 0')
+        end if
+    end if
+    ierr = problem%stat
+end subroutine tdsave
+
+!> Take up the run that TDSAVE has put into ISAVE(N).
+subroutine tdrest(h, n, isave, ierr)
+    use tandem_kinds, only: long
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4), n, isave(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    integer(long) :: word(1)
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    if (n < 0) then
+        call problem%refuse('the state has a negative number of integers', 'give what TDSAVE gave')
+    else
+        call problem%restore_state(transfer(isave(:n), word))
+    end if
+    ierr = problem%stat
+end subroutine tdrest
+
 !> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint; 0 where H is no handle.
 !> May be called from the procedures of the model.
 subroutine tdsegm(h, iseg)

@@ -3,7 +3,7 @@
 !> leaves a status and a message in the problem; two problems share nothing.
 module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_figures, only: get_figure
     use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
@@ -64,6 +64,8 @@ module tandem_legacy_problem
         procedure :: get_multipliers
         procedure :: get_energies
         procedure :: get_statistic
+        procedure :: save_state
+        procedure :: restore_state
         procedure, private :: conclude
         procedure, private :: changes_model
         procedure, private :: is_free
@@ -268,7 +270,8 @@ contains
         call self%conclude(error)
     end subroutine set_text
 
-    !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps).
+    !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps), mass_blocks (sizes
+    !> of the diagonal blocks of M; none of them takes the list back).
     subroutine set_vector(self, name, values)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -283,9 +286,16 @@ contains
             self%model%breakpoints = values
         case ('nu_jumps')
             self%model%nu_jumps = abs(values) > 0.0_wp
+        case ('mass_blocks')
+            if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
+                call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
+                return
+            end if
+            if (allocated(self%model%mass_blocks)) deallocate (self%model%mass_blocks)
+            if (size(values) > 0) self%model%mass_blocks = nint(values)
         case default
             call self%refuse('"'//trim(name)//'" is not a list of numbers', &
-                'there are coordinate_scale, breakpoints, nu_jumps')
+                'there are coordinate_scale, breakpoints, nu_jumps, mass_blocks')
             return
         end select
         call succeed(self)
@@ -476,6 +486,30 @@ contains
         call get_figure(self%simulation%statistics(), name, value, error)
         call self%conclude(error)
     end subroutine get_statistic
+
+    !> All that the run remembers, as a row of numbers.
+    subroutine save_state(self, words)
+        class(problem_type), intent(inout) :: self
+        integer(long), allocatable, intent(out) :: words(:)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        call self%simulation%save_state(words, error)
+        call self%conclude(error)
+    end subroutine save_state
+
+    !> Take a run up that was saved, in a problem that is set up and started alike. Where that fails, it must be started anew.
+    subroutine restore_state(self, words)
+        class(problem_type), intent(inout) :: self
+        !> What `save_state` gave.
+        integer(long), intent(in) :: words(:)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        call self%simulation%restore_state(words, error)
+        self%started = .not. allocated(error)
+        call self%conclude(error)
+    end subroutine restore_state
 
     !> A text as C keeps it.
     pure function to_c(text) result(chars)
