@@ -69,7 +69,7 @@ contains
         call integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         ! The file is complete before the second run begins, which may be ended or killed.
         if (present(profiling)) call profiling%profile%enter(part_open, mark)
-        call trajectory%close(simulation, error, output_error)
+        call trajectory%close(simulation, error, output_error, more_follows=.true.)
         if (present(profiling)) call profiling%profile%leave(mark)
         if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         if (present(profiling)) then
@@ -82,6 +82,7 @@ contains
             call estimate(scene, global_error, estimate_error)
             call trajectory%add_error(global_error, error)
         end if
+        call trajectory%release()
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
         if (present(profiling)) call print_profile(profiling%profile)
         code = done

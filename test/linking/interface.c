@@ -437,7 +437,7 @@ static void test_saved(void)
 {
     static const char *const steppers[] = {"rk4", "dop853", "sdirk54"};
     static int64_t words[20000];
-    double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0};
+    double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0}, kink = 5;
     char name[60];
     int count, again;
 
@@ -482,6 +482,11 @@ static void test_saved(void)
     expect("no-saved-state", p, tandem_restore_state(p, 10, NULL), TANDEM_INVALID_OPTION, "NULL");
     expect("state-of-another-run", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "stepper");
     expect("then-it-must-be-started", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
+    tandem_set_text(p, "stepper", "sdirk54");
+    tandem_set_real(p, "rtol", 1e-6);
+    tandem_set_vector(p, "breakpoints", 1, &kink);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("state-with-other-breakpoints", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "breakpoints");
     tandem_start(p, 0, bowl_q, bowl_qd);
     words[count / 2] ^= 4;
     expect("damaged-state", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "damaged");
@@ -493,6 +498,7 @@ static void test_mass_blocks(void)
     struct bowl b = new_bowl(), whole = new_bowl();
     tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&whole);
     double x[2 * N], y[2 * N], off = 0;
+    static double many[131077];
     const double sizes[] = {1, 1, 2}, half[] = {1, 1.5, 1.5}, few[] = {1, 2};
 
     run_to(q, 1, y);
@@ -503,6 +509,10 @@ static void test_mass_blocks(void)
     expect("half-a-block", p, tandem_set_vector(p, "mass_blocks", 3, half), TANDEM_INVALID_OPTION, "whole numbers");
     tandem_set_vector(p, "mass_blocks", 2, few);
     expect("too-few-blocks", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "mass_blocks");
+    for (int i = 0; i < 131077; i++) many[i] = i < 131076 ? 32767 : 8;
+    tandem_set_vector(p, "mass_blocks", 131077, many);
+    /* Their sum is 2^32 + 4. */
+    expect("blocks-beyond-all-integers", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "mass_blocks");
     tandem_set_vector(p, "mass_blocks", 0, NULL);
     expect("and-none-again", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
     tandem_free(p);

@@ -98,7 +98,8 @@ C     A run that is saved goes on in another problem, from another start.
       CALL BAD ('no-room-for-a-state', JH, TDEOPT, 'room for 5')
       CALL TDSAVE (JH, 5, ISAVE, NEED, IERR)
       CALL WAS (JH, IERR)
-      CALL TDSAVE (JH, MSAVE, ISAVE, NEED, IERR)
+      NEED = MSAVE
+      CALL TDSAVE (JH, NEED, ISAVE, NEED, IERR)
       CALL OK ('a-state-is-saved', JH, IERR)
       CALL TDINTG (JH, T2, Q2, QD2, 3.0D0, RPAR, IPAR, IERR)
       CALL TDNEW (KH, 3, 0, 1, IERR)
@@ -118,8 +119,11 @@ C     A run that is saved goes on in another problem, from another start.
       CALL BAD ('a-negative-state', KH, TDEOPT, 'negative')
       CALL TDREST (KH, -1, ISAVE, IERR)
       CALL WAS (KH, IERR)
+      CALL BAD ('an-odd-state', KH, TDEOPT, 'odd')
+      CALL TDREST (KH, NEED-1, ISAVE, IERR)
+      CALL WAS (KH, IERR)
       CALL BAD ('half-a-state', KH, TDECHK, 'cut off')
-      CALL TDREST (KH, NEED/2, ISAVE, IERR)
+      CALL TDREST (KH, 2*(NEED/4), ISAVE, IERR)
       CALL WAS (KH, IERR)
       CALL TDFREE (KH, IERR)
 C

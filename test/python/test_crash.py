@@ -4,6 +4,7 @@
 Runs build/tandem, or what the environment variable TANDEM names.
 """
 
+import contextlib
 import fcntl
 import os
 import random
@@ -247,6 +248,25 @@ class Disk(Running):
             self.assertEqual((file.attrs["status"], file.attrs["status_message"]), ("complete", ""))
             self.assertAlmostEqual(file["trajectory/time"][-1], left + 1, delta=1e-9)
 
+    def test_a_full_disk_leaves_a_complete_result(self):
+        small = self.folder / "small"
+        small.mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", small], capture_output=True).returncode != 0:
+            self.skipTest("only root may mount a small disk")
+        try:
+            self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "small/a.h5", "--no-error")
+            with h5py.File(small / "a.h5") as file:
+                before = {key: np.asarray(value).tolist() for key, value in [*file.attrs.items(), *file["report"].attrs.items()]}
+            with contextlib.suppress(OSError), open(small / "fill", "wb", buffering=0) as fill:
+                while fill.write(bytes(1024)):
+                    pass
+            self.refused("resume", "small/a.h5", "--set", "time.end=0.2", "--no-error", says="No space left on device")
+            with h5py.File(small / "a.h5") as file:
+                after = {key: np.asarray(value).tolist() for key, value in [*file.attrs.items(), *file["report"].attrs.items()]}
+            self.assertEqual(before, after)
+        finally:
+            subprocess.run(["umount", small], check=True)
+
     def test_nowhere_to_save_the_state(self):
         out, err = self.end(self.start("rolling_disk", *LONG, "--output", "a.h5", limit=300), 2)
         self.assertIn("File too large", err)
@@ -309,6 +329,35 @@ class InUse(Running):
         with h5py.File(self.folder / "a.h5") as file:
             self.assertEqual(file.attrs["status"], "interrupted")
         self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
+
+    def is_complete(self, name):
+        def answer():
+            try:
+                with h5py.File(self.folder / name) as file:
+                    return file.attrs["status"] == "complete"
+            except (OSError, KeyError):
+                return False
+
+        return answer
+
+    def test_until_the_error_is_known(self):
+        process = self.start("rolling_disk", "--set", "time.end=20", "--error", "--quiet", "--output", "a.h5")
+        self.wait_for(self.is_complete("a.h5"), process)
+        self.refused("run", "rolling_disk", "--output", "a.h5", "--force", says="a.h5 is in use")
+        self.end(process, 0)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertIn("global_error", file["report"].attrs)
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
+
+    def test_another_file_in_its_place_gets_no_error(self):
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "b.h5", "--no-error")
+        before = (self.folder / "b.h5").read_bytes()
+        process = self.start("rolling_disk", "--set", "time.end=20", "--error", "--quiet", "--output", "a.h5")
+        self.wait_for(self.is_complete("a.h5"), process)
+        (self.folder / "b.h5").rename(self.folder / "a.h5")
+        _, err = self.end(process, 1)
+        self.assertIn("removed or replaced", err)
+        self.assertEqual((self.folder / "a.h5").read_bytes(), before)
 
     def test_by_somebody_else(self):
         self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5")

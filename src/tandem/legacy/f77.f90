@@ -469,20 +469,24 @@ subroutine tdsave(h, nsave, isave, n, ierr)
     integer, intent(out) :: n, ierr
     type(problem_type), pointer :: problem
     integer(long), allocatable :: words(:)
+    integer :: room, needed
 
+    ! Callers may give one variable for both.
+    room = nsave
     n = 0
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
     call problem%save_state(words)
     if (allocated(words)) then
-        n = size(words)*storage_size(words)/storage_size(n)
-        if (nsave >= n) then
-            isave(:n) = transfer(words, isave(1), n)
-        else if (nsave /= 0) then
-            call problem%refuse('the state takes '//to_text(n)//' integers, and there is room for '//to_text(nsave), &
+        needed = size(words)*(storage_size(words)/storage_size(needed))
+        if (room >= needed) then
+            isave(:needed) = transfer(words, isave(1), needed)
+        else if (room /= 0) then
+            call problem%refuse('the state takes '//to_text(needed)//' integers, and there is room for '//to_text(room), &
                 'make room for as many as TDSAVE counts with NSAVE = 0')
         end if
+        n = needed
     end if
     ierr = problem%stat
 end subroutine tdsave
@@ -502,8 +506,8 @@ subroutine tdrest(h, n, isave, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    if (n < 0) then
-        call problem%refuse('the state has a negative number of integers', 'give what TDSAVE gave')
+    if (n < 0 .or. modulo(n, 2) /= 0) then
+        call problem%refuse('the state has a negative or an odd number of integers', 'give what TDSAVE gave')
     else
         call problem%restore_state(transfer(isave(:n), word))
     end if

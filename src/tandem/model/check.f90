@@ -4,7 +4,7 @@ module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
     use tandem_model_terms, only: need_jacobian, need_mass, need_phi
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -104,7 +104,7 @@ contains
         end if
 
         if (allocated(model%mass_blocks)) then
-            if (any(model%mass_blocks < 1) .or. sum(model%mass_blocks) /= model%n) then
+            if (any(model%mass_blocks < 1) .or. sum(int(model%mass_blocks, long)) /= model%n) then
                 call refuse('mass_blocks are not positive sizes that add up to n', &
                     'give the size of each diagonal block of M', error)
             end if

@@ -102,6 +102,8 @@ contains
             problem = 'it was made with another '//trim(self%options%first_difference(options))
             return
         end if
+        call compare_breakpoints(pack, self%model, problem)
+        if (problem /= '') return
         call compare(pack, sizes(5), 'events watched', problem)
         do i = 1, sizes(5)
             if (problem /= '') return
@@ -123,6 +125,25 @@ contains
         call pack%item(theirs)
         if (problem == '' .and. theirs /= number) problem = 'it has '//to_text(theirs)//' '//what//', not '//to_text(number)
     end subroutine compare
+
+    !> Breakpoints, and whether nu jumps there, which must be the same: the number of the segment has a meaning among them alone.
+    subroutine compare_breakpoints(pack, model, problem)
+        type(pack_type), intent(inout) :: pack
+        class(model_type), intent(in) :: model
+        character(len=*), intent(inout) :: problem
+        real(wp), allocatable :: ours(:), theirs(:)
+
+        allocate (ours(0))
+        if (allocated(model%breakpoints)) ours = model%breakpoints
+        if (allocated(model%nu_jumps)) ours = [ours, merge(1.0_wp, 0.0_wp, model%nu_jumps)]
+        theirs = ours
+        call pack%item(theirs)
+        if (problem /= '') return
+        problem = 'it was made with other breakpoints'
+        if (pack%has_failed .or. size(theirs) /= size(ours)) return
+        if (any(theirs > ours .or. theirs < ours)) return
+        problem = ''
+    end subroutine compare_breakpoints
 
     !> A name that must be the same.
     subroutine compare_text(pack, text, what, problem)

@@ -31,7 +31,8 @@ module tandem_io_output_checkpoint
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
         real(wp) :: energy(2) = 0.0_wp
-        !> Whether the file says that the run has reached its end.
+        !> The status in the file, blank where it cannot be read, and whether it says that the run has reached its end.
+        character(len=:), allocatable :: status
         logical :: is_complete = .false.
         !> How often the run was taken up before.
         integer :: times_resumed = 0
@@ -154,6 +155,7 @@ contains
         end do
         call file%get_text('/', 'status', status)
         call file%close()
+        snapshot%status = status
         snapshot%is_complete = status == 'complete'
         if (snapshot%number > 0) return
         if (allocated(file%problem)) first_problem = 'it has no checkpoint, or is damaged'

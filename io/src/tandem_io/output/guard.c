@@ -50,7 +50,7 @@ static uint32_t checksum(const unsigned char *bytes)
    without locks has none. */
 int tandem_guard_take(const char *path)
 {
-    int file = open(path, O_RDWR | O_CLOEXEC);
+    int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
 
     if (file >= 0)
         flock(file, LOCK_SH | LOCK_NB);
@@ -65,7 +65,7 @@ void tandem_guard_release(int file)
 /* Whether another process has locked the file. */
 int tandem_guard_is_taken(const char *path)
 {
-    int file = open(path, O_RDONLY | O_CLOEXEC), is_taken;
+    int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK), is_taken;
 
     if (file < 0)
         return 0;
@@ -145,6 +145,21 @@ void tandem_guard_trim(int file)
     last = number_at(bytes + end_at, 8);
     if (last < (uint64_t)about.st_size && number_at(bytes + checksum_at, 4) == checksum(bytes) && ftruncate(file, (off_t)last) != 0)
         return;
+}
+
+/* Whether the file may grow by so many bytes; it is left as it was. */
+int tandem_guard_has_room(int file, int64_t bytes)
+{
+    struct stat about;
+    int problem;
+
+    if (fstat(file, &about) != 0)
+        return 1;
+    problem = posix_fallocate(file, about.st_size, (off_t)bytes);
+    if (ftruncate(file, about.st_size) != 0 && problem == 0)
+        problem = errno;
+    errno = problem;
+    return problem != ENOSPC && problem != EDQUOT && problem != EFBIG;
 }
 
 /* The system's words for its last refusal to write, if it was one: their length, 0 for none. */

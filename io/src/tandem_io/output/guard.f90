@@ -16,6 +16,7 @@ module tandem_io_output_guard
         procedure :: take
         procedure :: mend
         procedure :: trim => trim_file
+        procedure :: has_room
         procedure :: is_there
         procedure :: release
     end type guard_type
@@ -40,6 +41,14 @@ module tandem_io_output_guard
             implicit none (type, external)
             integer(c_int), value :: file
         end subroutine c_trim
+
+        function c_has_room(file, bytes) result(answer) bind(c, name='tandem_guard_has_room')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int64_t), value :: bytes
+            integer(c_int) :: answer
+        end function c_has_room
 
         subroutine c_release(file) bind(c, name='tandem_guard_release')
             import :: c_int
@@ -77,11 +86,14 @@ module tandem_io_output_guard
 
 contains
 
-    !> Lock a file against other writers; readers may come.
+    !> Lock a file against other writers, unless it is; readers may come.
     subroutine take(self, path)
         class(guard_type), intent(inout) :: self
         character(len=*), intent(in) :: path
 
+        if (self%file >= 0) then
+            if (self%path == path//c_null_char .and. self%is_there()) return
+        end if
         call self%release()
         self%path = path//c_null_char
         self%file = c_take(self%path)
@@ -102,6 +114,15 @@ contains
 
         if (self%file >= 0) call c_trim(self%file)
     end subroutine trim_file
+
+    !> Whether the file may grow by so many bytes; true where there is no guard.
+    logical function has_room(self, bytes)
+        class(guard_type), intent(in) :: self
+        integer(c_int64_t), intent(in) :: bytes
+
+        has_room = .true.
+        if (self%file >= 0) has_room = c_has_room(self%file, bytes) /= 0
+    end function has_room
 
     !> Whether the file still stands where it was made; true where there is no guard.
     logical function is_there(self)

@@ -37,6 +37,7 @@ module tandem_io_output_hdf5
         procedure :: reopen
         procedure :: flush
         procedure :: close
+        procedure :: let_go
         procedure :: add_group
         procedure :: add_dataset
         procedure :: append
@@ -321,6 +322,8 @@ contains
 
         if (allocated(self%problem)) return
         call self%guard%take(path)
+        ! The mark of a writer would keep even those out who ask for SWMR.
+        call self%guard%mend(0_c_int64_t)
         call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
         call self%guard%mend(0_c_int64_t)
     end subroutine start_appending
@@ -333,6 +336,10 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
+        if (.not. self%guard%is_there()) then
+            self%problem = 'the file was removed or replaced after the run had written it'
+            return
+        end if
         call make_access(access, .true.)
         call forget_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
@@ -359,10 +366,15 @@ contains
 
     !> Close the file, if it is open. After a failure HDF5 is not asked again: what it still held back would spoil what is there.
     !> What `flush` has not brought to a growing file may be lost to readers if the program ends meanwhile.
-    subroutine close(self)
+    subroutine close(self, keeps_lock)
         class(hdf5_type), intent(inout) :: self
+        !> Whether other writers stay out, until `let_go`; default false.
+        logical, intent(in), optional :: keeps_lock
+        logical :: keeps_lock_
         integer :: stat
 
+        keeps_lock_ = .false.
+        if (present(keeps_lock)) keeps_lock_ = keeps_lock
         if (self%file >= 0 .and. .not. allocated(self%problem)) then
             call forget_reason()
             call h5fclose_f(self%file, stat)
@@ -371,8 +383,15 @@ contains
         end if
         self%file = -1_hid_t
         call self%guard%mend(0_c_int64_t)
-        call self%guard%release()
+        if (.not. keeps_lock_) call self%guard%release()
     end subroutine close
+
+    !> Let other writers in again.
+    subroutine let_go(self)
+        class(hdf5_type), intent(inout) :: self
+
+        call self%guard%release()
+    end subroutine let_go
 
     !> Make a group.
     subroutine add_group(self, path)

@@ -58,11 +58,14 @@ contains
         !> Length of the array, -1 for a single text.
         integer, intent(in) :: length
         character(kind=c_char), allocatable, target :: letters(:)
+        character(len=:), allocatable :: old
         type(c_ptr), target :: starts(size(values))
         integer(hid_t) :: text_type
         integer :: stat
 
         if (allocated(self%problem)) return
+        ! HDF5 knows of the room that an old text leaves once it has read that.
+        if (length < 0) call self%get_text(path, name, old)
         call set_letters(values, letters, starts)
         call make_text_type(text_type)
         call attach_value(self, path, name, text_type, text_type, c_loc(starts), length)

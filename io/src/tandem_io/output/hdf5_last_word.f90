@@ -33,8 +33,8 @@ contains
         call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
         call h5pclose_f(access, ignored)
         if (stat == 0) call h5aopen_by_name_f(file, '/', name, attribute, stat)
-        if (stat == 0) call read_text(attribute, old, stat)
         if (stat == 0) then
+            call read_text(attribute, old, ignored)
             call set_letters([value], letters, start)
             call make_text_type(text_type)
             call h5awrite_f(attribute, text_type, c_loc(start), stat)

@@ -12,6 +12,8 @@ contains
     module subroutine open_to_append(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
+        !> What is written before the first row, and some rows.
+        integer(c_int64_t), parameter :: room = 2**19
         integer(hid_t) :: access
         integer(c_int64_t) :: size
         integer :: stat
@@ -22,6 +24,12 @@ contains
         ! What a killed writer has put behind the end that the superblock states may be known to an index: nothing may go there.
         inquire (file=path, size=size)
         call self%guard%take(path)
+        ! On a full disk nothing is begun.
+        call forget_reason()
+        if (.not. self%guard%has_room(room)) then
+            call self%note(-1, 'make '//path//' larger')
+            return
+        end if
         call self%guard%mend(size)
         call make_access(access, .true.)
         call forget_reason()

@@ -15,14 +15,11 @@ module tandem_io_output_report
 contains
 
     !> Write or replace the report.
-    subroutine write_report(file, simulation, status_code)
+    subroutine write_report(file, simulation)
         type(hdf5_type), intent(inout) :: file
         class(simulation_type), intent(in) :: simulation
-        !> 0, or the negative code of the failure.
-        integer(long), intent(in) :: status_code
         integer :: i
 
-        call file%attach(place, 'status_code', status_code)
         associate (s => simulation%statistics())
             call file%attach(place, 'steps', s%steps)
             call file%attach(place, 'rejected', s%rejected)

@@ -28,6 +28,8 @@ module tandem_io_output_trajectory
     integer, parameter :: largest_buffer = 2**17, most_rows = 4096
     !> Bytes for the attributes of the report: twice what they take, for warnings are few.
     integer, parameter :: room = 8192
+    !> Letters for the status and its message: as many as messages have.
+    integer, parameter :: room_for_texts = 512
     !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
     !> the rows.
     integer, parameter :: most_unwatched = 16
@@ -60,6 +62,8 @@ module tandem_io_output_trajectory
         class(global_error_type), pointer, private :: watcher => null()
         !> Whether the next start is that of a run that goes on, whose first row is there.
         logical, private :: goes_on = .false.
+        !> Whether `add_error` or `add_profile` may come after `close`, and the file stays locked until `release`.
+        logical, private :: more_follows = .false.
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
@@ -74,6 +78,7 @@ module tandem_io_output_trajectory
         procedure :: close
         procedure :: add_error
         procedure :: add_profile
+        procedure :: release
         procedure, private :: gather
         procedure, private :: gather_between
         procedure, private :: write_rows
@@ -167,14 +172,15 @@ contains
             call self%file%close()
             return
         end do
-        call self%file%remove('/report/profile')
         call self%file%start_appending(self%path)
-        call take_back(self%file, scene)
+        call self%file%attach('/', 'status', 'running')
+        call self%file%flush()
         do i = 0, ubound(self%series, 1)
             call self%file%cut(self%series(i)%dataset, self%series(i)%path, self%series(i)%width, snapshot%rows)
         end do
         call self%events%cut(self%file, simulation%model%n, snapshot%events)
         call self%file%flush()
+        call take_back(self%file, scene)
         call system_clock(self%saved_at)
         self%rows = snapshot%rows
         self%first_time = snapshot%first_time
@@ -184,6 +190,7 @@ contains
         self%energy%deviation = snapshot%energy(2)
         if (.not. allocated(self%file%problem)) return
         call self%fail(error)
+        if (snapshot%status /= '') call self%file%replace_text(self%path, 'status', snapshot%status)
         call self%file%close()
     end subroutine go_on
 
@@ -255,15 +262,19 @@ contains
     end subroutine observe
 
     !> Write what is left, the report and the outcome, and close the file.
-    subroutine close(self, simulation, run_error, error)
+    subroutine close(self, simulation, run_error, error, more_follows)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         !> The error of the run, not allocated where it was complete.
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
+        !> Whether the file stays locked against other writers until `release`; default false.
+        logical, intent(in), optional :: more_follows
         character(len=:), allocatable :: message
 
+        self%more_follows = .false.
+        if (present(more_follows)) self%more_follows = more_follows
         call self%bring(simulation)
         call self%close_datasets()
         if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
@@ -295,12 +306,13 @@ contains
             call self%file%attach('/', 'status_message', 'stopped by "'//trim(simulation%stopped_by)//'" at t = '// &
                 to_text(simulation%state%t))
         end if
-        call write_report(self%file, simulation, status_code)
+        call write_report(self%file, simulation)
         call self%file%flush()
         ! The outcome comes last, so that it is never said too early.
+        call self%file%attach('/report', 'status_code', status_code)
         call self%file%attach('/', 'status', status)
         call self%file%flush()
-        call self%file%close()
+        call self%file%close(self%more_follows)
     end subroutine write_outcome
 
     !> Write how wrong the run was into the file that `close` has closed.
@@ -313,7 +325,7 @@ contains
         call self%file%reopen(self%path)
         call write_global_error(self%file, global_error)
         call self%file%flush()
-        call self%file%close()
+        call self%file%close(self%more_follows)
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
 
@@ -326,9 +338,17 @@ contains
         call self%file%reopen(self%path)
         call write_profile(self%file, profile)
         call self%file%flush()
-        call self%file%close()
+        call self%file%close(self%more_follows)
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_profile
+
+    !> Let other writers have the file; nothing more follows.
+    subroutine release(self)
+        class(trajectory_type), intent(inout) :: self
+
+        self%more_follows = .false.
+        call self%file%let_go()
+    end subroutine release
 
     !> Close all datasets.
     subroutine close_datasets(self)
@@ -529,24 +549,29 @@ contains
         call file%attach('/', 'tandem_version', tandem_version)
         call file%attach('/', 'created', time_stamp())
         call file%attach('/', 'status', 'running')
-        call file%attach('/', 'status_message', '')
+        call file%attach('/', 'status_message', repeat('.', room_for_texts))
         call file%attach('/', 'layout', 'row i of every dataset belongs to /trajectory/time[i]: shape (nt) or (nt, n) in C '// &
             'and Python, (nt) or (n, nt) in Fortran')
         if (present(command)) call file%attach('/', 'command', command)
         if (present(scene)) call file%attach('/', 'scene', scene)
+        ! A shorter text leaves its room to later ones, so that these need no space where the disk is full.
+        call file%attach('/', 'status_message', '')
     end subroutine attach_head
 
-    !> Take back the outcome of a run that goes on; the report will be made anew. Texts are written even where they are as they
-    !> should be: one that was on its way when the program was killed cannot be read.
+    !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it is
+    !> as it should be: a text that was on its way when the program was killed may not be readable to others.
     subroutine take_back(file, scene)
         type(hdf5_type), intent(inout) :: file
         character(len=*), intent(in) :: scene
+        character(len=:), allocatable :: old
 
-        call file%attach('/', 'status', 'running')
+        ! What may need space comes first, so that nothing else is lost where there is none.
+        call file%get_text('/', 'scene', old)
+        if (old /= scene) call file%attach('/', 'scene', scene)
         call file%flush()
         call file%attach('/', 'status_message', '')
-        call file%attach('/', 'scene', scene)
         call file%detach_all('/report')
+        call file%remove('/report/profile')
         call file%flush()
     end subroutine take_back
 
