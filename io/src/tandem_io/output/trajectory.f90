@@ -26,8 +26,9 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows.
     integer, parameter :: largest_buffer = 2**17, most_rows = 4096
-    !> Bytes for the attributes of the report: twice what they take, for warnings are few.
-    integer, parameter :: room = 8192
+    !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
+    !> for each of the former; and most.
+    integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
     !> Letters for the status and its message: as many as messages have.
     integer, parameter :: room_for_texts = 512
     !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
@@ -107,6 +108,7 @@ contains
         !> What watches the run too, for the checkpoint; it must outlive the run.
         class(global_error_type), intent(inout), optional, target :: watcher
         logical :: is_new, force_
+        integer :: n_warnings
 
         force_ = .false.
         if (present(force)) force_ = force
@@ -127,7 +129,10 @@ contains
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
         call self%file%add_group('/report')
-        call self%file%reserve('/report', room, 'what the run has cost and how wrong it was, once the status is not "running"')
+        n_warnings = 0
+        if (allocated(simulation%warnings)) n_warnings = min(size(simulation%warnings), most_room)
+        call self%file%reserve('/report', min(room + room_for_warning*n_warnings, most_room), &
+            'what the run has cost and how wrong it was, once the status is not "running"')
         call self%checkpoint%make(self%file)
         call self%prepare(output, simulation)
         call open_events(self, simulation)
