@@ -469,26 +469,26 @@ subroutine tdsave(h, nsave, isave, n, ierr)
     integer, intent(out) :: n, ierr
     type(problem_type), pointer :: problem
     integer(long), allocatable :: words(:)
-    integer :: room, needed
+    integer :: needed
 
-    ! Callers may give one variable for both.
-    room = nsave
-    n = 0
+    needed = 0
     ierr = status_invalid_option
     call to_problem(h, problem)
-    if (.not. associated(problem)) return
-    call problem%save_state(words)
-    if (allocated(words)) then
-        needed = size(words)*(storage_size(words)/storage_size(needed))
-        if (room >= needed) then
-            isave(:needed) = transfer(words, isave(1), needed)
-        else if (room /= 0) then
-            call problem%refuse('the state takes '//to_text(needed)//' integers, and there is room for '//to_text(room), &
-                'make room for as many as TDSAVE counts with NSAVE = 0')
+    if (associated(problem)) then
+        call problem%save_state(words)
+        if (allocated(words)) then
+            needed = size(words)*(storage_size(words)/storage_size(needed))
+            if (nsave >= needed) then
+                isave(:needed) = transfer(words, isave(1), needed)
+            else if (nsave /= 0) then
+                call problem%refuse('the state takes '//to_text(needed)//' integers, and there is room for '//to_text(nsave), &
+                    'make room for as many as TDSAVE counts with NSAVE = 0')
+            end if
         end if
-        n = needed
+        ierr = problem%stat
     end if
-    ierr = problem%stat
+    ! Last, for callers who give one variable for both numbers.
+    n = needed
 end subroutine tdsave
 
 !> Take up the run that TDSAVE has put into ISAVE(N).
