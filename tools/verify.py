@@ -230,6 +230,8 @@ class Part:
     prepare: callable = None
     folder: Path = ROOT
     minutes: float = 20
+    # Another part that must come before, also where it was not asked for.
+    needs: str = ""
 
 
 PARTS = [
@@ -250,7 +252,7 @@ PARTS = [
         minutes=5,
     ),
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
-    Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text),
+    Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),
@@ -337,8 +339,9 @@ def main(names):
     ]:
         del os.environ[name]
     total = Count()
+    chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     for part in PARTS:
-        if names and part.name not in names:
+        if names and part.name not in chosen:
             continue
         print(f"{part.name:10}", end="", flush=True)
         start = time.monotonic()
