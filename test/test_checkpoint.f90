@@ -3,14 +3,9 @@
 !> remembers, and saving changes nothing; what is damaged or does not belong is refused.
 module test_checkpoint
     use asserts, only: check_failure, check_no_failure, check_true
-    use event_kinds, only: bounce_type, new_time_event, time_event_type
-    use model_belt_wheel, only: belt_wheel_type
-    use model_pendulum, only: pendulum_type
-    use model_redundant, only: redundant_type
-    use model_sleigh, only: sleigh_type
-    use runs, only: get_start, new_scene
-    use tandem, only: at_event, at_step, failure_type => error_type, long, model_type, observer_type, options_type, pack_type, &
-        simulation_type, statistics_type, stepper_names, threshold_event_type, to_text, wp
+    use checkpoint_cases, only: case_type, set_up, take_steps
+    use tandem, only: at_event, at_step, failure_type => error_type, long, observer_type, options_type, pack_type, &
+        simulation_type, statistics_type, stepper_names, to_text, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -22,22 +17,6 @@ module test_checkpoint
     !> Steps of a run, and where its state is saved.
     integer, parameter :: n_steps = 45, n_moments = 3
 
-    !> Kicks the motion now and then, a little more each time: an event with a memory, as its model has one.
-    type, extends(time_event_type) :: kick_type
-        real(wp) :: strength = 0.1_wp
-        !> Whether it lists an item that it does not have elsewhere, which is wrong.
-        logical :: lists_more = .false.
-    contains
-        procedure :: act => kick
-        procedure :: pack_state => pack_kick
-    end type kick_type
-
-    !> A pendulum whose weight an event changes.
-    type, extends(pendulum_type) :: changing_type
-    contains
-        procedure :: pack_state => pack_changing
-    end type changing_type
-
     !> Saves the state of a run, and tries to where it cannot be.
     type, extends(observer_type) :: saver_type
         real(wp) :: save_from = 0.0_wp
@@ -47,18 +26,6 @@ module test_checkpoint
     contains
         procedure :: observe => save_later
     end type saver_type
-
-    !> A run with all that it needs, so that there can be several at once.
-    type :: case_type
-        type(simulation_type) :: simulation
-        class(model_type), allocatable :: model
-        class(model_type), allocatable :: inner
-        type(kick_type) :: kick
-        type(bounce_type) :: bounce
-        type(threshold_event_type) :: loaded
-        type(time_event_type) :: beat
-        real(wp), allocatable :: q(:), qd(:)
-    end type case_type
 
 contains
 
@@ -303,116 +270,6 @@ contains
             name//': equal statistics')
     end subroutine check_statistics
 
-    !> A new simulation at its start.
-    subroutine set_up(self, scene, options, failure)
-        type(case_type), intent(inout), target :: self
-        character(len=*), intent(in) :: scene
-        type(options_type), intent(in) :: options
-        type(failure_type), allocatable, intent(out) :: failure
-        type(redundant_type), allocatable :: redundant
-        type(belt_wheel_type), allocatable :: wheel
-        type(sleigh_type), allocatable :: sleigh
-        type(changing_type), allocatable :: pendulum
-        real(wp) :: qdd(2), lambda(2)
-
-        select case (scene)
-        case ('redundant')
-            ! A knife edge with its row twice: the choice between them is part of the chart.
-            call new_scene('knife_edge', self%inner)
-            call get_start('knife_edge', self%q, self%qd)
-            allocate (redundant)
-            call move_alloc(redundant, self%model)
-            select type (model => self%model)
-            class is (redundant_type)
-                call model%wrap(self%inner, [1], [2.0_wp], 'a copy')
-            end select
-        case ('belt_wheel')
-            allocate (wheel)
-            call wheel%define()
-            allocate (self%q(2), self%qd(2))
-            call wheel%solution(0.0_wp, self%q, self%qd, qdd, lambda)
-            call move_alloc(wheel, self%model)
-        case ('sleigh')
-            allocate (sleigh)
-            call sleigh%define(0.1_wp)
-            self%q = [0.0_wp, 0.0_wp, 0.3_wp]
-            self%qd = [0.0_wp, 0.0_wp, -sleigh%speed(1)/sleigh%arm]
-            call move_alloc(sleigh, self%model)
-        case ('pendulum')
-            allocate (pendulum)
-            call pendulum%define()
-            self%q = [pendulum%length, 0.0_wp]
-            self%qd = [0.0_wp, 0.0_wp]
-            call move_alloc(pendulum, self%model)
-        case default
-            call new_scene(scene, self%model)
-            call get_start(scene, self%q, self%qd)
-        end select
-        call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure)
-        if (allocated(failure) .or. scene /= 'pendulum') return
-        self%bounce%name = 'stop'
-        self%bounce%index = 1
-        self%bounce%value = 0.2_wp
-        self%bounce%direction = -1
-        self%bounce%restitution = 0.95_wp
-        self%bounce%changes = .true.
-        self%loaded%name = 'load'
-        self%loaded%quantity = 'lambda'
-        self%loaded%value = 1.0_wp
-        self%kick%name = 'kick'
-        self%kick%kind = 'sine'
-        self%kick%at = 0.07_wp
-        self%kick%changes = .true.
-        self%beat = new_time_event('square', 0.3_wp)
-        call self%simulation%add_event(self%bounce)
-        call self%simulation%add_event(self%kick)
-        call self%simulation%add_event(self%loaded)
-        call self%simulation%add_event(self%beat)
-    end subroutine set_up
-
-    !> Some steps.
-    subroutine take_steps(self, n, failure)
-        type(case_type), intent(inout) :: self
-        integer, intent(in) :: n
-        type(failure_type), allocatable, intent(inout) :: failure
-        integer :: i
-
-        do i = 1, n
-            if (.not. allocated(failure)) call self%simulation%step(100.0_wp, failure)
-        end do
-    end subroutine take_steps
-
-    !> The pendulum grows heavier, and its velocity jumps, more each time.
-    subroutine kick(self, model, t, q, qd, error)
-        class(kick_type), intent(inout) :: self
-        class(model_type), intent(inout) :: model
-        real(wp), intent(in) :: t
-        real(wp), intent(inout) :: q(:), qd(:)
-        type(failure_type), allocatable, intent(out) :: error
-
-        qd = (1.0_wp + self%strength)*qd
-        self%strength = 1.1_wp*self%strength
-        select type (model)
-        class is (changing_type)
-            model%g = 1.02_wp*model%g
-        end select
-    end subroutine kick
-
-    subroutine pack_kick(self, pack)
-        class(kick_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-
-        call pack%item(self%strength)
-        if (self%lists_more) call pack%item(self%lists_more)
-    end subroutine pack_kick
-
-    subroutine pack_changing(self, pack)
-        class(changing_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-
-        call pack%item(self%g)
-    end subroutine pack_changing
-
     !> Saved by an observer of `integrate`: the run that is taken up ends in the same state, with the time of both in its tally.
     subroutine test_integrate(error)
         type(error_type), allocatable, intent(out) :: error
@@ -571,6 +428,11 @@ contains
         call refused(other, words, 'it was made with another atol_q', other_set_up, error)
         options = options_type()
         call set_up(other, 'pendulum', options, failure)
+        other%model%nu_jumps = [.true.]
+        call refused(other, words, 'it was made with other jumps of nu', other_set_up, error)
+        other%model%breakpoints = [0.5_wp]
+        call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
+        deallocate (other%model%breakpoints, other%model%nu_jumps)
         other%kick%name = 'push'
         call refused(other, words, 'event 2 is "kick" there, not "push"', other_set_up, error)
         call other%simulation%add_event(other%beat)

@@ -144,9 +144,9 @@ def plain(prototype):
             continue
         name = re.sub(r"\bconst ", "", re.sub(r"\w+$", "", argument)).replace(" ", "")
         types.append("void*" if name in ("tandem_problem*", "char*") else name)
-    # Fortran takes the list of numbers as an address, since it may be NULL.
     # gfortran writes its kind of 64 bits as `long`, which it is where it runs.
     types = ["int64_t*" if type_ == "long*" else type_ for type_ in types]
+    # Fortran takes the list of numbers as an address, since it may be NULL.
     types = ["void*" if type_ == "double*" and "tandem_set_vector" in before else type_ for type_ in types]
     return f"{before.replace(' *', '* ')}({', '.join(types)})".replace("  ", " ")
 

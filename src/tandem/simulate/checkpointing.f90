@@ -81,6 +81,7 @@ contains
         character(len=*), intent(out) :: problem
         type(options_type) :: options
         character(len=label_length) :: name
+        real(wp), allocatable :: breakpoints(:), jumps(:)
         integer :: sizes(5), i
 
         problem = ''
@@ -102,7 +103,13 @@ contains
             problem = 'it was made with another '//trim(self%options%first_difference(options))
             return
         end if
-        call compare_breakpoints(pack, self%model, problem)
+        ! The number of the segment has a meaning among these alone.
+        breakpoints = [real(wp) ::]
+        jumps = [real(wp) ::]
+        if (allocated(self%model%breakpoints)) breakpoints = self%model%breakpoints
+        if (allocated(self%model%nu_jumps)) jumps = merge(1.0_wp, 0.0_wp, self%model%nu_jumps)
+        call compare_numbers(pack, breakpoints, 'breakpoints', problem)
+        call compare_numbers(pack, jumps, 'jumps of nu', problem)
         if (problem /= '') return
         call compare(pack, sizes(5), 'events watched', problem)
         do i = 1, sizes(5)
@@ -126,24 +133,22 @@ contains
         if (problem == '' .and. theirs /= number) problem = 'it has '//to_text(theirs)//' '//what//', not '//to_text(number)
     end subroutine compare
 
-    !> Breakpoints, and whether nu jumps there, which must be the same: the number of the segment has a meaning among them alone.
-    subroutine compare_breakpoints(pack, model, problem)
+    !> Numbers that must be the same.
+    subroutine compare_numbers(pack, numbers, what, problem)
         type(pack_type), intent(inout) :: pack
-        class(model_type), intent(in) :: model
+        real(wp), intent(in) :: numbers(:)
+        character(len=*), intent(in) :: what
         character(len=*), intent(inout) :: problem
-        real(wp), allocatable :: ours(:), theirs(:)
+        real(wp), allocatable :: theirs(:)
+        logical :: differ
 
-        allocate (ours(0))
-        if (allocated(model%breakpoints)) ours = model%breakpoints
-        if (allocated(model%nu_jumps)) ours = [ours, merge(1.0_wp, 0.0_wp, model%nu_jumps)]
-        theirs = ours
+        allocate (theirs, source=numbers)
         call pack%item(theirs)
         if (problem /= '') return
-        problem = 'it was made with other breakpoints'
-        if (pack%has_failed .or. size(theirs) /= size(ours)) return
-        if (any(theirs > ours .or. theirs < ours)) return
-        problem = ''
-    end subroutine compare_breakpoints
+        differ = pack%has_failed .or. size(theirs) /= size(numbers)
+        if (.not. differ) differ = any(theirs > numbers .or. theirs < numbers)
+        if (differ) problem = 'it was made with other '//what
+    end subroutine compare_numbers
 
     !> A name that must be the same.
     subroutine compare_text(pack, text, what, problem)

@@ -128,7 +128,6 @@ contains
         logical :: is_there
         character(len=96) :: problem, first_problem
         character(len=64) :: reason
-        character(len=:), allocatable :: status
         integer :: i
 
         call check_source(path, error)
@@ -153,10 +152,9 @@ contains
             if (size(words) > 0 .or. first_problem == '') first_problem = problem
             if (problem == '' .and. candidate%number > snapshot%number) snapshot = candidate
         end do
-        call file%get_text('/', 'status', status)
+        call file%get_text('/', 'status', snapshot%status)
         call file%close()
-        snapshot%status = status
-        snapshot%is_complete = status == 'complete'
+        snapshot%is_complete = snapshot%status == 'complete'
         if (snapshot%number > 0) return
         if (allocated(file%problem)) first_problem = 'it has no checkpoint, or is damaged'
         call refuse(trim(first_problem))

@@ -97,13 +97,19 @@ static void put_number(unsigned char *bytes, int size, uint64_t number)
         bytes[i] = (unsigned char)(number >> 8 * i);
 }
 
-/* Read the superblock, if it is one as we know it. */
-static int read_superblock(int file, unsigned char *bytes, struct stat *about)
+/* Read the superblock, where the file ends by it, and the size that the file has. 0 if it is none as we know it. */
+static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint64_t *size)
 {
     static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
+    struct stat about;
 
-    return pread(file, bytes, superblock, 0) == superblock && memcmp(bytes, signature, sizeof signature) == 0 &&
-           bytes[version_at] == 3 && bytes[sizes_at] == 8 && bytes[sizes_at + 1] == 8 && fstat(file, about) == 0;
+    if (pread(file, bytes, superblock, 0) != superblock || memcmp(bytes, signature, sizeof signature) != 0)
+        return 0;
+    if (bytes[version_at] != 3 || bytes[sizes_at] != 8 || bytes[sizes_at + 1] != 8 || fstat(file, &about) != 0)
+        return 0;
+    *last = number_at(bytes + end_at, 8);
+    *size = (uint64_t)about.st_size;
+    return number_at(bytes + checksum_at, 4) == checksum(bytes);
 }
 
 /* Remove the marks of a writer from the superblock, and let the file end where it says, or at `end` if that is later: before a
@@ -111,21 +117,15 @@ static int read_superblock(int file, unsigned char *bytes, struct stat *about)
 void tandem_guard_mend(int file, int64_t end)
 {
     unsigned char bytes[superblock];
-    struct stat about;
-    uint64_t last;
+    uint64_t last, size;
 
-    if (!read_superblock(file, bytes, &about))
-        return;
-    last = number_at(bytes + end_at, 8);
-    if (bytes[marks_at] == 0 && end <= (int64_t)last && last <= (uint64_t)about.st_size)
-        return;
-    if (number_at(bytes + checksum_at, 4) != checksum(bytes))
+    if (!read_superblock(file, bytes, &last, &size) || (bytes[marks_at] == 0 && end <= (int64_t)last && last <= size))
         return;
     bytes[marks_at] = 0;
     if (end > (int64_t)last)
         last = (uint64_t)end;
-    if (last > (uint64_t)about.st_size && ftruncate(file, (off_t)last) != 0)
-        last = (uint64_t)about.st_size;
+    if (last > size && ftruncate(file, (off_t)last) != 0)
+        last = size;
     put_number(bytes + end_at, 8, last);
     put_number(bytes + checksum_at, 4, checksum(bytes));
     /* A failure leaves the mark, with which the file can be read by those who ask for it (SWMR). */
@@ -137,13 +137,12 @@ void tandem_guard_mend(int file, int64_t end)
 void tandem_guard_trim(int file)
 {
     unsigned char bytes[superblock];
-    struct stat about;
-    uint64_t last;
+    uint64_t last, size;
 
-    if (!read_superblock(file, bytes, &about))
+    if (!read_superblock(file, bytes, &last, &size) || last >= size)
         return;
-    last = number_at(bytes + end_at, 8);
-    if (last < (uint64_t)about.st_size && number_at(bytes + checksum_at, 4) == checksum(bytes) && ftruncate(file, (off_t)last) != 0)
+    /* A failure leaves room that nobody looks at. */
+    if (ftruncate(file, (off_t)last) != 0)
         return;
 }
 
