@@ -53,6 +53,7 @@ program main
     use test_study, only: collect_study
     use test_tangent, only: collect_tangent
     use test_tangent_kernels, only: collect_tangent_kernels
+    use test_tangent_reduced, only: collect_tangent_reduced
     use test_tolerances, only: collect_tolerances
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
@@ -74,6 +75,7 @@ program main
         new_testsuite('tangent', collect_tangent), &
         new_testsuite('small_systems', collect_small_systems), &
         new_testsuite('tangent_kernels', collect_tangent_kernels), &
+        new_testsuite('tangent_reduced', collect_tangent_reduced), &
         new_testsuite('mass_blocks', collect_mass_blocks), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &

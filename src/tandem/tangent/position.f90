@@ -278,6 +278,8 @@ contains
         limit = of_a_step
         if (self%predicts .and. .not. defect < huge(1.0_wp)) limit = of_a_look
         if (defect < huge(1.0_wp) .and. self%predicts) then
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
             do i = 1, self%nh
                 self%u(i) = self%u_start(i) - defect*self%curvature(i)
             end do
@@ -311,7 +313,11 @@ contains
             end if
             if (k == 0) then
                 first_error = error
-                self%first_u(:) = self%u
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do i = 1, self%nh
+                    self%first_u(i) = self%u(i)
+                end do
             else if (self%has_learnt .and. .not. error < last_error) then
                 ! What was learnt elsewhere does not serve here.
                 call self%forget_motion()

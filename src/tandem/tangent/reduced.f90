@@ -10,6 +10,7 @@ module tandem_tangent_reduced
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
     use tandem_tangent_independence, only: find_independence
     use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, scale_columns, set_overlap, transpose_basis
+    use tandem_tangent_single_kernels, only: find_single_acceleration, find_single_velocity
     implicit none (type, external)
     private
 
@@ -111,6 +112,12 @@ contains
         integer, intent(out) :: stat
 
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
+            if (k == 1 .and. .not. polishes) then
+                call find_single_velocity(m, n, self%height, self%width, e%order, e%eliminated, self%basis, self%origin, has_nu, &
+                    nu, self%r, qd, stat)
+                stat = merge(status_ok, status_chart_left, stat == 0)
+                return
+            end if
             call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
                 has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
             if (stat == 0) return
@@ -140,9 +147,14 @@ contains
         integer, intent(out) :: stat
 
         associate (e => elimination)
-            call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &
-                self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, &
-                self%z, self%r, self%x, qdd, stat)
+            if (self%k == 1 .and. .not. polishes) then
+                call find_single_acceleration(self%m, self%n, self%height, self%width, e%order, e%eliminated, self%basis, &
+                    n_blocks, block_start, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
+            else
+                call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &
+                    self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, &
+                    self%z, self%r, self%x, qdd, stat)
+            end if
         end associate
         if (stat /= 0) then
             stat = status_singular_mass

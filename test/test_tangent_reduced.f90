@@ -1,0 +1,232 @@
+! SPDX-License-Identifier: MIT
+!> Tests of velocities and accelerations from an elimination, against the equations that define them, for all small numbers of
+!> constraints and degrees of freedom.
+module test_tangent_reduced
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+    use asserts, only: check_below, check_count, check_true
+    use differences, only: random_vector
+    use tandem, only: wp
+    use tandem_linalg_elimination, only: elimination_type
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
+    use tandem_tangent_reduced, only: reduced_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_tangent_reduced
+
+    !> A mechanism at a point, and its D at another one, the chart's origin.
+    type :: case_type
+        integer :: m = 0, n = 0
+        type(elimination_type) :: elimination
+        type(reduced_type) :: reduced
+        !> C, M, D0 and D, coordinate scales, nu, gamma, forces.
+        real(wp), allocatable :: c(:, :), mass(:, :), origin(:, :), null_space(:, :), scale(:), nu(:), gamma(:), force(:)
+        !> Where the blocks of M start.
+        integer, allocatable :: block_start(:)
+    end type case_type
+
+contains
+
+    !> The suite.
+    subroutine collect_tangent_reduced(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('velocities-by-their-equations', test_velocity), &
+            new_unittest('accelerations-by-their-equations', test_acceleration), &
+            new_unittest('a-mass-that-is-not-positive-is-refused', test_singular), &
+            new_unittest('what-is-not-finite-is-refused', test_not_finite), &
+            new_unittest('velocities-across-the-origin-are-refused', test_across)]
+    end subroutine collect_tangent_reduced
+
+    !> A case of m constraints and n coordinates in blocks of one to three.
+    subroutine set_up(self, m, n, seed)
+        type(case_type), intent(out) :: self
+        integer, intent(in) :: m, n
+        integer, intent(inout) :: seed
+        real(wp) :: part(n, n), change(n)
+        integer :: b, first, i, j, last, stat
+
+        self%m = m
+        self%n = n
+        allocate (self%c(m, n), self%mass(n, n), self%origin(n, n - m), self%null_space(n, n - m), self%scale(n), self%nu(m), &
+            self%gamma(m), self%force(n), source=0.0_wp)
+        call random_vector(seed, self%scale)
+        self%scale = 10.0_wp**self%scale
+        do i = 1, m
+            call random_vector(seed, self%c(i, :))
+            self%c(i, :) = self%c(i, :)/self%scale
+        end do
+        call random_vector(seed, self%nu)
+        call random_vector(seed, self%gamma)
+        call random_vector(seed, self%force)
+        do j = 1, n
+            call random_vector(seed, part(:, j))
+        end do
+        self%block_start = [1]
+        do while (self%block_start(size(self%block_start)) <= n)
+            b = size(self%block_start)
+            first = self%block_start(b)
+            last = min(first + modulo(b, 3), n)
+            self%mass(first:last, first:last) = matmul(transpose(part(first:last, first:last)), part(first:last, first:last))
+            do i = first, last
+                self%mass(i, i) = self%mass(i, i) + 1.0_wp
+            end do
+            self%block_start = [self%block_start, last + 1]
+        end do
+        call self%elimination%allocate(m, n)
+        call self%reduced%allocate(m, n, self%scale)
+        call self%elimination%eliminate(self%c, self%scale, stat)
+        call self%elimination%get_null_space(self%origin)
+        call self%reduced%load(self%elimination)
+        call self%reduced%set_origin()
+        do i = 1, m
+            call random_vector(seed, change)
+            self%c(i, :) = self%c(i, :) + 0.05_wp*change/self%scale
+        end do
+        call self%elimination%eliminate(self%c, self%scale, stat)
+        call self%elimination%get_null_space(self%null_space)
+        call self%reduced%load(self%elimination)
+    end subroutine set_up
+
+    !> C qd = nu, and D0' diag(s)^-2 (qd - wanted) = 0.
+    subroutine test_velocity(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type) :: case
+        real(wp), allocatable :: qd(:), wanted(:)
+        integer :: choice, m, n, seed, stat
+        logical :: has_nu
+
+        seed = 31
+        do n = 1, 12
+            do m = 1, n
+                call set_up(case, m, n, seed)
+                allocate (wanted(n))
+                call random_vector(seed, wanted)
+                do choice = 0, 3
+                    has_nu = choice >= 2
+                    if (.not. has_nu) case%nu = 0.0_wp
+                    if (has_nu) call random_vector(seed, case%nu)
+                    qd = wanted
+                    call case%reduced%restore_velocity(case%elimination, has_nu, modulo(choice, 2) == 1, case%nu, qd, stat)
+                    call check_count(error, stat, status_ok, 'status')
+                    associate (size_ => 1.0_wp + maxval(abs(qd)))
+                        call check_below(error, maxval(abs(matmul(case%c, qd) - case%nu))/size_, 1.0e-12_wp, 'C qd - nu')
+                        if (m < n) call check_below(error, maxval(abs(matmul(transpose(case%origin), &
+                            (qd - wanted)/case%scale**2)))/size_, 1.0e-10_wp, 'what D0 sees of the change')
+                    end associate
+                    if (allocated(error)) return
+                end do
+                deallocate (wanted)
+            end do
+        end do
+    end subroutine test_velocity
+
+    !> C qdd + gamma = 0, and D' (M qdd - force) = 0, with the blocks of M and with M as one.
+    subroutine test_acceleration(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type) :: case
+        real(wp), allocatable :: qdd(:)
+        integer :: choice, m, n, seed, stat
+        logical :: polishes
+
+        seed = 32
+        do n = 1, 12
+            do m = 0, n
+                call set_up(case, m, n, seed)
+                allocate (qdd(n))
+                do choice = 0, 3
+                    polishes = modulo(choice, 2) == 1
+                    if (choice < 2) then
+                        call case%reduced%solve(case%elimination, polishes, size(case%block_start) - 1, case%block_start, &
+                            case%mass, case%gamma, case%force, qdd, stat)
+                    else
+                        call case%reduced%solve(case%elimination, polishes, 1, [1, n + 1], case%mass, case%gamma, case%force, qdd, &
+                            stat)
+                    end if
+                    call check_count(error, stat, status_ok, 'status')
+                    associate (size_ => 1.0_wp + maxval(abs(qdd)))
+                        if (m > 0) call check_below(error, maxval(abs(matmul(case%c, qdd) + case%gamma))/size_, 1.0e-12_wp, &
+                            'C qdd + gamma')
+                        if (m < n) call check_below(error, maxval(abs(matmul(transpose(case%null_space), &
+                            matmul(case%mass, qdd) - case%force)))/size_, 1.0e-11_wp, 'D'' (M qdd - force)')
+                    end associate
+                    if (allocated(error)) return
+                end do
+                deallocate (qdd)
+            end do
+        end do
+    end subroutine test_acceleration
+
+    !> The mass along one free direction is made zero, or negative.
+    subroutine test_singular(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type) :: case
+        real(wp) :: qdd(7)
+        integer :: choice, m, seed, stat
+
+        seed = 33
+        do m = 0, 6
+            call set_up(case, m, 7, seed)
+            do choice = 0, 3
+                case%mass = 0.0_wp
+                if (choice >= 2) case%mass(1, 1) = -1.0_wp
+                call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 8], case%mass, case%gamma, case%force, &
+                    qdd, stat)
+                call check_count(error, stat, status_singular_mass, 'status')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_singular
+
+    !> NaN and Inf in M, gamma and the forces.
+    subroutine test_not_finite(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(case_type) :: case
+        real(wp) :: qdd(7), bad, mass(7, 7), gamma(7), force(7)
+        integer :: choice, m, seed, stat, where_
+
+        seed = 34
+        do m = 1, 6
+            call set_up(case, m, 7, seed)
+            do choice = 0, 3
+                bad = ieee_value(1.0_wp, ieee_quiet_nan)
+                if (choice >= 2) bad = ieee_value(1.0_wp, ieee_positive_inf)
+                do where_ = 1, 3
+                    mass = case%mass
+                    gamma(:m) = case%gamma
+                    force = case%force
+                    if (where_ == 1) mass(2, 2) = bad
+                    if (where_ == 2) gamma(1) = bad
+                    if (where_ == 3) force(3) = bad
+                    call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 8], mass, gamma(:m), force, qdd, stat)
+                    call check_true(error, any(stat == [status_singular_mass, status_not_finite]), 'refused')
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_not_finite
+
+    !> Where the free direction has turned by a right angle, no velocity along it is the one wanted.
+    subroutine test_across(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type) :: elimination
+        type(reduced_type) :: reduced
+        real(wp) :: qd(2)
+        integer :: choice, stat
+
+        call elimination%allocate(1, 2)
+        call reduced%allocate(1, 2, [1.0_wp, 1.0_wp])
+        call elimination%eliminate(reshape([1.0_wp, 0.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
+        call reduced%load(elimination)
+        call reduced%set_origin()
+        call elimination%eliminate(reshape([0.0_wp, 1.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
+        call reduced%load(elimination)
+        do choice = 0, 1
+            qd = [1.0_wp, 2.0_wp]
+            call reduced%restore_velocity(elimination, .false., choice == 1, [0.0_wp], qd, stat)
+            call check_count(error, stat, status_chart_left, 'status')
+        end do
+    end subroutine test_across
+end module test_tangent_reduced
