@@ -50,6 +50,7 @@ program main
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
     use test_stability, only: collect_stability
+    use test_stability_limit, only: collect_stability_limit
     use test_study, only: collect_study
     use test_tangent, only: collect_tangent
     use test_tangent_kernels, only: collect_tangent_kernels
@@ -101,6 +102,7 @@ program main
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('profile', collect_profile), &
         new_testsuite('control', collect_control), &
+        new_testsuite('stability_limit', collect_stability_limit), &
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &
         new_testsuite('global_error', collect_global_error), &

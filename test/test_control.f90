@@ -235,8 +235,6 @@ contains
         call check_below(error, maxval(abs(q(1:2, 1) - q(1:2, 2))), 1.0e-12_wp, 'difference of the centre')
     end subroutine test_flat
 
-    !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies by 1e3 to 1e4 what a step leaves, so the
-    !> tolerances are that much smaller.
     !> Steps that cannot be completed: where B has learnt at one stage what does not serve at another, it must forget that. (With
     !> the B of the origin 19 of 55 steps are lost, with one that never forgets 23 of 54.)
     subroutine test_large_steps(error)
@@ -249,6 +247,8 @@ contains
         call check_true(error, statistics%failed <= 8, 'steps that could not be completed')
     end subroutine test_large_steps
 
+    !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies by 1e3 to 1e4 what a step leaves, so the
+    !> tolerances are that much smaller.
     subroutine test_disk_budget(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics

@@ -371,7 +371,7 @@ contains
         if (allocated(error)) return
         self%state%q = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%state%q = model%coordinate_scale
-        call self%control%initialize(options, self%state%q, self%method%estimate_order, self%method%implicit)
+        call self%control%initialize(options, self%state%q, self%method)
         call self%local_error%initialize(self%state%q)
         call self%stepper%initialize(self%state%q, options%newton_tolerance())
         call self%state%allocate(model%n)

@@ -3,10 +3,15 @@
 !>
 !> Proportional-integral control of the error per step. Source: K. Gustafsson, ACM TOMS 17 (1991) 533-554; Hairer, Wanner,
 !> Solving Ordinary Differential Equations II, section IV.2.
+!>
+!> Where stability limits an explicit stepper, errors grow with the step far faster than its order says: steps that follow the
+!> errors alone are rejected, repeated too small, and grow into the next rejection. So no step grows beyond the limit that the
+!> largest eigenvalue sets, as the last steps have shown it.
 module tandem_simulate_step_control
     use tandem_kinds, only: wp
     use tandem_options, only: options_type
     use tandem_pack, only: pack_type
+    use tandem_stepper, only: properties_type
     implicit none (type, external)
     private
 
@@ -21,6 +26,10 @@ module tandem_simulate_step_control
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
         real(wp), private :: max_step = huge(1.0_wp)
         real(wp), private :: exponent = 0.2_wp, integral = 0.0_wp, last_norm = 1.0e-4_wp
+        !> Whether the last step was at the limit of stability: nearly there, or not followed by a larger one for that reason.
+        logical :: is_at_limit = .false.
+        !> h |lambda| at the limit, 0 where there is none; the largest |lambda| of the last steps, 0 where none is known.
+        real(wp), private :: stability_limit = 0.0_wp, lambda = 0.0_wp
         logical, private :: was_rejected = .false.
     contains
         procedure :: initialize
@@ -35,24 +44,29 @@ module tandem_simulate_step_control
 
     !> The next step aims at this part of the tolerance's step, and changes by no more than these factors.
     real(wp), parameter :: safety = 0.8_wp, least_factor = 0.2_wp, largest_factor = 6.0_wp
+    !> Estimates of h |lambda| up to this say nothing of lambda: a motion that the steps resolve has one of about 1, however small
+    !> they are.
+    real(wp), parameter :: resolved = 2.0_wp
+    !> What a step leaves of the memory of an eigenvalue, and the part of the limit where error control settles by itself.
+    real(wp), parameter :: fading = 0.8_wp, nearly = 0.9_wp
 
 contains
 
-    !> Begin with tolerances, coordinate scales (n) and the order of the stepper's estimate.
-    subroutine initialize(self, options, scale, estimate_order, implicit)
+    !> Begin with tolerances, coordinate scales (n) and a method with an estimate.
+    subroutine initialize(self, options, scale, method)
         class(step_control_type), intent(inout) :: self
         type(options_type), intent(in) :: options
         real(wp), intent(in) :: scale(:)
-        integer, intent(in) :: estimate_order
-        !> Implicit steppers have no integral part: their errors jump with Newton's.
-        logical, intent(in) :: implicit
+        type(properties_type), intent(in) :: method
 
         self%max_step = huge(1.0_wp)
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%h = min(options%first_step, self%max_step)
-        self%exponent = 1.0_wp/real(estimate_order + 1, wp)
+        self%exponent = 1.0_wp/real(method%estimate_order + 1, wp)
         self%integral = 0.0_wp
-        if (.not. implicit .and. estimate_order < 7) self%integral = 0.04_wp
+        ! Implicit steppers have no integral part: their errors jump with Newton's.
+        if (.not. method%implicit .and. method%estimate_order < 7) self%integral = 0.04_wp
+        self%stability_limit = method%stability_limit
         self%weight_q = scale
         self%weight_qd = scale
         self%rtol_q = scale
@@ -79,9 +93,10 @@ contains
     end subroutine set_weights
 
     !> Choose the next step after an accepted one of size h with an error norm.
-    subroutine accept(self, h, was_cut, norm)
+    subroutine accept(self, h, was_cut, norm, stiffness)
         class(step_control_type), intent(inout) :: self
-        real(wp), intent(in) :: h, norm
+        !> The step, its error norm, and h |lambda| as the stepper estimates it.
+        real(wp), intent(in) :: h, norm, stiffness
         !> True where the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
         logical, intent(in) :: was_cut
         real(wp) :: factor, wanted
@@ -90,6 +105,15 @@ contains
         factor = min(largest_factor, max(least_factor, factor))
         if (self%was_rejected) factor = min(1.0_wp, factor)
         wanted = factor*h
+        self%is_at_limit = .false.
+        if (self%stability_limit > 0.0_wp) then
+            self%lambda = max(merge(stiffness/h, 0.0_wp, stiffness > resolved), fading*self%lambda)
+            self%is_at_limit = stiffness > nearly*self%stability_limit
+            if (self%lambda*wanted > max(self%stability_limit, self%lambda*h)) then
+                wanted = max(h, self%stability_limit/self%lambda)
+                self%is_at_limit = self%is_at_limit .or. wanted < 2*h
+            end if
+        end if
         if (was_cut) wanted = max(wanted, self%h)
         self%h = self%limit(wanted)
         self%last_norm = max(norm, 1.0e-4_wp)
@@ -130,6 +154,8 @@ contains
         class(step_control_type), intent(inout) :: self
 
         self%last_norm = 1.0e-4_wp
+        self%lambda = 0.0_wp
+        self%is_at_limit = .false.
         self%was_rejected = .false.
     end subroutine restart
 
@@ -140,6 +166,7 @@ contains
 
         call pack%item(self%h)
         call pack%item(self%last_norm)
+        call pack%item(self%lambda)
         call pack%item(self%was_rejected)
     end subroutine pack_state
 end module tandem_simulate_step_control

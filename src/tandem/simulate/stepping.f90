@@ -20,7 +20,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: last_errors(3), largest_errors(3)
         integer(long) :: last_grid_steps
-        logical :: ends_at_breakpoint, was_on_grid, is_cut
+        logical :: ends_at_breakpoint, was_on_grid, is_at_limit, is_cut
 
         call self%look_back()
         self%is_stopped = .false.
@@ -66,8 +66,14 @@ contains
             self%renewal = by_failure
         end do
         self%last_step = self%state%t - self%start%t
-        if (self%method%stability_limit > 0.0_wp) call self%stiffness%observe(self%start%t, &
-            self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit)
+        if (self%method%stability_limit > 0.0_wp) then
+            if (self%options%is_adaptive()) then
+                is_at_limit = self%control%is_at_limit
+            else
+                is_at_limit = self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit
+            end if
+            call self%stiffness%observe(self%start%t, is_at_limit)
+        end if
         self%has_step = .true.
         self%segment_of_step = self%model%segment
         self%chart_is_current = .false.
@@ -242,7 +248,7 @@ contains
             if (allocated(error)) return
         end do
         call note_local_error(self, h, norm)
-        call self%control%accept(h, is_short, norm)
+        call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1

@@ -1,0 +1,125 @@
+! SPDX-License-Identifier: MIT
+!> Steps of explicit steppers where stability, not accuracy, limits them.
+module test_stability_limit
+    use asserts, only: check_below, check_no_failure, check_true
+    use runs, only: get_start, new_scene, run
+    use tandem, only: failure_type => error_type, model_type, options_type, simulation_type, statistics_type, wp
+    use tandem_simulate_step_control, only: step_control_type
+    use tandem_stepper, only: properties_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_stability_limit
+
+contains
+
+    !> The suite.
+    subroutine collect_stability_limit(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('no-step-grows-beyond-the-limit', test_limit), &
+            new_unittest('an-eigenvalue-fades', test_fading), &
+            new_unittest('steps-at-the-limit-are-not-tried-in-vain', test_chopper), &
+            new_unittest('steps-far-from-it-are-as-they-were', test_disk)]
+    end subroutine collect_stability_limit
+
+    !> A controller of a method that is stable up to h |lambda| = 6.
+    subroutine set_up(control)
+        type(step_control_type), intent(out) :: control
+        type(options_type) :: options
+
+        options%rtol = 1.0e-6_wp
+        call control%initialize(options, [1.0_wp], properties_type(estimate_order=7, stability_limit=6.0_wp))
+    end subroutine set_up
+
+    !> Errors that allow six times the step: where the motion is resolved, at half of the limit, nearly there, and beyond.
+    subroutine test_limit(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(step_control_type) :: control
+        real(wp), parameter :: tiny_error = 1.0e-12_wp, h = 0.1_wp
+        real(wp), parameter :: stiffness(4) = [2.0_wp, 3.0_wp, 5.0_wp, 12.0_wp], expected(4) = [0.6_wp, 0.2_wp, 0.12_wp, 0.1_wp]
+        integer :: i
+
+        do i = 1, 4
+            call set_up(control)
+            call control%accept(h, .false., tiny_error, stiffness(i))
+            call check_below(error, abs(control%h - expected(i)), 1.0e-15_wp, 'the next step')
+            call check_true(error, control%is_at_limit .eqv. i > 2, 'at the limit')
+            if (allocated(error)) return
+        end do
+        ! An error that wants a smaller step has it.
+        call set_up(control)
+        call control%accept(h, .false., 0.9_wp, 5.0_wp)
+        call check_true(error, control%h < h .and. .not. control%is_at_limit, 'the error decides')
+        ! Beyond nine tenths error control settles by itself.
+        call control%accept(h, .false., 0.9_wp, 5.5_wp)
+        call check_true(error, control%is_at_limit, 'nearly there')
+    end subroutine test_limit
+
+    !> Steps that do not see it any more grow by a quarter, until six times are allowed; a new start forgets it at once.
+    subroutine test_fading(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(step_control_type) :: control
+        real(wp) :: h
+        integer :: i
+
+        call set_up(control)
+        h = 1.0_wp
+        call control%accept(h, .false., 1.0e-12_wp, 6.0_wp)
+        do i = 1, 5
+            call control%accept(h, .false., 1.0e-12_wp, 0.0_wp)
+            call check_below(error, abs(control%h/h - 1.25_wp), 1.0e-14_wp, 'growth')
+            if (allocated(error)) return
+            h = control%h
+        end do
+        call control%restart()
+        call control%accept(h, .false., 1.0e-12_wp, 0.0_wp)
+        call check_below(error, abs(control%h/h - 6.0_wp), 1.0e-14_wp, 'growth after a new start')
+    end subroutine test_fading
+
+    !> The chopper's fork is damped so much that stability limits dop853 at 1e-8. Without a look at it, a step of three was rejected
+    !> (40 beside 96).
+    subroutine test_chopper(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_scene('chopper', model)
+        call get_start('chopper', q, qd)
+        options%stepper = 'dop853'
+        options%rtol = 1.0e-8_wp
+        call run(simulation, model, options, 0.0_wp, q, qd, 6.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, 10*statistics%rejected <= statistics%steps, 'rejected steps')
+        call check_true(error, statistics%is_stiff, 'stiffness is noticed although steps stay below the limit')
+    end subroutine test_chopper
+
+    !> The disk is not stiff: its steps are those of the error alone.
+    subroutine test_disk(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_scene('disk', model)
+        call get_start('disk', q, qd)
+        options%stepper = 'dop853'
+        options%rtol = 1.0e-8_wp
+        call run(simulation, model, options, 0.0_wp, q, qd, 10.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, statistics%stiff_steps == 0, 'steps held back')
+    end subroutine test_disk
+end module test_stability_limit
