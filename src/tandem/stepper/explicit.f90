@@ -40,6 +40,8 @@ module tandem_stepper_explicit
         logical :: has_extra = .false.
         !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
         real(wp), allocatable, private :: q(:), defect(:)
+        !> Reciprocals of the coordinate scales (n).
+        real(wp), allocatable, private :: inverse_scale(:)
         !> The tableau as sums of rates: of the stages (s, the first is empty), of the end, of the estimates.
         type(combination_type), allocatable, private :: stage_sum(:), end_sum, estimate_sum(:)
     contains
@@ -76,6 +78,7 @@ contains
         call self%set_tableau()
         s = size(self%b)
         self%n = n
+        self%inverse_scale = 1.0_wp/scale
         if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%q, self%defect)
         allocate (self%rate(lane*((2*n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
         associate (height => size(self%rate, 1))
@@ -221,13 +224,13 @@ contains
 
     !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards
     !> the direction of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
-    !> Velocities count h times in both, so that units do not matter and a slow motion stays below 1: not to be asked after dense
-    !> output, which overwrites the stage.
+    !> Velocities count h times in both, and coordinates on their scales, so that units do not matter and a slow motion stays below
+    !> 1: not to be asked after dense output, which overwrites the stage.
     real(wp) function stiffness(self, h, arrived)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
-        real(wp) :: of_q, of_qd, of_qdd
+        real(wp) :: f, of_q, of_qd, of_qdd
         integer :: i, s
 
         s = size(self%b)
@@ -236,9 +239,10 @@ contains
         of_qdd = 0.0_wp
         !GCC$ UNROLL 1
         do i = 1, size(self%q)
-            of_q = of_q + (arrived%q(i) - self%q(i))**2
-            of_qd = of_qd + (arrived%qd(i) - self%rate(i, s))**2
-            of_qdd = of_qdd + (arrived%qdd(i) - self%rate(self%n + i, s))**2
+            f = self%inverse_scale(i)
+            of_q = of_q + (f*(arrived%q(i) - self%q(i)))**2
+            of_qd = of_qd + (f*(arrived%qd(i) - self%rate(i, s)))**2
+            of_qdd = of_qdd + (f*(arrived%qdd(i) - self%rate(self%n + i, s)))**2
         end do
         of_qd = h**2*of_qd
         of_qdd = h**4*of_qdd

@@ -112,6 +112,7 @@ contains
         integer, intent(out) :: stat
 
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
+            ! The end of a step takes the general way, where rounding is removed too.
             if (k == 1 .and. .not. polishes) then
                 call find_single_velocity(m, n, self%height, self%width, e%order, e%eliminated, self%basis, self%origin, has_nu, &
                     nu, self%r, qd, stat)

@@ -62,6 +62,7 @@ contains
     !> qdd = d w - R gamma with d' (M qdd - S - Q_A) = 0.
     pure subroutine find_single_acceleration(m, n, height, width, order, a, basis, n_blocks, block_start, mass, gamma, force, &
         basis_mass, r, qdd, stat)
+        !> Constraints, coordinates, padded lengths; the order of the columns.
         integer, intent(in) :: m, n, height, width, order(n)
         !> The diagonal blocks of M, see `tandem_model_evaluator`.
         integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
