@@ -86,19 +86,22 @@ contains
         call check_order('disk', 'dop853', 2.0_wp, [0.2_wp, 0.1_wp], 7.2_wp, 8.2_wp, 3.2e-10_wp, error)
     end subroutine test_order
 
-    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at every tolerance at most four times the error of
-    !> steps whose stages are projected (measured: 0.06 to 2.4 times). With looser ones both are as large as the motion.
+    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most twice the error of steps whose stages are
+    !> projected, in the geometric mean of five tolerances (measured: 1.07 and 1.49). One run says little: its error is an amplified
+    !> sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors are as
+    !> large as the motion.
     subroutine test_errors(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
         type(reference_type) :: table
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: state(:, :)
-        real(wp) :: found(2)
+        real(wp) :: found(2), logarithms
         integer :: i, k, j
 
         call read_reference('disk', table)
         do i = 2, size(explicit)
+            logarithms = 0.0_wp
             do k = 6, 10
                 do j = 1, size(projections)
                     options = options_type(stepper=explicit(i), rtol=10.0_wp**(-k), projection=projections(j))
@@ -107,9 +110,10 @@ contains
                     if (allocated(error)) return
                     found(j) = maxval(abs(state(:3, 1) - table%q(:3, table%find(10.0_wp))))
                 end do
-                call check_below(error, found(2)/found(1), 4.0_wp, trim(explicit(i))//': error over that with stages projected')
-                if (allocated(error)) return
+                logarithms = logarithms + log(found(2)/found(1))
             end do
+            call check_below(error, exp(logarithms/5), 2.0_wp, trim(explicit(i))//': error over that with stages projected')
+            if (allocated(error)) return
         end do
     end subroutine test_errors
 

@@ -49,6 +49,9 @@ module tandem_simulate_step_control
     real(wp), parameter :: resolved = 2.0_wp
     !> What a step leaves of the memory of an eigenvalue, and the part of the limit where error control settles by itself.
     real(wp), parameter :: fading = 0.8_wp, nearly = 0.9_wp
+    !> Steps are powers of this: what rounding does to an error must not reach the steps, which would amplify it at the limit of
+    !> stability. So a run takes the same steps in other units, or where another compiler has built it.
+    real(wp), parameter :: notch = 2.0_wp**(1.0_wp/32)
 
 contains
 
@@ -128,7 +131,7 @@ contains
 
         factor = least_factor
         if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, safety*norm**(-self%exponent)))
-        self%h = factor*h
+        self%h = round_down(factor*h)
         self%was_rejected = .true.
     end subroutine reject
 
@@ -146,8 +149,17 @@ contains
         class(step_control_type), intent(in) :: self
         real(wp), intent(in) :: h
 
-        limit = min(h, self%max_step)
+        limit = min(round_down(h), self%max_step)
     end function limit
+
+    !> The next power of a notch that is not larger.
+    pure real(wp) function round_down(h)
+        real(wp), intent(in) :: h
+        !> One that is there already stays.
+        real(wp), parameter :: hair = 1.0e-6_wp
+
+        round_down = notch**floor(log(h)/log(notch) + hair)
+    end function round_down
 
     !> Forget the past, after a breakpoint.
     pure subroutine restart(self)
