@@ -22,8 +22,8 @@ module tandem_bench_minimal_disk
     type, extends(solver_type) :: by_hand_type
         private
         real(wp) :: radius = 0.0_wp, axial = 0.0_wp, diametral = 0.0_wp, inertia = 0.0_wp, weight = 0.0_wp
-        real(wp) :: y0(states) = 0.0_wp, y(states) = 0.0_wp, z(states) = 0.0_wp, f(states, 12) = 0.0_wp
-        real(wp) :: a(12, 12) = 0.0_wp, b(12) = 0.0_wp, c(12) = 0.0_wp, e(12, 2) = 0.0_wp
+        real(wp) :: y0(states) = 0.0_wp, y(states) = 0.0_wp, z(states) = 0.0_wp, last(states) = 0.0_wp
+        real(wp) :: f(states, 12) = 0.0_wp, a(12, 12) = 0.0_wp, b(12) = 0.0_wp, c(12) = 0.0_wp, e(12, 2) = 0.0_wp
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp, tolerance = 0.0_wp
         type(step_control_type) :: control
     contains
@@ -89,7 +89,7 @@ contains
         self%e = method%e(:12, :)
         options%rtol = control
         self%tolerance = control
-        call self%control%initialize(options, [1.0_wp], 7, .false.)
+        call self%control%initialize(options, [1.0_wp], method%properties())
         self%t_start = problem%t_start
         self%t_end = problem%t_end
         self%q = problem%q(:3)

@@ -40,6 +40,7 @@ module tandem_simulate_step_control
         procedure :: limit
         procedure :: restart
         procedure :: pack_state
+        procedure, private :: round_down
     end type step_control_type
 
     !> The next step aims at this part of the tolerance's step, and changes by no more than these factors.
@@ -49,8 +50,8 @@ module tandem_simulate_step_control
     real(wp), parameter :: resolved = 2.0_wp
     !> What a step leaves of the memory of an eigenvalue, and the part of the limit where error control settles by itself.
     real(wp), parameter :: fading = 0.8_wp, nearly = 0.9_wp
-    !> Steps are powers of this: what rounding does to an error must not reach the steps, which would amplify it at the limit of
-    !> stability. So a run takes the same steps in other units, or where another compiler has built it.
+    !> Explicit steps are powers of this: what rounding does to an error must not reach the steps, which would amplify it at the
+    !> limit of stability. So a run takes the same steps in other units, or where another compiler has built it.
     real(wp), parameter :: notch = 2.0_wp**(1.0_wp/32)
 
 contains
@@ -131,7 +132,7 @@ contains
 
         factor = least_factor
         if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, safety*norm**(-self%exponent)))
-        self%h = round_down(factor*h)
+        self%h = self%round_down(factor*h)
         self%was_rejected = .true.
     end subroutine reject
 
@@ -149,16 +150,18 @@ contains
         class(step_control_type), intent(in) :: self
         real(wp), intent(in) :: h
 
-        limit = min(round_down(h), self%max_step)
+        limit = min(self%round_down(h), self%max_step)
     end function limit
 
-    !> The next power of a notch that is not larger.
-    pure real(wp) function round_down(h)
+    !> The next power of a notch that is not larger; implicit steppers have no limit of stability, and keep h.
+    pure real(wp) function round_down(self, h)
+        class(step_control_type), intent(in) :: self
         real(wp), intent(in) :: h
         !> One that is there already stays.
         real(wp), parameter :: hair = 1.0e-6_wp
 
-        round_down = notch**floor(log(h)/log(notch) + hair)
+        round_down = h
+        if (self%stability_limit > 0.0_wp) round_down = notch**floor(log(h)/log(notch) + hair)
     end function round_down
 
     !> Forget the past, after a breakpoint.
