@@ -341,6 +341,8 @@ contains
         real(wp) :: f
         integer :: b, first, i, l, s
 
+        ! Without a degree of freedom there is no first row.
+        if (width == 0) return
         do b = 1, n_blocks
             first = block_start(b)
             l = block_start(b + 1) - first
