@@ -161,7 +161,9 @@ contains
         real(wp), parameter :: hair = 1.0e-6_wp
 
         round_down = h
-        if (self%stability_limit > 0.0_wp) round_down = notch**floor(log(h)/log(notch) + hair)
+        ! What is no step, zero or not a number, is left to those who refuse it.
+        if (.not. (self%stability_limit > 0.0_wp .and. h >= tiny(h) .and. h <= huge(h))) return
+        round_down = notch**floor(log(h)/log(notch) + hair)
     end function round_down
 
     !> Forget the past, after a breakpoint.
