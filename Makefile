@@ -4,9 +4,10 @@
 # What to run: a scene, and further arguments for tandem.
 SCENE ?= rolling_disk
 ARGS  ?=
-# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those).
+# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those). Those have
+# -fPIC, with which gfortran inlines no public procedure that another library might replace: ours are not to be replaced.
 ARCH  ?= -march=native
-RELEASE = --profile release --flag "$(ARCH)"
+RELEASE = --profile release --flag "-fno-semantic-interposition $(ARCH)"
 FPM     = .venv/bin/fpm
 # fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
 INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem

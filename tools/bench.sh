@@ -19,10 +19,11 @@ out=build/bench python=.venv/bin/python
 
 # --- 1. the measurements --------------------------------------------------------------------------------------------
 
-build() { # PROGRAM FLAGS: leaves build/bench/PROGRAM
+build() { # PROGRAM ARCH: leaves build/bench/PROGRAM
+    local flags="-fno-semantic-interposition $2"
     mkdir -p "$out" bench/build/dependencies
     ln -sfn ../../../build/dependencies/toml-f bench/build/dependencies/toml-f
-    (cd bench && ../.venv/bin/fpm run "$1" --profile release --flag "$2" --runner install -- "../$out/$1") \
+    (cd bench && ../.venv/bin/fpm run "$1" --profile release --flag "$flags" --runner install -- "../$out/$1") \
         >"$out/build.log" 2>&1 || { tail -n 20 "$out/build.log" >&2; exit 1; }
 }
 

@@ -21,8 +21,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 FC = os.environ.get("FC", "gfortran")
-# Local arrays stay off static memory, so that threads never meet; no pointer to an internal procedure may be made.
-ALWAYS = ["-std=f2018", "-fPIC", "-frecursive", "-Wtrampolines", "-Werror=trampolines", "-Werror=implicit-interface"]
+# Procedures are inlined although others could replace them in a shared library; local arrays stay off static memory, so that
+# threads never meet; no pointer to an internal procedure may be made.
+ALWAYS = ["-std=f2018", "-fPIC", "-fno-semantic-interposition", "-frecursive", "-Wtrampolines", "-Werror=trampolines",
+          "-Werror=implicit-interface"]
 MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\s*$", re.M | re.I)
 SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)(?:\s*:\s*(\w+))?\s*\)\s*(\w+)", re.M | re.I)
 USE = re.compile(r"^\s*use\s*(?:,\s*non_intrinsic\s*)?(?:::)?\s*(\w+)", re.M | re.I)
