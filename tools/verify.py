@@ -242,6 +242,7 @@ PARTS = [
         copy_sources,
         STRICT,
     ),
+    Part("bench", ["tools/check_bench.py", str(STRICT), STRICT_FLAGS], ok_lines, needs="strict"),
     Part("build", ["make", "--no-print-directory", "build"], one_test),
     Part("release", [FPM, "test", *RELEASE], test_drive),
     Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked),

@@ -183,7 +183,7 @@ contains
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
         type(chain_type), target :: model
-        real(wp) :: each(rounds), begun, q(3*rods), qd(3*rods), kinetic, potential, fallen
+        real(wp) :: each(0:rounds), begun, q(3*rods), qd(3*rods), kinetic, potential, fallen
         integer :: i, stat, steps
 
         options%stepper = stepper
@@ -198,12 +198,12 @@ contains
             begun = cpu_seconds()
             call simulation%integrate(steps*step, error)
             if (allocated(error)) return
+            each(i) = (cpu_seconds() - begun)/steps
             ! The first run only shows how many steps there is time for.
-            if (i == 0) steps = max(5, min(most_steps, int(steps*most_seconds/(cpu_seconds() - begun))))
-            if (i > 0) each(i) = (cpu_seconds() - begun)/steps
+            if (i == 0) steps = max(5, min(most_steps, int(most_seconds/each(0))))
         end do
         statistics = simulation%statistics()
-        seconds = median(each)
+        seconds = median(each(1:))
         of_evaluation = seconds*real(statistics%steps, wp)/real(statistics%right_hand_sides, wp)
         call model%potential_energy(0.0_wp, q, fallen, stat)
         call simulation%kinetic_energy(kinetic, stat)

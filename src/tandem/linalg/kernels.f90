@@ -6,7 +6,7 @@ module tandem_linalg_kernels
     implicit none (type, external)
     private
 
-    public :: add, add_product, add_transposed_product, are_same, copy, is_finite, set_gram, set_product
+    public :: add, add_product, add_transposed_product, are_same, copy, is_finite, is_zero_where, set_gram, set_product
 
     !> Entries are taken so many at a time, one vector register; with that said, gfortran spends nothing on how to take the rest.
     integer, parameter :: short = 4
@@ -140,14 +140,28 @@ contains
     pure logical function are_same(n, x, y)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), y(n)
-        integer :: i
+        real(wp) :: t(short), rest
+        integer :: b, i
 
-        are_same = .false.
-        !GCC$ UNROLL 1
-        do i = 1, n
-            if (.not. abs(x(i) - y(i)) <= 0.0_wp) return
+        ! Mostly they are, so that a look at each entry would save nothing.
+        do i = 1, short
+            t(i) = 0.0_wp
         end do
-        are_same = .true.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do b = 1, n/short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t(i) = t(i) + abs(x(short*(b - 1) + i) - y(short*(b - 1) + i))
+            end do
+        end do
+        rest = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, short - 1) + 1, n
+            rest = rest + abs(x(i) - y(i))
+        end do
+        are_same = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= 0.0_wp
     end function are_same
 
     !> Whether all entries are finite.
@@ -176,6 +190,33 @@ contains
         end do
         is_finite = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= huge(1.0_wp)
     end function is_finite
+
+    !> Whether x is zero where a mask is 1; the mask is 0 elsewhere. False too where x has an entry that is not finite.
+    pure logical function is_zero_where(n, mask, x)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: mask(n), x(n)
+        real(wp) :: t(short), rest
+        integer :: b, i
+
+        do i = 1, short
+            t(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do b = 1, n/short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t(i) = t(i) + mask(short*(b - 1) + i)*abs(x(short*(b - 1) + i))
+            end do
+        end do
+        rest = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = n - iand(n, short - 1) + 1, n
+            rest = rest + mask(i)*abs(x(i))
+        end do
+        is_zero_where = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= 0.0_wp
+    end function is_zero_where
 
     !> C := A' B, A (l, m), B (l, n).
     pure subroutine set_gram(a, b, c)

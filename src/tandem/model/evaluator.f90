@@ -3,6 +3,7 @@
 !> terms that the model lacks, a constant mass matrix once. Counts what it does.
 module tandem_model_evaluator
     use tandem_kinds, only: long, wp
+    use tandem_linalg_kernels, only: is_zero_where
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
@@ -36,6 +37,8 @@ module tandem_model_evaluator
         !> The first coordinates of the diagonal blocks of M, then n + 1 (n_blocks + 1 of n + 1).
         integer, allocatable :: block_start(:)
         integer :: n_blocks = 1
+        !> 1 below the blocks that the model tells of, where M must be zero, and 0 elsewhere (n, n).
+        real(wp), allocatable, private :: outside(:, :)
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
     contains
@@ -180,10 +183,13 @@ contains
             self%block_start = spread(n + 1, 1, n + 1)
             self%block_start(1) = 1
             self%n_blocks = 1
+            if (allocated(self%outside)) deallocate (self%outside)
+            allocate (self%outside(n, n), source=0.0_wp)
             if (.not. allocated(self%model%mass_blocks)) return
             self%n_blocks = size(self%model%mass_blocks)
             do b = 1, self%n_blocks
                 self%block_start(b + 1) = self%block_start(b) + self%model%mass_blocks(b)
+                self%outside(self%block_start(b + 1):, self%block_start(b):self%block_start(b + 1) - 1) = 1.0_wp
             end do
         end associate
     end subroutine take_blocks
@@ -220,6 +226,7 @@ contains
 
         stat = status_ok
         if (self%mass_is_known) return
+        if (is_zero_where(size(self%outside), self%outside, self%terms%mass)) return
         do b = 1, self%n_blocks - 1
             do j = self%block_start(b), self%block_start(b + 1) - 1
                 do i = self%block_start(b + 1), size(self%terms%mass, 1)
