@@ -24,6 +24,7 @@ program main
     use test_events, only: collect_events
     use test_failures, only: collect_failures
     use test_faults, only: collect_faults
+    use test_large, only: collect_large
     use test_late_faults, only: collect_late_faults
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -69,6 +70,7 @@ program main
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &
         new_testsuite('linalg_singular', collect_linalg_singular), &
+        new_testsuite('large', collect_large), &
         new_testsuite('euler_parameters', collect_euler_parameters), &
         new_testsuite('rigid', collect_rigid), &
         new_testsuite('models', collect_models), &

@@ -8,6 +8,7 @@ module test_tangent_kernels
     use tandem, only: wp
     use tandem_linalg_elimination, only: elimination_type, lane, short
     use tandem_linalg_kernels, only: copy
+    use tandem_tangent_large_kernels, only: invert_large_gram
     use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, &
         refine_inverse
     use tandem_tangent_reduced, only: reduced_type
@@ -60,31 +61,43 @@ contains
 
     subroutine test_independence(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: c(:, :), scale(:)
-        real(wp) :: expected, independence
-        integer :: seed, m, n, i, j, stat
+        !> Rows and columns of matrices that LAPACK takes.
+        integer, parameter :: large(2, 3) = reshape([66, 68, 80, 100, 4, 70], [2, 3])
+        integer :: i, m, n, seed
 
         seed = 3
         do n = 2, 20, 3
             do m = 1, n
-                allocate (c(m, n), scale(n))
-                do j = 1, n
-                    call random_vector(seed, c(:, j))
-                end do
-                call random_vector(seed, scale)
-                ! Units of coordinates and of rows over some decades.
-                scale = 10.0_wp**(2*scale)
-                do i = 1, m
-                    c(i, :) = c(i, :)*10.0_wp**modulo(i, 4)/scale
-                end do
-                call measure(c, scale, expected, independence, stat)
-                call check_count(error, stat, 0, 'stat')
-                call check_below(error, abs(independence/expected - 1.0_wp), 1.0e-9_wp, 'relative error of the independence')
+                call check_independence(m, n, seed, error)
                 if (allocated(error)) return
-                deallocate (c, scale)
             end do
         end do
+        do i = 1, size(large, 2)
+            call check_independence(large(1, i), large(2, i), seed, error)
+            if (allocated(error)) return
+        end do
     end subroutine test_independence
+
+    !> That of a random matrix, whose rows and columns have units over some decades.
+    subroutine check_independence(m, n, seed, error)
+        integer, intent(in) :: m, n
+        integer, intent(inout) :: seed
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: c(m, n), scale(n), expected, independence
+        integer :: i, j, stat
+
+        do j = 1, n
+            call random_vector(seed, c(:, j))
+        end do
+        call random_vector(seed, scale)
+        scale = 10.0_wp**(2*scale)
+        do i = 1, m
+            c(i, :) = c(i, :)*10.0_wp**modulo(i, 4)/scale
+        end do
+        call measure(c, scale, expected, independence, stat)
+        call check_count(error, stat, 0, 'stat')
+        call check_below(error, abs(independence/expected - 1.0_wp), 1.0e-9_wp, 'relative error of the independence')
+    end subroutine check_independence
 
     !> Two rows at a small angle: singular values 2^(1/2) and angle/2^(1/2), nearly.
     subroutine test_parallel(error)
@@ -203,6 +216,15 @@ contains
     !> U, the inverse of Phi_q U and the weights, by plain formulas; other rows of C behind those of Phi.
     subroutine test_gram(error)
         type(error_type), allocatable, intent(out) :: error
+
+        call check_gram(.false., error)
+        if (.not. allocated(error)) call check_gram(.true., error)
+    end subroutine test_gram
+
+    !> U, the inverse of Phi_q U, and the weights, by loops or by LAPACK.
+    subroutine check_gram(by_lapack, error)
+        logical, intent(in) :: by_lapack
+        type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 13
         real(wp), allocatable :: c(:, :), u(:, :), gram(:, :), weight(:), pivots(:), column(:), unit(:, :)
         real(wp) :: q(n), scale(n)
@@ -221,7 +243,11 @@ contains
             do j = 1, n
                 call random_vector(seed, c(:m, j))
             end do
-            call invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+            if (by_lapack) then
+                call invert_large_gram(nh, c, q, scale, u, gram, weight, pivots, can)
+            else
+                call invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+            end if
             call check_true(error, can, 'can')
             do i = 1, nh
                 call check_below(error, maxval(abs(u(:, i) - scale**2*c(i, :))), 1.0e-14_wp, 'U')
@@ -237,7 +263,7 @@ contains
             if (allocated(error)) return
             deallocate (c, u, gram, weight, pivots, column)
         end do
-    end subroutine test_gram
+    end subroutine check_gram
 
     subroutine test_no_gram(error)
         type(error_type), allocatable, intent(out) :: error
@@ -257,10 +283,14 @@ contains
             c(3, :) = c(1, :) - c(2, :) + far*c(3, :)
             call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
             call check_true(error, can .eqv. k == 2, 'can')
+            call invert_large_gram(nh, c, one, one, u, gram, weight, pivots, can)
+            call check_true(error, can .eqv. k == 2, 'can, by LAPACK')
         end do
         c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
         call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
         call check_true(error, .not. can, 'refused where C is not finite')
+        call invert_large_gram(nh, c, one, one, u, gram, weight, pivots, can)
+        call check_true(error, .not. can, 'refused by LAPACK where C is not finite')
     end subroutine test_no_gram
 
     !> I - A B is its own square after the refinement B := B + B (I - A B), A = Phi_q U of another point.

@@ -7,7 +7,8 @@
 !> has become small in its row or an entry of Y has grown too much.
 !>
 !> Columns are padded with zeros to a multiple of `lane`, so that inner loops have a constant length: at the sizes of one
-!> mechanism that is worth more than the arithmetic it wastes.
+!> mechanism that is worth more than the arithmetic it wastes. With more than `largest_small` rows, where the matrix leaves the
+!> nearest cache, remembered pivot columns are taken by LAPACK, with row pivoting and without the inverse of Cd.
 module tandem_linalg_elimination
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: is_finite
@@ -15,17 +16,19 @@ module tandem_linalg_elimination
     implicit none (type, external)
     private
 
-    public :: elimination_type, lane, short
+    public :: elimination_type, lane, largest_small, short
 
     !> Columns are padded to multiples of `lane`; innermost loops have the length `short`, one vector register.
     integer, parameter :: lane = 8, short = 4
+    !> Most rows for which loops are faster than LAPACK: measured with OpenBLAS, where at 128 rows a step takes them twice as long.
+    integer, parameter :: largest_small = 64
     !> A row of which at most this part is left depends on the rows before it; as the rank decision of `tandem_linalg_basis`.
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
 
     type :: elimination_type
         !> m rows, padded to `height`, and n columns.
         integer :: m = 0, n = 0, height = 0
-        !> C (height, n); what the elimination makes of it: [Cd^-1, Y] (height, n).
+        !> C (height, n); what the elimination makes of it: [Cd^-1, Y] (height, n), by LAPACK factors of Cd in place of its inverse.
         real(wp), allocatable :: matrix(:, :), eliminated(:, :)
         !> The columns of C in their new order (n): the pivot column of each row, then the free ones.
         integer, allocatable :: order(:)
@@ -39,20 +42,48 @@ module tandem_linalg_elimination
         !> Scales of the unknowns (n), and those of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         integer, allocatable, private :: held_order(:)
+        !> By LAPACK: the row exchanges, and what rows are multiplied by before, powers of 2 (m).
+        integer, allocatable, private :: exchanges(:)
+        real(wp), allocatable, private :: row_factor(:)
     contains
         procedure :: allocate => allocate_elimination
         procedure :: forget
         procedure :: hold
         procedure :: release
         procedure :: eliminate
+        procedure :: solve
         procedure :: orientation
         procedure :: measure_rows
         procedure :: get_right_inverse
         procedure :: get_null_space
         procedure :: pack_state
         procedure, private :: choose_pivots
+        procedure, private :: factor
         procedure, private :: swap
     end type elimination_type
+
+    ! By LAPACK, where there are many rows.
+    interface
+        !> Take all remembered pivots. stat > 0: they do not serve.
+        module subroutine factor(self, matrix, is_choosy, stat)
+            implicit none (type, external)
+            class(elimination_type), intent(inout) :: self
+            !> C (m, n).
+            real(wp), intent(in) :: matrix(self%m, self%n)
+            !> Whether to refuse small pivots and large entries of Y too, for which a search may find better ones.
+            logical, intent(in) :: is_choosy
+            integer, intent(out) :: stat
+        end subroutine factor
+
+        !> y := Cd^-1 x, of any elimination.
+        module subroutine solve(self, x, y)
+            implicit none (type, external)
+            class(elimination_type), intent(in) :: self
+            !> x (m), y (height).
+            real(wp), intent(in), contiguous :: x(:)
+            real(wp), intent(inout), contiguous :: y(:)
+        end subroutine solve
+    end interface
 
 contains
 
@@ -69,6 +100,8 @@ contains
         self%parity = 1
         if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, &
             self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
+        if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
+        if (m > largest_small) allocate (self%exchanges(m), self%row_factor(m))
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
         allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), &
             self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
@@ -129,9 +162,11 @@ contains
             ! The same loops, in the common case of a length that the compiler knows.
             call reduce(self%m, self%n, lane, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
                 self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
-        else
+        else if (self%m <= largest_small) then
             call reduce(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
                 self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
+        else
+            call self%factor(matrix, .true., stat)
         end if
         if (stat == 0) return
         if (.not. is_finite(size(self%matrix), self%matrix)) then
@@ -141,6 +176,7 @@ contains
         ! What the old pivots say of the orientation holds for the new ones.
         orientation = self%orientation()
         call self%choose_pivots(scale, stat)
+        if (stat == 0 .and. self%m > largest_small) call self%factor(matrix, .false., stat)
         self%has_pivots = stat == 0
         if (stat == 0) self%parity = self%parity*orientation*self%orientation()
     end subroutine eliminate
@@ -419,12 +455,24 @@ contains
     end subroutine measure_rows
 
     !> R (n, m) with C R = I.
-    pure subroutine get_right_inverse(self, right_inverse)
+    subroutine get_right_inverse(self, right_inverse)
         class(elimination_type), intent(in) :: self
         real(wp), intent(out) :: right_inverse(:, :)
+        real(wp) :: column(self%m), solution(self%height)
         integer :: j, k
 
         right_inverse = 0.0_wp
+        if (self%m > largest_small) then
+            do j = 1, self%m
+                column = 0.0_wp
+                column(j) = 1.0_wp
+                call self%solve(column, solution)
+                do k = 1, self%m
+                    right_inverse(self%order(k), j) = solution(k)
+                end do
+            end do
+            return
+        end if
         !GCC$ UNROLL 1
         do j = 1, self%m
             !GCC$ UNROLL 1
@@ -467,5 +515,7 @@ contains
         call pack%item(self%last_choice)
         call pack%item(self%has_pivots)
         call pack%item(self%order)
+        call pack%item(self%exchanges)
+        call pack%item(self%row_factor)
     end subroutine pack_state
 end module tandem_linalg_elimination

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Explicit interfaces of the LAPACK routines that tandem calls. Nothing outside src/tandem/linalg uses this module.
+!> Explicit interfaces of the routines of LAPACK and BLAS that tandem calls. Nothing outside src/tandem/linalg uses this module.
 !> Source: Anderson et al., LAPACK Users' Guide, 3rd ed., SIAM 1999.
 module tandem_linalg_lapack
     use tandem_kinds, only: wp
@@ -127,5 +127,45 @@ module tandem_linalg_lapack
             real(wp), intent(inout) :: b(ldb, *)
             integer, intent(out) :: info
         end subroutine dpotrs
+
+        !> The inverse of a definite matrix, one triangle, from the factor of `dpotrf`.
+        subroutine dpotri(uplo, n, a, lda, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: uplo
+            integer, intent(in) :: n, lda
+            real(wp), intent(inout) :: a(lda, *)
+            integer, intent(out) :: info
+        end subroutine dpotri
+
+        !> The inverse of a triangular matrix.
+        subroutine dtrtri(uplo, diag, n, a, lda, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: uplo, diag
+            integer, intent(in) :: n, lda
+            real(wp), intent(inout) :: a(lda, *)
+            integer, intent(out) :: info
+        end subroutine dtrtri
+
+        !> C := alpha A B + beta C, either transposed or not.
+        subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: transa, transb
+            integer, intent(in) :: m, n, k, lda, ldb, ldc
+            real(wp), intent(in) :: alpha, a(lda, *), b(ldb, *), beta
+            real(wp), intent(inout) :: c(ldc, *)
+        end subroutine dgemm
+
+        !> C := alpha A A' + beta C or alpha A' A + beta C, one triangle.
+        subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: uplo, trans
+            integer, intent(in) :: n, k, lda, ldc
+            real(wp), intent(in) :: alpha, a(lda, *), beta
+            real(wp), intent(inout) :: c(ldc, *)
+        end subroutine dsyrk
     end interface
 end module tandem_linalg_lapack

@@ -5,7 +5,7 @@
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_tangent_position
     use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: short
+    use tandem_linalg_elimination, only: largest_small, short
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
     use tandem_model_evaluator, only: evaluator_type
@@ -13,6 +13,7 @@ module tandem_tangent_position
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
+    use tandem_tangent_large_kernels, only: invert_large_gram
     use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, &
         place, refine_inverse, set_row_weight
     use tandem_tangent_refinement, only: refinement_type
@@ -151,8 +152,12 @@ contains
         can = .true.
         self%u = 0.0_wp
         if (self%nh == 0) return
-        call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
-            self%correction, self%z, can)
+        if (self%nh > largest_small) then
+            call invert_large_gram(self%nh, matrix, q, scale, self%u_basis, self%gram, self%weight, self%z, can)
+        else
+            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
+                self%correction, self%z, can)
+        end if
         self%has_gram = can
         self%b_time = t
         self%origin_time = t

@@ -7,6 +7,11 @@ module tandem_tangent_position_kernels
     private
 
     public :: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, place, refine_inverse, set_row_weight
+    public :: smallest_gram_pivot
+
+    !> The least part of an entry on the diagonal of a Gram matrix that its pivot may be. The matrix squares the condition of Phi_q:
+    !> beyond 1e5 U is made an orthonormal basis.
+    real(wp), parameter :: smallest_gram_pivot = 1.0e-10_wp
 
 contains
 
@@ -277,8 +282,6 @@ contains
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
         real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
         logical, intent(out) :: can
-        !> The Gram matrix squares the condition of Phi_q: beyond 1e5 U is made an orthonormal basis.
-        real(wp), parameter :: smallest_pivot = 1.0e-10_wp
         integer :: b, k
 
         do b = 0, width - short, short
@@ -287,7 +290,7 @@ contains
         call multiply(n, nh, height, width, c, u, gram)
         if (nh < width) gram(nh + 1:, :) = 0.0_wp
         do k = 1, width
-            pivots(k) = merge(smallest_pivot*gram(k, k), 1.0_wp, k <= nh)
+            pivots(k) = merge(smallest_gram_pivot*gram(k, k), 1.0_wp, k <= nh)
         end do
         call invert(nh, width, gram, pivots, column, can)
     end subroutine invert_gram_of

@@ -3,12 +3,14 @@
 !> the general `tandem_tangent_dynamics`, which has the equations: the same results in a small part of the time.
 module tandem_tangent_reduced
     use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: elimination_type, lane, short
+    use tandem_linalg_cholesky, only: cholesky_type
+    use tandem_linalg_elimination, only: elimination_type, lane, largest_small, short
     use tandem_linalg_kernels, only: is_finite
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
     use tandem_tangent_independence, only: find_independence
+    use tandem_tangent_large_kernels, only: find_large_acceleration, find_large_independence, find_large_velocity
     use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, scale_columns, set_overlap, transpose_basis
     use tandem_tangent_single_kernels, only: find_single_acceleration, find_single_velocity
     implicit none (type, external)
@@ -30,6 +32,11 @@ module tandem_tangent_reduced
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
         real(wp), allocatable :: z(:), r(:), x(:), work(:)
+        !> Whether LAPACK and BLAS work here, and for them: coordinate scales (n), scaled rows of C (height, n), their Gram matrix
+        !> (m, m), the factor of D' M D.
+        logical :: is_large = .false.
+        real(wp), allocatable :: scale(:), rows(:, :), gram(:, :)
+        type(cholesky_type) :: mass_factor
     contains
         procedure :: allocate => allocate_reduced
         procedure :: load
@@ -63,6 +70,12 @@ contains
             allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, k), &
                 self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
             call self%overlap_lu%allocate(k)
+            self%is_large = max(m, k) > largest_small
+            if (allocated(self%rows)) deallocate (self%scale, self%rows, self%gram)
+            if (.not. self%is_large) return
+            allocate (self%scale, source=scale)
+            allocate (self%rows(height, n), self%gram(m, m), source=0.0_wp)
+            call self%mass_factor%allocate(k)
         end associate
     end subroutine allocate_reduced
 
@@ -92,6 +105,10 @@ contains
 
         independence = 1.0_wp
         if (self%m == 0) return
+        if (self%is_large) then
+            call find_large_independence(elimination, self%scale, self%rows, self%gram, independence)
+            return
+        end if
         associate (e => elimination)
             call find_independence(self%m, self%n, self%k, self%height, self%width, e%order, self%square, self%inverse_square, &
                 e%matrix, e%eliminated, self%basis, self%matrix, self%inverse, self%basis_mass, self%r, self%z, independence)
@@ -111,6 +128,12 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
+        if (self%is_large) then
+            call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix, self%overlap_lu, &
+                self%z, self%r, self%x, self%work, qd, stat)
+            stat = merge(status_ok, status_chart_left, stat == 0)
+            return
+        end if
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
             ! The end of a step takes the general way, where rounding is removed too.
             if (k == 1 .and. .not. polishes) then
@@ -148,7 +171,10 @@ contains
         integer, intent(out) :: stat
 
         associate (e => elimination)
-            if (self%k == 1 .and. .not. polishes) then
+            if (self%is_large) then
+                call find_large_acceleration(e, self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, &
+                    self%matrix, self%mass_factor, self%z, self%r, self%x, qdd, stat)
+            else if (self%k == 1 .and. .not. polishes) then
                 call find_single_acceleration(self%m, self%n, self%height, self%width, e%order, e%eliminated, self%basis, &
                     n_blocks, block_start, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
             else

@@ -1,0 +1,81 @@
+! SPDX-License-Identifier: MIT
+!> The elimination of a C with many rows, by LAPACK: factors of Cd, found with row pivoting, stand where its inverse does otherwise.
+submodule(tandem_linalg_elimination) tandem_linalg_elimination_lapack
+    use tandem_linalg_kernels, only: add_product
+    use tandem_linalg_lapack, only: dgetrf, dgetrs
+    implicit none (type, external)
+
+contains
+
+    !> Take all remembered pivots. stat > 0: they do not serve.
+    module subroutine factor(self, matrix, is_choosy, stat)
+        class(elimination_type), intent(inout) :: self
+        !> C (m, n).
+        real(wp), intent(in) :: matrix(self%m, self%n)
+        !> Whether to refuse small pivots and large entries of Y too, for which a search may find better ones.
+        logical, intent(in) :: is_choosy
+        integer, intent(out) :: stat
+        !> Rows are exchanged, so that a small pivot amplifies no rounding: it says that the pivot columns depend on each other.
+        real(wp), parameter :: smallest_pivot = 1.0e-8_wp, largest_growth = 10.0_wp
+        real(wp) :: least, most
+        integer :: i, info, j, p
+
+        stat = 0
+        least = tiny(1.0_wp)
+        most = huge(1.0_wp)
+        if (is_choosy) then
+            least = smallest_pivot
+            most = largest_growth
+        end if
+        associate (m => self%m, a => self%eliminated)
+            ! Where rows have different units, the largest entry says nothing.
+            do i = 1, m
+                self%row_factor(i) = scale(1.0_wp, -max(exponent(self%row_size(i)), -1000))
+            end do
+            do j = 1, self%n
+                p = self%order(j)
+                do i = 1, m
+                    self%matrix(i, p) = matrix(i, p)
+                    a(i, j) = matrix(i, p)*self%row_factor(i)
+                end do
+            end do
+            call dgetrf(m, m, a, self%height, self%exchanges, info)
+            do i = 1, m
+                self%pivots(i) = a(i, i)
+                if (.not. (abs(a(i, i))*self%pivot_scale(i) >= least .and. abs(a(i, i)) <= huge(1.0_wp))) stat = i
+            end do
+            if (stat > 0) return
+            ! Every exchange changes the sign of the determinant, of which the pivots tell.
+            do i = 1, m
+                if (self%exchanges(i) /= i) self%pivots(i) = -self%pivots(i)
+            end do
+            call dgetrs('N', m, self%n - m, a, self%height, self%exchanges, a(:, m + 1:), self%height, info)
+            do j = m + 1, self%n
+                do i = 1, m
+                    if (.not. abs(a(i, j))*self%scale(self%order(j)) <= most*self%pivot_scale(i)) stat = i
+                end do
+            end do
+        end associate
+    end subroutine factor
+
+    !> y := Cd^-1 x.
+    module subroutine solve(self, x, y)
+        class(elimination_type), intent(in) :: self
+        !> x (m), y (height).
+        real(wp), intent(in), contiguous :: x(:)
+        real(wp), intent(inout), contiguous :: y(:)
+        integer :: i, info
+
+        if (self%m > largest_small) then
+            do i = 1, self%m
+                y(i) = x(i)*self%row_factor(i)
+            end do
+            call dgetrs('N', self%m, 1, self%eliminated, self%height, self%exchanges, y, self%height, info)
+        else
+            do i = 1, self%height
+                y(i) = 0.0_wp
+            end do
+            call add_product(self%eliminated(:, :self%m), x, 1.0_wp, y)
+        end if
+    end subroutine solve
+end submodule tandem_linalg_elimination_lapack
