@@ -274,7 +274,8 @@ contains
     !> Every copy against a run of it alone, which loops take.
     subroutine test_copies(error)
         type(error_type), allocatable, intent(out) :: error
-        character(len=6), parameter :: steppers(2) = ['rk4   ', 'dop853']
+        character(len=7), parameter :: steppers(3) = ['rk4    ', 'dop853 ', 'sdirk54']
+        real(wp), parameter :: t_end(3) = [0.2_wp, 0.2_wp, 0.02_wp]
         type(copies_type), target :: model
         type(moving_pivot_type), target :: one
         type(simulation_type) :: all_, alone
@@ -288,12 +289,12 @@ contains
         do k = 1, size(steppers)
             options%stepper = steppers(k)
             options%step = 0.01_wp
-            call run(all_, model, options, 0.0_wp, q, qd, 0.2_wp, failure)
+            call run(all_, model, options, 0.0_wp, q, qd, t_end(k), failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
             off = 0.0_wp
             do i = 1, model%copies
-                call run(alone, one, options, 0.0_wp, q(2*i - 1:2*i), qd(2*i - 1:2*i), 0.2_wp, failure)
+                call run(alone, one, options, 0.0_wp, q(2*i - 1:2*i), qd(2*i - 1:2*i), t_end(k), failure)
                 call check_no_failure(error, failure)
                 if (allocated(error)) return
                 off = max(off, maxval(abs(all_%state%q(2*i - 1:2*i) - alone%state%q)), &

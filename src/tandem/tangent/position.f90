@@ -8,6 +8,7 @@ module tandem_tangent_position
     use tandem_linalg_elimination, only: largest_small, short
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_products, only: multiply_first
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_phi
     use tandem_pack, only: pack_type
@@ -74,7 +75,6 @@ module tandem_tangent_position
         procedure :: release
         procedure :: pack_state
         procedure, private :: forget_motion
-        procedure, private :: set_phi_u
         procedure, private :: factor
     end type position_type
 
@@ -238,7 +238,7 @@ contains
 
         stat = status_ok
         if (self%nh == 0 .or. .not. self%refines) return
-        call self%set_phi_u(jacobian)
+        call multiply_first(self%nh, jacobian, self%u_basis, self%phi_u)
         call self%b%refine(self%phi_u, self%btol, counts%b_corrections, stat)
         self%most_corrections = max(self%most_corrections, self%b%last_corrections)
     end subroutine refine
@@ -423,27 +423,11 @@ contains
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
 
-        call self%set_phi_u(jacobian)
+        call multiply_first(self%nh, jacobian, self%u_basis, self%phi_u)
         call self%lu%factor(self%phi_u, stat)
         counts%position_factorizations = counts%position_factorizations + 1
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine factor
-
-    !> Phi_q U.
-    subroutine set_phi_u(self, jacobian)
-        class(position_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: jacobian(:, :)
-        integer :: i, j, l
-
-        self%phi_u = 0.0_wp
-        do j = 1, self%nh
-            do l = 1, self%n
-                do i = 1, self%nh
-                    self%phi_u(i, j) = self%phi_u(i, j) + jacobian(i, l)*self%u_basis(l, j)
-                end do
-            end do
-        end do
-    end subroutine set_phi_u
 
     !> Bases, u, B, and what they were made with.
     subroutine pack_state(self, pack)
