@@ -57,8 +57,13 @@ class Allocations(unittest.TestCase):
         for scene in ("rolling_disk", "articulated_vehicle", "motorcycle"):
             with self.subTest(scene=scene):
                 # 200 and 5200 steps; one allocation a step would be 5000. A closer look at the rank takes some twenty,
-                # and the vehicle has four of them; a breakpoint would come later.
-                self.assertLessEqual(self.count(scene, 5.2, *settings), self.count(scene, 0.2, *settings) + 100)
+                # and the vehicle has four of them; a breakpoint would come later. Texts of measured times take some tens
+                # more or less, as their digits fall: what grows with the steps does so every time.
+                for _ in range(4):
+                    short, long = self.count(scene, 0.2, *settings), self.count(scene, 5.2, *settings)
+                    if long <= short + 100:
+                        break
+                self.assertLessEqual(long, short + 100)
 
     def test_rk4(self):
         self.check("solver.stepper=rk4")
