@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Products of dense matrices and vectors, and passes over vectors. At the sizes of most mechanisms a call of BLAS or an out-of-line
-!> `matmul` costs more than what it does: loops do that, and BLAS the products of matrices from order 6 on.
+!> `matmul` costs more than what it does: loops do that, and BLAS the products of matrices from order 10 on.
 module tandem_linalg_kernels
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgemm
@@ -11,9 +11,9 @@ module tandem_linalg_kernels
 
     !> Entries are taken so many at a time, one vector register; with that said, gfortran spends nothing on how to take the rest.
     integer, parameter :: short = 4
-    !> From so many multiplications on OpenBLAS is faster than loops. Measured with square matrices: of order 10 it takes half as
-    !> long for A B and for A' B, of order 128 four ninths and an eighth.
-    integer, parameter :: worth_a_call = 250
+    !> From so many multiplications on OpenBLAS is much faster than loops. Measured with square matrices: of order 10 it takes half
+    !> as long for A B and for A' B, of order 128 four ninths and an eighth.
+    integer, parameter :: worth_a_call = 1000
 
 contains
 
