@@ -29,6 +29,7 @@ contains
             new_unittest('neighbours-are-eliminated-with-the-remembered-pivots', test_neighbours), &
             new_unittest('pivots-are-searched-anew-where-columns-depend-on-each-other', test_bad_pivots), &
             new_unittest('the-orientation-is-the-sign-of-the-determinant', test_orientation), &
+            new_unittest('a-search-for-pivots-keeps-the-orientation', test_search), &
             new_unittest('rows-in-any-units', test_units), &
             new_unittest('bad-matrices-are-refused-and-leave-nothing-behind', test_bad), &
             new_unittest('seventy-pendulums-move-as-one-and-one', test_copies), &
@@ -175,6 +176,38 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_orientation
+
+    !> Where the pivot columns have become nearly dependent, by a determinant 1e-10 times as large, so that others are taken.
+    subroutine test_search(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: m = largest_small + 1, n = m + 2
+        type(elimination_type) :: elimination
+        real(wp) :: c(m, n), bad(m, n), scale(n)
+        integer :: choice, i, j, orientation, seed, stat
+
+        seed = 47
+        scale = 1.0_wp
+        do i = 1, 20
+            do j = 1, n
+                call random_vector(seed, c(:, j))
+            end do
+            call elimination%allocate(m, n)
+            call elimination%eliminate(c, scale, stat)
+            call check_count(error, stat, 0, 'stat')
+            choice = elimination%choice
+            orientation = elimination%orientation()
+            associate (first => elimination%order(1), second => elimination%order(2), free => elimination%order(n))
+                bad = c
+                bad(:, second) = c(:, first) + 1.0e-10_wp*c(:, second)
+                bad(:, free) = c(:, second)
+            end associate
+            call elimination%eliminate(bad, scale, stat)
+            call check_count(error, stat, 0, 'stat')
+            call check_true(error, elimination%choice /= choice, 'other pivots')
+            call check_count(error, elimination%orientation(), orientation, 'orientation')
+            if (allocated(error)) return
+        end do
+    end subroutine test_search
 
     !> Units of rows and of unknowns over forty decades.
     subroutine test_units(error)

@@ -59,6 +59,7 @@ module tandem_linalg_elimination
         procedure :: pack_state
         procedure, private :: choose_pivots
         procedure, private :: factor
+        procedure, private :: solve_all
         procedure, private :: swap
     end type elimination_type
 
@@ -74,6 +75,14 @@ module tandem_linalg_elimination
             logical, intent(in) :: is_choosy
             integer, intent(out) :: stat
         end subroutine factor
+
+        !> The rows Cd^-1 of R, each in the place of its pivot column.
+        module subroutine solve_all(self, right_inverse)
+            implicit none (type, external)
+            class(elimination_type), intent(in) :: self
+            !> R (n, m).
+            real(wp), intent(inout) :: right_inverse(:, :)
+        end subroutine solve_all
 
         !> y := Cd^-1 x, of any elimination.
         module subroutine solve(self, x, y)
@@ -101,7 +110,10 @@ contains
         if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, &
             self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
         if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
-        if (m > largest_small) allocate (self%exchanges(m), self%row_factor(m))
+        if (m > largest_small) then
+            allocate (self%exchanges(m), source=0)
+            allocate (self%row_factor(m), source=1.0_wp)
+        end if
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
         allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), &
             self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
@@ -458,19 +470,11 @@ contains
     subroutine get_right_inverse(self, right_inverse)
         class(elimination_type), intent(in) :: self
         real(wp), intent(out) :: right_inverse(:, :)
-        real(wp) :: column(self%m), solution(self%height)
         integer :: j, k
 
         right_inverse = 0.0_wp
         if (self%m > largest_small) then
-            do j = 1, self%m
-                column = 0.0_wp
-                column(j) = 1.0_wp
-                call self%solve(column, solution)
-                do k = 1, self%m
-                    right_inverse(self%order(k), j) = solution(k)
-                end do
-            end do
+            call self%solve_all(right_inverse)
             return
         end if
         !GCC$ UNROLL 1

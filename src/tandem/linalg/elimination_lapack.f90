@@ -41,14 +41,11 @@ contains
             end do
             call dgetrf(m, m, a, self%height, self%exchanges, info)
             do i = 1, m
-                self%pivots(i) = a(i, i)
+                ! Every exchange changes the sign of the determinant, of which the pivots tell, those too that do not serve.
+                self%pivots(i) = merge(a(i, i), -a(i, i), self%exchanges(i) == i)
                 if (.not. (abs(a(i, i))*self%pivot_scale(i) >= least .and. abs(a(i, i)) <= huge(1.0_wp))) stat = i
             end do
             if (stat > 0) return
-            ! Every exchange changes the sign of the determinant, of which the pivots tell.
-            do i = 1, m
-                if (self%exchanges(i) /= i) self%pivots(i) = -self%pivots(i)
-            end do
             call dgetrs('N', m, self%n - m, a, self%height, self%exchanges, a(:, m + 1:), self%height, info)
             do j = m + 1, self%n
                 do i = 1, m
@@ -57,6 +54,24 @@ contains
             end do
         end associate
     end subroutine factor
+
+    !> The rows Cd^-1 of R, each in the place of its pivot column.
+    module subroutine solve_all(self, right_inverse)
+        class(elimination_type), intent(in) :: self
+        !> R (n, m).
+        real(wp), intent(inout) :: right_inverse(:, :)
+        real(wp) :: inverse(self%m, self%m)
+        integer :: i, info
+
+        inverse = 0.0_wp
+        do i = 1, self%m
+            inverse(i, i) = self%row_factor(i)
+        end do
+        call dgetrs('N', self%m, self%m, self%eliminated, self%height, self%exchanges, inverse, self%m, info)
+        do i = 1, self%m
+            right_inverse(self%order(i), :) = inverse(i, :)
+        end do
+    end subroutine solve_all
 
     !> y := Cd^-1 x.
     module subroutine solve(self, x, y)

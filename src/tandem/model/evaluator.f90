@@ -37,7 +37,7 @@ module tandem_model_evaluator
         !> The first coordinates of the diagonal blocks of M, then n + 1 (n_blocks + 1 of n + 1).
         integer, allocatable :: block_start(:)
         integer :: n_blocks = 1
-        !> 1 below the blocks that the model tells of, where M must be zero, and 0 elsewhere (n, n).
+        !> 1 below the blocks that the model tells of, where M must be zero, and 0 elsewhere (n, n); none where it tells of none.
         real(wp), allocatable, private :: outside(:, :)
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
@@ -184,8 +184,8 @@ contains
             self%block_start(1) = 1
             self%n_blocks = 1
             if (allocated(self%outside)) deallocate (self%outside)
-            allocate (self%outside(n, n), source=0.0_wp)
             if (.not. allocated(self%model%mass_blocks)) return
+            allocate (self%outside(n, n), source=0.0_wp)
             self%n_blocks = size(self%model%mass_blocks)
             do b = 1, self%n_blocks
                 self%block_start(b + 1) = self%block_start(b) + self%model%mass_blocks(b)
@@ -225,7 +225,7 @@ contains
         integer :: b, i, j
 
         stat = status_ok
-        if (self%mass_is_known) return
+        if (self%mass_is_known .or. .not. allocated(self%outside)) return
         if (is_zero_where(size(self%outside), self%outside, self%terms%mass)) return
         do b = 1, self%n_blocks - 1
             do j = self%block_start(b), self%block_start(b + 1) - 1
