@@ -62,7 +62,8 @@ class Running(Case):
         try:
             with h5py.File(self.folder / name, swmr=swmr) as file:
                 return len(file["trajectory/time"])
-        except (OSError, KeyError):
+        # The last where a header is not on the disk yet.
+        except (OSError, KeyError, RuntimeError):
             return None
 
     def has_rows(self, name, least=1):
@@ -331,17 +332,22 @@ class InUse(Running):
         self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
 
     def is_complete(self, name):
+        """Whether the run has closed the file, which it still cuts to its length after the status can be read."""
+        path = self.folder / name
+
         def answer():
             try:
-                with h5py.File(self.folder / name) as file:
-                    return file.attrs["status"] == "complete"
-            except (OSError, KeyError):
+                with h5py.File(path) as file:
+                    if file.attrs["status"] != "complete":
+                        return False
+                return time.time() - path.stat().st_mtime > 0.03
+            except (OSError, KeyError, RuntimeError):
                 return False
 
         return answer
 
     def test_until_the_error_is_known(self):
-        process = self.start("rolling_disk", "--set", "time.end=20", "--error", "--quiet", "--output", "a.h5")
+        process = self.start("rolling_disk", "--set", "time.end=60", "--error", "--quiet", "--output", "a.h5")
         self.wait_for(self.is_complete("a.h5"), process)
         self.refused("run", "rolling_disk", "--output", "a.h5", "--force", says="a.h5 is in use")
         self.end(process, 0)
@@ -352,7 +358,7 @@ class InUse(Running):
     def test_another_file_in_its_place_gets_no_error(self):
         self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "b.h5", "--no-error")
         before = (self.folder / "b.h5").read_bytes()
-        process = self.start("rolling_disk", "--set", "time.end=20", "--error", "--quiet", "--output", "a.h5")
+        process = self.start("rolling_disk", "--set", "time.end=60", "--error", "--quiet", "--output", "a.h5")
         self.wait_for(self.is_complete("a.h5"), process)
         (self.folder / "b.h5").rename(self.folder / "a.h5")
         _, err = self.end(process, 1)
