@@ -17,6 +17,7 @@ contains
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
         real(wp) :: smallest, smallest_before, fall
+        logical :: falls, is_lost
         integer :: i, j
 
         self%failed_row = 0
@@ -44,18 +45,22 @@ contains
                 end associate
             end do
         end if
-        ! This is at hand, and cheap. It falls towards a loss of rank; pivots also for the choice of their columns.
+        ! These are at hand, and cheap: what falls towards a loss of rank, and the orientation of the pivot columns, which changes
+        ! with that of C, and where they alone turn singular.
         fall = self%last_independence - self%split%independence
         self%last_independence = self%split%independence
-        if (self%split%orientation == self%origin_orientation .and. self%split%independence > horizon*fall) return
+        falls = .not. self%split%independence > horizon*fall
+        is_lost = .false.
+        if (self%split%orientation /= self%origin_orientation) then
+            is_lost = .not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)
+            self%origin_orientation = self%split%orientation
+        end if
+        if (.not. (falls .or. is_lost)) return
         call weakest_combination(self%step_jacobian, self%scale, self%x, smallest_before)
         call weakest_combination(self%model%terms%jacobian, self%scale, self%x, smallest)
         if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
+        if (is_lost) room = 0.0_wp
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
-        if (self%split%orientation /= self%origin_orientation) then
-            if (.not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)) room = 0.0_wp
-            self%origin_orientation = self%split%orientation
-        end if
         if (room <= horizon) call self%blame_dependent(0)
     end subroutine measure_rank
 
