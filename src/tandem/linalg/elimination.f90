@@ -199,36 +199,36 @@ contains
         integer, intent(in), value :: height
         real(wp), intent(in) :: matrix(m*n), mask(height)
         real(wp), intent(inout) :: copy(height, n), a(height, n)
-        real(wp) :: f
-        integer :: b, i, j, first, p
+        integer :: j, p
 
+        ! Without rows there is no first one.
+        if (height == 0) return
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, n
             p = order(j)
-            first = (p - 1)*m
-            if (first + height <= m*n) then
-                do b = 0, height - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        f = matrix(first + b + i)*mask(b + i)
-                        copy(b + i, p) = f
-                        a(b + i, j) = f
-                    end do
-                end do
-            else
-                ! At the end of C, what would be behind it is read from its last entry and masked.
-                do b = 0, height - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        f = matrix(min(first + b + i, m*n))*mask(b + i)
-                        copy(b + i, p) = f
-                        a(b + i, j) = f
-                    end do
-                end do
-            end if
+            call load_column(m, height, mask, matrix((p - 1)*m + 1), copy(1, p), a(1, j))
         end do
     end subroutine load
+
+    !> A column and zeros behind it, where the mask is zero.
+    pure subroutine load_column(m, height, mask, x, copy, a)
+        integer, intent(in) :: m
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: mask(height), x(m)
+        real(wp), intent(inout) :: copy(height), a(height)
+        real(wp) :: f
+        integer :: i
+
+        !GCC$ IVDEP
+        !GCC$ UNROLL 1
+        do i = 1, height
+            f = 0.0_wp
+            if (mask(i) > 0.0_wp) f = x(i)
+            copy(i) = f
+            a(i) = f
+        end do
+    end subroutine load_column
 
     !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
     !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
@@ -242,7 +242,7 @@ contains
         real(wp), parameter :: smallest_pivot = 0.05_wp
         !> Largest |Y| that remembered pivots may leave.
         real(wp), parameter :: largest_growth = 10.0_wp
-        real(wp) :: f, inverse, pivot
+        real(wp) :: f, inverse, pivot, sums(short)
         integer :: b, i, j, k
 
         call load(m, n, height, matrix, mask, order, copy, a)
@@ -279,10 +279,16 @@ contains
                 end do
             end do
         end do
-        !GCC$ UNROLL 1
-        do i = 1, m
-            if (column(i) > 1.0_wp) stat = i
+        do i = 1, short
+            sums(i) = 0.0_wp
         end do
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + column(b + i)
+            end do
+        end do
+        if ((sums(1) + sums(2)) + (sums(3) + sums(4)) > 1.0_wp) stat = maxloc(column, dim=1)
     end subroutine reduce
 
     !> Take a(k, k) from column k: the other rows less what makes it zero there, and in its place the column of the inverse. Row k

@@ -17,26 +17,25 @@ module tandem_linalg_kernels
 
 contains
 
-    !> z := x + y.
+    !> z := x + y. The last entries are a whole register too, which takes some of those before once more.
     pure subroutine add(n, x, y, z)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), y(n)
         real(wp), intent(out) :: z(n)
-        integer :: b, i, l
+        integer :: first, i
 
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do b = 1, n/short
-            l = (b - 1)*short
+        if (n < short) then
+            z = x + y
+            return
+        end if
+        first = 0
+        do
             !GCC$ UNROLL 1
             do i = 1, short
-                z(l + i) = x(l + i) + y(l + i)
+                z(first + i) = x(first + i) + y(first + i)
             end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = n - iand(n, short - 1) + 1, n
-            z(i) = x(i) + y(i)
+            if (first + short == n) exit
+            first = min(first + short, n - short)
         end do
     end subroutine add
 

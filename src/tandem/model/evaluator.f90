@@ -45,6 +45,7 @@ module tandem_model_evaluator
         procedure :: segment
         procedure :: initialize
         procedure :: evaluate
+        procedure :: evaluate_phi
         procedure, private :: evaluate_parts
         procedure, private :: note_mass
         procedure, private :: take_kept
@@ -136,6 +137,28 @@ contains
             call self%note_mass(stat)
         end if
     end subroutine evaluate
+
+    !> Evaluate Phi alone: what an iteration for the position does again and again.
+    subroutine evaluate_phi(self, t, q, counts, stat)
+        class(evaluator_type), intent(inout) :: self
+        !> Time, coordinates (n).
+        real(wp), intent(in) :: t, q(self%model%n)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        ! Phi does not depend on the velocity; q stands in for it.
+        if (iand(need_phi, self%direct) == 0) then
+            call self%evaluate(need_phi, t, q, q, counts, stat)
+            return
+        end if
+        counts%terms(1) = counts%terms(1) + 1
+        counts%fused_calls = counts%fused_calls + 1
+        call self%model%evaluate(need_phi, t, q, q, self%terms, stat)
+        if (stat == 0) return
+        self%failed_term = 'evaluate'
+        stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+    end subroutine evaluate_phi
 
     !> Evaluate terms by several procedures, or with rows that are not in use.
     subroutine evaluate_parts(self, wanted, t, q, qd, counts, stat)

@@ -66,12 +66,7 @@ contains
         real(wp) :: w1, w2, w3, w4
         integer :: b, c1, c2, c3, c4, g, i
 
-        do b = 0, height - lane, lane
-            !GCC$ UNROLL 1
-            do i = 1, lane
-                y(b + i) = x(b + i)
-            end do
-        end do
+        if (n_groups == 0) y = x
         do g = 1, n_groups
             w1 = h*weight(1, g)
             w2 = h*weight(2, g)
@@ -81,12 +76,23 @@ contains
             c2 = column(2, g)
             c3 = column(3, g)
             c4 = column(4, g)
-            do b = 0, height - lane, lane
-                !GCC$ UNROLL 1
-                do i = 1, lane
-                    y(b + i) = y(b + i) + ((w1*rate(b + i, c1) + w2*rate(b + i, c2)) + (w3*rate(b + i, c3) + w4*rate(b + i, c4)))
+            if (g == 1) then
+                do b = 0, height - lane, lane
+                    !GCC$ UNROLL 1
+                    do i = 1, lane
+                        y(b + i) = x(b + i) + &
+                            ((w1*rate(b + i, c1) + w2*rate(b + i, c2)) + (w3*rate(b + i, c3) + w4*rate(b + i, c4)))
+                    end do
                 end do
-            end do
+            else
+                do b = 0, height - lane, lane
+                    !GCC$ UNROLL 1
+                    do i = 1, lane
+                        y(b + i) = y(b + i) + &
+                            ((w1*rate(b + i, c1) + w2*rate(b + i, c2)) + (w3*rate(b + i, c3) + w4*rate(b + i, c4)))
+                    end do
+                end do
+            end if
         end do
     end subroutine add_groups
 end module tandem_stepper_combination

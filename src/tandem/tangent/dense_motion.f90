@@ -244,12 +244,29 @@ contains
         integer, intent(out) :: stat
 
         call restore_position(self, t, increment, q, stat)
-        if (stat /= status_ok) return
-        call go_to(self, t, q, stat)
+        if (stat == status_ok) call go_to(self, t, q, stat)
         if (stat == status_ok) call self%split_here(stat)
-        if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
-        if (stat == status_ok) call go_with(self, t, q, qd, stat)
-        if (stat == status_ok) call solve_here(self, qdd, stat)
+        if (stat /= status_ok) return
+        if (self%has_bases .or. self%m == 0) then
+            call restore_velocity_here(self, increment_qd, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, stat)
+            if (stat == status_ok) call solve_here(self, qdd, stat)
+            return
+        end if
+        ! The same in a row, as explicit steps spend their time here.
+        associate (terms => self%model%terms, elimination => self%split%elimination)
+            if (self%is_stage .and. self%skips_basis) then
+                call self%position%follow(self%t_point, elimination%height, elimination%matrix, self%counts)
+            end if
+            call add(self%n, self%qd0, increment_qd, qd)
+            call self%reduced%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, stat)
+            if (stat /= status_ok) return
+            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
+            call self%reduced%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%block_start, &
+                terms%mass, terms%gamma, terms%force, qdd, stat)
+            if (stat /= status_ok) call self%name_infinite(stat)
+        end associate
     end subroutine restore_motion
 
     !> gamma by differences.

@@ -10,13 +10,12 @@ module tandem_tangent_position
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_products, only: multiply_first
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_model_terms, only: need_phi
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_tangent_counts, only: counts_type
     use tandem_tangent_large_kernels, only: invert_large_gram
-    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, &
-        place, refine_inverse, set_row_weight
+    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, &
+        refine_inverse, set_row_weight
     use tandem_tangent_refinement, only: refinement_type
     implicit none (type, external)
     private
@@ -40,8 +39,8 @@ module tandem_tangent_position
         integer, private :: n = 0, nh = 0
         real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
         !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); what the rows of Phi weigh, the reciprocals of
-        !> their natural scales (width); q0 + xi (n).
-        real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:), origin(:)
+        !> their natural scales (width).
+        real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
         !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
@@ -107,7 +106,6 @@ contains
         self%curvature = self%u
         self%ageing = unknown
         self%weight = self%u
-        self%origin = spread(0.0_wp, 1, n)
         if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
             self%held_gram, self%origin_gram, self%product, self%residual)
         allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
@@ -269,24 +267,22 @@ contains
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
         logical :: learns, trusts
-        integer :: i, k, limit
+        integer :: b, i, k, limit
 
         stat = status_ok
         self%failed_row = 0
-        call add(self%n, origin, increment, self%origin)
         if (self%nh == 0) then
-            do i = 1, self%n
-                q(i) = self%origin(i)
-            end do
+            call add(self%n, origin, increment, q)
             return
         end if
         limit = of_a_step
         if (self%predicts .and. .not. defect < huge(1.0_wp)) limit = of_a_look
         if (defect < huge(1.0_wp) .and. self%predicts) then
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do i = 1, self%nh
-                self%u(i) = self%u_start(i) - defect*self%curvature(i)
+            do b = 0, self%width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    self%u(b + i) = self%u_start(b + i) - defect*self%curvature(b + i)
+                end do
             end do
         end if
         first_error = 0.0_wp
@@ -296,15 +292,14 @@ contains
         self%n_taken = 0
         utol = merge(self%stage_utol, self%utol, is_stage)
         trusts = is_stage .and. self%predicts
+        call place(self%n, self%width, self%u_basis, self%u, origin, increment, q)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do k = 0, limit
-            call place(self%n, self%width, self%u_basis, self%u, self%origin, q)
             if (k > 0 .and. trusts) then
                 if (distrust*(self%ageing*age + last_error)*last_error <= utol) return
             end if
-            ! Phi does not depend on the velocity; q stands in for it.
-            call model%evaluate(need_phi, t, q, q, counts, stat)
+            call model%evaluate_phi(t, q, counts, stat)
             if (stat /= status_ok) return
             call measure(self%nh, model%terms%phi, self%weight, error, total)
             ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
@@ -318,30 +313,35 @@ contains
             end if
             if (k == 0) then
                 first_error = error
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do i = 1, self%nh
-                    self%first_u(i) = self%u(i)
+                do b = 0, self%width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        self%first_u(b + i) = self%u(b + i)
+                    end do
                 end do
             else if (self%has_learnt .and. .not. error < last_error) then
                 ! What was learnt elsewhere does not serve here.
                 call self%forget_motion()
                 self%u(:) = self%first_u
                 last_error = unknown
+                call place(self%n, self%width, self%u_basis, self%u, origin, increment, q)
                 if (k < limit) cycle
             end if
             if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
             if (self%has_gram) then
                 learns = error < slow*last_error .and. last_error > noise .and. last_error < unknown
                 self%has_learnt = self%has_learnt .or. learns
-                call correct(self%width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
-                    self%correction, self%z)
-            else if (self%refines) then
-                call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
+                call correct(self%n, self%width, self%nh, model%terms%phi, self%weight, learns, self%u_basis, origin, increment, &
+                    self%last_phi, self%gram, self%u, self%correction, self%z, q)
             else
-                self%correction(:self%nh) = model%terms%phi
-                call self%lu%solve(self%correction(:self%nh))
-                self%u(:) = self%u + self%correction
+                if (self%refines) then
+                    call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
+                else
+                    self%correction(:self%nh) = model%terms%phi
+                    call self%lu%solve(self%correction(:self%nh))
+                    self%u(:) = self%u + self%correction
+                end if
+                call place(self%n, self%width, self%u_basis, self%u, origin, increment, q)
             end if
             last_error = error
             counts%position_corrections = counts%position_corrections + 1
@@ -355,6 +355,25 @@ contains
         self%u = 0.0_wp
         if (self%has_learnt) call self%forget_motion()
     end subroutine restore
+
+    !> The largest error of the rows of Phi and their sum, which is not finite where one of them is not.
+    pure subroutine measure(nh, phi, weight, error, total)
+        integer, intent(in) :: nh
+        real(wp), intent(in) :: phi(nh), weight(nh)
+        real(wp), intent(out) :: error, total
+        real(wp) :: e
+        integer :: i
+
+        error = 0.0_wp
+        total = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, nh
+            e = abs(phi(i))*weight(i)
+            total = total + e
+            if (e > error) error = e
+        end do
+    end subroutine measure
 
     !> Keep what the next step starts from, so that a look at another point leaves no trace.
     subroutine hold(self)

@@ -6,7 +6,7 @@ module tandem_tangent_position_kernels
     implicit none (type, external)
     private
 
-    public :: correct, find_rounding, invert_gram, measure, multiply_columns, multiply_rows, place, refine_inverse, set_row_weight
+    public :: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, refine_inverse, set_row_weight
     public :: smallest_gram_pivot
 
     !> The least part of an entry on the diagonal of a Gram matrix that its pivot may be. The matrix squares the condition of Phi_q:
@@ -15,40 +15,53 @@ module tandem_tangent_position_kernels
 
 contains
 
-    !> q := origin - U u.
-    pure subroutine place(n, width, u_basis, u, origin, q)
+    !> q := origin + increment - U u.
+    pure subroutine place(n, width, u_basis, u, origin, increment, q)
         integer, intent(in) :: n, width
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n)
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
         real(wp), intent(out) :: q(n)
-        integer :: b, i, l
 
-        if (width == 0) then
-            q = origin
+        if (width == short) then
+            call place_of(short, n, u_basis, u, origin, increment, q)
+        else
+            call place_of(width, n, u_basis, u, origin, increment, q)
+        end if
+    end subroutine place
+
+    !> The same, for a given length. The last entries are a whole register too, which takes some of those before once more.
+    pure subroutine place_of(width, n, u_basis, u, origin, increment, q)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
+        real(wp), intent(out) :: q(n)
+        real(wp) :: x(short)
+        integer :: first, i, l
+
+        if (n < short) then
+            do i = 1, n
+                q(i) = (origin(i) + increment(i)) - dot_product(u_basis(i, :), u)
+            end do
             return
         end if
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do b = 1, n/short
-            l = (b - 1)*short
-            !GCC$ UNROLL 1
+        first = 0
+        do
             do i = 1, short
-                q(l + i) = origin(l + i) - ((u_basis(l + i, 1)*u(1) + u_basis(l + i, 2)*u(2)) + &
-                    (u_basis(l + i, 3)*u(3) + u_basis(l + i, 4)*u(4)))
+                x(i) = origin(first + i) + increment(first + i)
             end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = n - iand(n, short - 1) + 1, n
-            q(i) = origin(i) - ((u_basis(i, 1)*u(1) + u_basis(i, 2)*u(2)) + (u_basis(i, 3)*u(3) + u_basis(i, 4)*u(4)))
-        end do
-        do l = short, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, n
-                q(i) = q(i) - ((u_basis(i, l + 1)*u(l + 1) + u_basis(i, l + 2)*u(l + 2)) + &
-                    (u_basis(i, l + 3)*u(l + 3) + u_basis(i, l + 4)*u(l + 4)))
+            do l = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
+                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
+                end do
             end do
+            do i = 1, short
+                q(first + i) = x(i)
+            end do
+            if (first + short == n) exit
+            first = min(first + short, n - short)
         end do
-    end subroutine place
+    end subroutine place_of
 
     !> increment - (q - origin) - U u, and whether that is no more than rounding.
     pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
@@ -139,57 +152,27 @@ contains
         end do
     end subroutine multiply_columns
 
-    !> The largest error of the rows and their sum, which is not finite where one of them is not.
-    pure subroutine measure(nh, phi, weight, error, total)
-        integer, intent(in) :: nh
-        real(wp), intent(in) :: phi(nh), weight(nh)
-        real(wp), intent(out) :: error, total
-        real(wp) :: e1, e2, e3, e4
-        integer :: b, i
-
-        error = 0.0_wp
-        total = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do b = 1, nh/4
-            i = 4*b
-            e1 = abs(phi(i - 3))*weight(i - 3)
-            e2 = abs(phi(i - 2))*weight(i - 2)
-            e3 = abs(phi(i - 1))*weight(i - 1)
-            e4 = abs(phi(i))*weight(i)
-            total = total + ((e1 + e2) + (e3 + e4))
-            if (e2 > e1) e1 = e2
-            if (e4 > e3) e3 = e4
-            if (e3 > e1) e1 = e3
-            if (e1 > error) error = e1
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = nh - iand(nh, 3) + 1, nh
-            e1 = abs(phi(i))*weight(i)
-            total = total + e1
-            if (e1 > error) error = e1
-        end do
-    end subroutine measure
-
-    !> u := u + B Phi. With `learns`, B first satisfies the secant condition of the last correction, which has changed Phi by -y:
-    !> B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do not matter (C. G. Broyden,
-    !> Math. Comp. 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
-    pure subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-        integer, intent(in) :: width, nh
+    !> u := u + B Phi and q := origin + increment - U u. With `learns`, B first satisfies the secant condition of the last
+    !> correction, which has changed Phi by -y: B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do
+    !> not matter (C. G. Broyden, Math. Comp. 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
+    pure subroutine correct(n, width, nh, phi, weight, learns, u_basis, origin, increment, last_phi, b, u, w, z, q)
+        integer, intent(in) :: n, width, nh
         real(wp), intent(in) :: phi(nh), weight(width)
         logical, intent(in) :: learns
-        !> Phi before the last correction, then this one; B; u; work space.
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+        real(wp), intent(in) :: u_basis(n, width), origin(n), increment(n)
+        !> Phi before the last correction, then this one; B; u; work space; q.
+        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width), q(n)
 
         if (width == short) then
             call correct_of(short, nh, phi, weight, learns, last_phi, b, u, w, z)
+            call place_of(short, n, u_basis, u, origin, increment, q)
         else
             call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+            call place_of(width, n, u_basis, u, origin, increment, q)
         end if
     end subroutine correct
 
-    !> The same, for a given length.
+    !> The same without q, for a given length.
     pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
         integer, intent(in), value :: width
         integer, intent(in) :: nh
@@ -209,6 +192,8 @@ contains
         !GCC$ UNROLL 1
         do j = 1, nh
             f = phi(j)
+            z(j) = last_phi(j) - f
+            last_phi(j) = f
             do s = 0, width - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
@@ -223,7 +208,7 @@ contains
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = 1, nh
-                y = last_phi(j) - phi(j)
+                y = z(j)
                 z(j) = y*weight(j)**2
                 along = along + z(j)*phi(j)
                 square = square + z(j)*y
@@ -242,11 +227,6 @@ contains
             end do
             f = 1.0_wp + along*square
         end if
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, nh
-            last_phi(j) = phi(j)
-        end do
         do s = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short
