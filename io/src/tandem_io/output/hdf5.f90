@@ -302,6 +302,8 @@ contains
         if (allocated(self%problem)) return
         grows_ = .false.
         if (present(grows)) grows_ = grows
+        ! Before anything is lost: a run that starts meanwhile sees that the file is in use.
+        if (grows_) call self%guard%take(path)
         call make_access(access, grows_)
         call forget_reason()
         call h5pcreate_f(h5p_file_create_f, properties, stat)
