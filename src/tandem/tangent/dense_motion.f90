@@ -51,9 +51,11 @@ contains
             call self%fail_term()
             return
         end if
-        self%has_point = .true.
         self%is_finite_here = .false.
         self%t_point = t
+        ! To a stage nobody comes back.
+        if (self%is_stage) return
+        self%has_point = .true.
         call copy(self%n, q, self%q_point)
     end subroutine go_to
 
@@ -194,6 +196,7 @@ contains
             call self%fail_term()
             return
         end if
+        if (self%is_stage) return
         self%has_motion = .true.
         call copy(self%n, qd, self%qd_point)
     end subroutine go_with
