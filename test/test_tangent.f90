@@ -12,7 +12,7 @@ module test_tangent
     use tandem_tangent_natural_scale, only: constraint_errors, position_errors, velocity_errors
     use tandem_tangent_refinement, only: refinement_type
     use testdrive, only: error_type, new_unittest, unittest_type
-    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -124,6 +124,11 @@ contains
         call constraint_errors([0.0_wp, 0.0_wp], c(:, 2), c(:, 2), c, c(:, 2), c(:, 2), c(:, 2), [1.0_wp, 1.0_wp], errors, rows)
         call check_true(error, all(errors(2:) >= huge(1.0_wp)), 'the errors of a NaN in C')
         call check_true(error, all(rows(2:) == 2), 'rows')
+        ! Behind a row with an error, and infinite like its own scale.
+        c(2, 1) = ieee_value(1.0_wp, ieee_positive_inf)
+        call velocity_errors([0.0_wp, 0.0_wp], c, [1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], worst, row)
+        call check_true(error, worst >= huge(1.0_wp), 'the error of an infinite entry of C')
+        call check_count(error, row, 2, 'row')
     end subroutine test_nan
 
     !> Every level against a plain formula, with as many rows and columns as fill, and do not fill, the blocks of the loops.

@@ -196,8 +196,8 @@ contains
     !> The gap of a place that is off, and whether that is more than rounding.
     subroutine test_rounding(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: u_basis(9, 8), u(8), origin(9), increment(9), q(9), scale(9), left(9), off(9)
-        integer :: j, seed, width
+        real(wp) :: u_basis(13, 8), u(8), origin(13), increment(13), q(13), scale(13), left(13), off(13)
+        integer :: j, n, seed, width
         logical :: is_rounding
 
         seed = 10
@@ -208,19 +208,33 @@ contains
         call random_vector(seed, origin)
         call random_vector(seed, increment)
         scale = 1.0_wp
-        do width = 0, 8, short
-            q = origin + increment - matmul(u_basis(:, :width), u(:width))
-            call find_rounding(9, width, u_basis(:, :width), u(:width), origin, increment, q, scale, left, is_rounding)
-            call check_below(error, maxval(abs(left)), 4*epsilon(1.0_wp), 'rounding')
-            call check_true(error, is_rounding, 'rounding is that')
-            do j = 1, 9
-                off = q
-                off(j) = off(j) + 1.0e-10_wp
-                call find_rounding(9, width, u_basis(:, :width), u(:width), origin, increment, off, scale, left, is_rounding)
-                call check_below(error, abs(left(j) + 1.0e-10_wp), 1.0e-14_wp, 'the gap')
-                call check_true(error, .not. is_rounding, 'a gap is no rounding')
+        do n = 1, 13
+            do width = 0, 8, short
+                q = origin + increment - matmul(u_basis(:, :width), u(:width))
+                left = 2.0_wp
+                call find(q)
+                call check_below(error, maxval(abs(left(:n))), 8*epsilon(1.0_wp), 'rounding')
+                call check_below(error, sum(abs(left(n + 1:) - 2.0_wp)), 0.0_wp, 'what is behind the remainder')
+                call check_true(error, is_rounding, 'rounding is that')
+                do j = 1, n
+                    off = q
+                    off(j) = off(j) + 1.0e-10_wp
+                    call find(off)
+                    call check_below(error, abs(left(j) + 1.0e-10_wp), 1.0e-14_wp, 'the gap')
+                    call check_true(error, .not. is_rounding, 'a gap is no rounding')
+                end do
+                if (allocated(error)) return
             end do
         end do
+
+    contains
+
+        subroutine find(place)
+            real(wp), intent(in) :: place(:)
+
+            call find_rounding(n, width, u_basis(:n, :width), u(:width), origin(:n), increment(:n), place(:n), scale(:n), &
+                left(:n), is_rounding)
+        end subroutine find
     end subroutine test_rounding
 
     !> U, the inverse of Phi_q U and the weights, by plain formulas; other rows of C behind those of Phi.

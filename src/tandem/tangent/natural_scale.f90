@@ -175,7 +175,7 @@ contains
         real(wp), intent(in) :: sign, g(l), product(lane), row_scale(lane)
         real(wp), intent(inout) :: error
         integer, intent(inout) :: row
-        real(wp) :: ratio, residual, size_of_terms
+        real(wp) :: residual, size_of_terms
         integer :: i
 
         !GCC$ NOVECTOR
@@ -187,11 +187,13 @@ contains
                 size_of_terms = size_of_terms + abs(residual)
                 residual = product(i) + sign*residual
             end if
-            ratio = abs(residual)/max(size_of_terms, tiny(1.0_wp))
-            if (ratio <= error) cycle
-            if (.not. ratio <= huge(1.0_wp)) ratio = huge(1.0_wp)
-            if (ratio <= error) cycle
-            error = ratio
+            size_of_terms = max(size_of_terms, tiny(1.0_wp))
+            ! Few rows are worse than those before, and the others cost no division.
+            if (abs(residual) <= error*size_of_terms .and. size_of_terms <= huge(1.0_wp)) cycle
+            residual = abs(residual)/size_of_terms
+            if (.not. residual <= huge(1.0_wp)) residual = huge(1.0_wp)
+            if (residual <= error) cycle
+            error = residual
             row = b + i
         end do
     end subroutine judge

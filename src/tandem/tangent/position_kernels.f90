@@ -69,25 +69,56 @@ contains
         real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
         real(wp), intent(out) :: left(n)
         logical, intent(out) :: is_rounding
-        integer :: i, l
 
-        !GCC$ UNROLL 1
-        do i = 1, n
-            left(i) = increment(i) - (q(i) - origin(i))
-        end do
-        do l = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, n
-                left(i) = left(i) - ((u_basis(i, l + 1)*u(l + 1) + u_basis(i, l + 2)*u(l + 2)) + &
-                    (u_basis(i, l + 3)*u(l + 3) + u_basis(i, l + 4)*u(l + 4)))
-            end do
-        end do
-        is_rounding = .true.
-        !GCC$ UNROLL 1
-        do i = 1, n
-            if (abs(left(i)) > 8*epsilon(1.0_wp)*(abs(q(i)) + abs(increment(i)) + scale(i))) is_rounding = .false.
-        end do
+        if (width == short) then
+            call find_rounding_of(short, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        else
+            call find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        end if
     end subroutine find_rounding
+
+    !> The same, for a given length; registers as in `place_of`.
+    pure subroutine find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
+        real(wp), intent(out) :: left(n)
+        logical, intent(out) :: is_rounding
+        real(wp), parameter :: most = 8*epsilon(1.0_wp)
+        real(wp) :: x(short), above(short)
+        integer :: first, i, l
+
+        if (n < short) then
+            left = increment - (q - origin) - matmul(u_basis, u)
+            is_rounding = all(abs(left) <= most*(abs(q) + abs(increment) + scale))
+            return
+        end if
+        do i = 1, short
+            above(i) = 0.0_wp
+        end do
+        first = 0
+        do
+            do i = 1, short
+                x(i) = increment(first + i) - (q(first + i) - origin(first + i))
+            end do
+            do l = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
+                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                left(first + i) = x(i)
+                above(i) = merge(above(i), 1.0_wp, &
+                    abs(x(i)) <= most*(abs(q(first + i)) + abs(increment(first + i)) + scale(first + i)))
+            end do
+            if (first + short == n) exit
+            first = min(first + short, n - short)
+        end do
+        is_rounding = (above(1) + above(2)) + (above(3) + above(4)) <= 0.0_wp
+    end subroutine find_rounding_of
 
     !> x := C y, the first nh rows; behind them zeros, and in the block of the last one other rows of C where there are some.
     pure subroutine multiply_rows(m, n, nh, width, c, y, x)
