@@ -32,14 +32,16 @@ contains
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
             if (are_same(self%n, q, self%q_point)) return
         end if
-        call go_to(self, t, q, stat)
+        call go_to(self, t, q, .true., stat)
     end subroutine visit
 
     !> Evaluate C, nu and M at (t, q).
-    subroutine go_to(self, t, q, stat)
+    subroutine go_to(self, t, q, remembers, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in) :: q(self%n)
+        !> Whether somebody may come back to the point.
+        logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
         self%has_point = .false.
@@ -53,8 +55,7 @@ contains
         end if
         self%is_finite_here = .false.
         self%t_point = t
-        ! To a stage nobody comes back.
-        if (self%is_stage) return
+        if (.not. remembers) return
         self%has_point = .true.
         call copy(self%n, q, self%q_point)
     end subroutine go_to
@@ -176,14 +177,16 @@ contains
         if (self%has_motion) then
             if (are_same(self%n, qd, self%qd_point)) return
         end if
-        call go_with(self, t, q, qd, stat)
+        call go_with(self, t, q, qd, .true., stat)
     end subroutine move_with
 
     !> Evaluate gamma and the forces at the current point.
-    subroutine go_with(self, t, q, qd, stat)
+    subroutine go_with(self, t, q, qd, remembers, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in) :: q(self%n), qd(self%n)
+        !> Whether somebody may come back to the velocity.
+        logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
         self%has_motion = .false.
@@ -196,7 +199,7 @@ contains
             call self%fail_term()
             return
         end if
-        if (self%is_stage) return
+        if (.not. remembers) return
         self%has_motion = .true.
         call copy(self%n, qd, self%qd_point)
     end subroutine go_with
@@ -245,14 +248,17 @@ contains
         real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
         real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
         integer, intent(out) :: stat
+        logical :: remembers
 
+        ! To a stage nobody comes back.
+        remembers = .not. self%is_stage
         call restore_position(self, t, increment, q, stat)
-        if (stat == status_ok) call go_to(self, t, q, stat)
+        if (stat == status_ok) call go_to(self, t, q, remembers, stat)
         if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
         if (self%has_bases .or. self%m == 0) then
             call restore_velocity_here(self, increment_qd, qd, stat)
-            if (stat == status_ok) call go_with(self, t, q, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
             if (stat == status_ok) call solve_here(self, qdd, stat)
             return
         end if
@@ -263,7 +269,7 @@ contains
             end if
             call add(self%n, self%qd0, increment_qd, qd)
             call self%reduced%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
-            if (stat == status_ok) call go_with(self, t, q, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
             if (stat /= status_ok) return
             self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
             call self%reduced%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%block_start, &
