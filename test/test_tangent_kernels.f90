@@ -213,7 +213,7 @@ contains
                 q = origin + increment - matmul(u_basis(:, :width), u(:width))
                 left = 2.0_wp
                 call find(q)
-                call check_below(error, maxval(abs(left(:n))), 8*epsilon(1.0_wp), 'rounding')
+                call check_below(error, maxval(abs(left(:n))), 4*epsilon(1.0_wp), 'rounding')
                 call check_below(error, sum(abs(left(n + 1:) - 2.0_wp)), 0.0_wp, 'what is behind the remainder')
                 call check_true(error, is_rounding, 'rounding is that')
                 do j = 1, n

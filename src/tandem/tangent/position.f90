@@ -177,7 +177,8 @@ contains
             call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
         else
             call self%lu%solve(self%correction(:self%nh))
-            call copy(self%width, self%correction, self%curvature)
+            ! Behind these `multiply_rows` may leave other rows of C; the padding of u stays zero.
+            call copy(self%nh, self%correction, self%curvature)
         end if
     end subroutine start_step
 
@@ -339,7 +340,7 @@ contains
                 else
                     self%correction(:self%nh) = model%terms%phi
                     call self%lu%solve(self%correction(:self%nh))
-                    self%u(:) = self%u + self%correction
+                    self%u(:self%nh) = self%u(:self%nh) + self%correction(:self%nh)
                 end if
                 call place(self%n, self%width, self%u_basis, self%u, origin, increment, q)
             end if

@@ -323,7 +323,6 @@ contains
         character(len=*), intent(in) :: path
 
         if (allocated(self%problem)) return
-        call self%guard%take(path)
         ! The mark of a writer would keep even those out who ask for SWMR.
         call self%guard%mend(0_c_int64_t)
         call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
