@@ -6,7 +6,7 @@ module test_rigid
     use differences, only: random_vector
     use tandem, only: wp
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, c_matrix, e_matrix, g_matrix, g_product, &
-        g_sandwich, g_transposed_product, k_matrix, rotation, rotation_rate, skew, t_matrix
+        g_sandwich, g_transposed_product, k_matrix, rotation, rotation_rate, set_rotational_mass, skew, t_matrix
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -314,6 +314,7 @@ contains
     subroutine test_sandwich(error)
         type(error_type), allocatable, intent(out) :: error
         type(point_type) :: z
+        real(wp) :: mass(6, 7), block(4, 4)
         integer :: i, seed
 
         seed = 115
@@ -321,6 +322,12 @@ contains
             z = next_point(seed)
             call check_below(error, maxval(abs(g_sandwich(z%p, z%a, z%x) - &
                 matmul(transpose(g_matrix(z%p)), spread(z%a, 2, 4)*g_matrix(z%x)))), rounding, 'G'' J G')
+            mass = 1.0_wp
+            call set_rotational_mass(z%p, z%a, size(mass, 1), mass(2, 3))
+            block = 4*matmul(transpose(g_matrix(z%p)), spread(z%a, 2, 4)*g_matrix(z%p))
+            call check_below(error, maxval(abs(mass(2:5, 3:6) - block)), 4*rounding, 'the mass matrix of a turning body')
+            mass(2:5, 3:6) = 1.0_wp
+            call check_below(error, maxval(abs(mass - 1.0_wp)), 0.0_wp, 'what is around it')
         end do
     end subroutine test_sandwich
 end module test_rigid

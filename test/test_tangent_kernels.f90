@@ -9,7 +9,8 @@ module test_tangent_kernels
     use tandem_linalg_elimination, only: elimination_type, lane, short
     use tandem_linalg_kernels, only: add, copy
     use tandem_tangent_large_kernels, only: invert_large_gram
-    use tandem_tangent_position_kernels, only: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, &
+    use tandem_tangent_position, only: correct, place
+    use tandem_tangent_position_kernels, only: find_rounding, invert_gram, multiply_columns, multiply_rows, &
         refine_inverse
     use tandem_tangent_reduced, only: reduced_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -116,8 +117,7 @@ contains
     !> After a correction that has changed Phi by -y, B y is what u has gained by it; nothing else of B changes where it need not.
     subroutine test_secant(error)
         type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: n = 9, nh = 3
-        real(wp) :: u_basis(n, short), origin(n), increment(n), q(n)
+        integer, parameter :: nh = 3
         real(wp) :: b(short, short), before(short, short), u(short), old(short), gain(nh), y(nh), weight(short)
         real(wp) :: first(nh), second(nh), last_phi(short), w(short), z(short), across(nh)
         integer :: j, seed
@@ -136,18 +136,12 @@ contains
         weight = 2.0_wp + weight
         second = 0.1_wp*second
         before = b
-        call random_vector(seed, origin)
-        call random_vector(seed, increment)
-        do j = 1, short
-            call random_vector(seed, u_basis(:, j))
-        end do
-        call correct(n, short, nh, first, weight, .false., u_basis, origin, increment, last_phi, b, u, w, z, q)
+        call correct(short, nh, first, weight, .false., last_phi, b, u, w, z)
         call check_below(error, maxval(abs(b - before)), 0.0_wp, 'change of B by a correction that does not teach')
         call check_below(error, maxval(abs(u(:nh) - matmul(b(:nh, :nh), first))), 1.0e-15_wp, 'u - B Phi')
         gain = u(:nh)
         old = u
-        call correct(n, short, nh, second, weight, .true., u_basis, origin, increment, last_phi, b, u, w, z, q)
-        call check_below(error, maxval(abs(q - (origin + increment - matmul(u_basis, u)))), 1.0e-14_wp, 'q of the corrected u')
+        call correct(short, nh, second, weight, .true., last_phi, b, u, w, z)
         y = first - second
         call check_below(error, maxval(abs(matmul(b(:nh, :nh), y) - gain)), 1.0e-14_wp, 'B y - the gain of u')
         call check_below(error, maxval(abs(u(:nh) - old(:nh) - matmul(b(:nh, :nh), second))), 1.0e-14_wp, 'the new B corrects')
@@ -162,8 +156,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: nh = 4
         real(wp), parameter :: unit(nh) = [1.0_wp, 1.0e3_wp, 1.0e-6_wp, 50.0_wp]
-        real(wp), parameter :: none(0) = 0.0_wp
-        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short), w(short), z(short), no_q(0)
+        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short), w(short), z(short)
         integer :: i, j, k, seed
 
         seed = 6
@@ -184,10 +177,8 @@ contains
         do k = 1, 2
             last_phi = 0.0_wp
             do i = 1, 3
-                if (k == 1) call correct(0, short, nh, phi(:, i), weight(:, k), i > 1, none, none, none, last_phi, b(:, :, k), &
-                    u(:, k), w, z, no_q)
-                if (k == 2) call correct(0, short, nh, phi(:, i)*unit, weight(:, k), i > 1, none, none, none, last_phi, &
-                    b(:, :, k), u(:, k), w, z, no_q)
+                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
+                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
             end do
         end do
         call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')

@@ -25,8 +25,8 @@ module test_tangent_reduced
         type(reduced_type) :: reduced
         !> C, M, D0 and D, coordinate scales, nu, gamma, forces.
         real(wp), allocatable :: c(:, :), mass(:, :), origin(:, :), null_space(:, :), scale(:), nu(:), gamma(:), force(:)
-        !> Where the blocks of M start.
-        integer, allocatable :: block_start(:)
+        !> The blocks of M with more than one entry, the first and the last coordinate of each.
+        integer, allocatable :: blocks(:)
     end type case_type
 
 contains
@@ -43,7 +43,7 @@ contains
             new_unittest('velocities-across-the-origin-are-refused', test_across)]
     end subroutine collect_tangent_reduced
 
-    !> A case of m constraints and n coordinates in blocks of one to three.
+    !> A case of m constraints and n coordinates in blocks of one to seven.
     subroutine set_up(self, m, n, seed)
         type(case_type), intent(out) :: self
         integer, intent(in) :: m, n
@@ -67,16 +67,18 @@ contains
         do j = 1, n
             call random_vector(seed, part(:, j))
         end do
-        self%block_start = [1]
-        do while (self%block_start(size(self%block_start)) <= n)
-            b = size(self%block_start)
-            first = self%block_start(b)
-            last = min(first + modulo(b, 3), n)
+        self%blocks = [integer ::]
+        b = 0
+        last = 0
+        do while (last < n)
+            b = b + 1
+            first = last + 1
+            last = min(first + modulo(b, 7), n)
             self%mass(first:last, first:last) = matmul(transpose(part(first:last, first:last)), part(first:last, first:last))
             do i = first, last
                 self%mass(i, i) = self%mass(i, i) + 1.0_wp
             end do
-            self%block_start = [self%block_start, last + 1]
+            if (last > first) self%blocks = [self%blocks, first, last]
         end do
         call self%elimination%allocate(m, n)
         call self%reduced%allocate(m, n, self%scale)
@@ -173,10 +175,11 @@ contains
         do choice = 0, 3
             polishes = modulo(choice, 2) == 1
             if (choice < 2) then
-                call case%reduced%solve(case%elimination, polishes, size(case%block_start) - 1, case%block_start, case%mass, &
-                    case%gamma, case%force, qdd, stat)
+                call case%reduced%solve(case%elimination, polishes, size(case%blocks)/2, case%blocks, case%mass, case%gamma, &
+                    case%force, qdd, stat)
             else
-                call case%reduced%solve(case%elimination, polishes, 1, [1, n + 1], case%mass, case%gamma, case%force, qdd, stat)
+                call case%reduced%solve(case%elimination, polishes, min(n - 1, 1), [1, n], case%mass, case%gamma, &
+                    case%force, qdd, stat)
             end if
             call check_count(error, stat, status_ok, 'status')
             associate (size_ => 1.0_wp + maxval(abs(qdd)))
@@ -202,7 +205,7 @@ contains
             do choice = 0, 3
                 case%mass = 0.0_wp
                 if (choice >= 2) case%mass(1, 1) = -1.0_wp
-                call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 8], case%mass, case%gamma, case%force, &
+                call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 7], case%mass, case%gamma, case%force, &
                     qdd, stat)
                 call check_count(error, stat, status_singular_mass, 'status')
                 if (allocated(error)) return
@@ -230,7 +233,7 @@ contains
                     if (where_ == 1) mass(2, 2) = bad
                     if (where_ == 2) gamma(1) = bad
                     if (where_ == 3) force(3) = bad
-                    call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 8], mass, gamma(:m), force, qdd, stat)
+                    call case%reduced%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 7], mass, gamma(:m), force, qdd, stat)
                     call check_true(error, any(stat == [status_singular_mass, status_not_finite]), 'refused')
                     if (allocated(error)) return
                 end do

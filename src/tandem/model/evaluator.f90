@@ -34,9 +34,10 @@ module tandem_model_evaluator
         logical, private :: mass_is_settled = .false.
         !> The terms that one call of the model's `evaluate` puts where they belong, a sum of need bits.
         integer, private :: direct = 0
-        !> The first coordinates of the diagonal blocks of M, then n + 1 (n_blocks + 1 of n + 1).
-        integer, allocatable :: block_start(:)
-        integer :: n_blocks = 1
+        !> The diagonal blocks of M with more than one entry: M is diagonal but for them. The first and the last coordinate of
+        !> each, one block after the other.
+        integer :: n_blocks = 0
+        integer, allocatable :: blocks(:)
         !> 1 below the blocks that the model tells of, where M must be zero, and 0 elsewhere (n, n); none where it tells of none.
         real(wp), allocatable, private :: outside(:, :)
         !> Work space: one of the two forces (n).
@@ -53,6 +54,7 @@ module tandem_model_evaluator
         procedure :: judge_blocks
         procedure, private :: judge_mass
         procedure, private :: find_blocks
+        procedure, private :: add_block
         procedure :: pack_state
     end type evaluator_type
 
@@ -200,19 +202,22 @@ contains
     !> The blocks of M that the model tells of.
     subroutine take_blocks(self)
         class(evaluator_type), intent(inout) :: self
-        integer :: b
+        integer :: b, first, last
 
         associate (n => self%model%n)
-            self%block_start = spread(n + 1, 1, n + 1)
-            self%block_start(1) = 1
-            self%n_blocks = 1
+            self%blocks = [1, n]
+            self%n_blocks = merge(1, 0, n > 1)
             if (allocated(self%outside)) deallocate (self%outside)
             if (.not. allocated(self%model%mass_blocks)) return
             allocate (self%outside(n, n), source=0.0_wp)
-            self%n_blocks = size(self%model%mass_blocks)
-            do b = 1, self%n_blocks
-                self%block_start(b + 1) = self%block_start(b) + self%model%mass_blocks(b)
-                self%outside(self%block_start(b + 1):, self%block_start(b):self%block_start(b + 1) - 1) = 1.0_wp
+            self%n_blocks = 0
+            self%blocks = [integer ::]
+            last = 0
+            do b = 1, size(self%model%mass_blocks)
+                first = last + 1
+                last = last + self%model%mass_blocks(b)
+                call self%add_block(first, last)
+                self%outside(last + 1:, first:last) = 1.0_wp
             end do
         end associate
     end subroutine take_blocks
@@ -220,24 +225,34 @@ contains
     !> The smallest diagonal blocks that hold all entries of a constant M.
     subroutine find_blocks(self)
         class(evaluator_type), intent(inout) :: self
-        integer :: i, j, last
+        integer :: first, i, j, last
 
         self%n_blocks = 0
-        last = 0
+        self%blocks = [integer ::]
+        first = 1
+        last = 1
         associate (mass => self%terms%mass)
             do j = 1, size(mass, 1)
-                if (j > last) then
-                    self%n_blocks = self%n_blocks + 1
-                    self%block_start(self%n_blocks) = j
-                    last = j
-                end if
                 do i = last + 1, size(mass, 1)
                     if (.not. (abs(mass(i, j)) <= 0.0_wp .and. abs(mass(j, i)) <= 0.0_wp)) last = i
                 end do
+                if (j < last) cycle
+                call self%add_block(first, last)
+                first = last + 1
+                last = first
             end do
         end associate
-        self%block_start(self%n_blocks + 1) = size(self%block_start)
     end subroutine find_blocks
+
+    !> One block more, unless it is a single entry.
+    pure subroutine add_block(self, first, last)
+        class(evaluator_type), intent(inout) :: self
+        integer, intent(in) :: first, last
+
+        if (first == last) return
+        self%n_blocks = self%n_blocks + 1
+        self%blocks = [self%blocks, first, last]
+    end subroutine add_block
 
     !> Refuse a mass matrix that is not zero outside of the blocks that the model tells of: what is left out there would make the
     !> motion another one. Of a constant M the blocks are its own.
@@ -245,19 +260,17 @@ contains
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
         integer, intent(out) :: stat
-        integer :: b, i, j
+        integer :: i, j
 
         stat = status_ok
         if (self%mass_is_known .or. .not. allocated(self%outside)) return
         if (is_zero_where(size(self%outside), self%outside, self%terms%mass)) return
-        do b = 1, self%n_blocks - 1
-            do j = self%block_start(b), self%block_start(b + 1) - 1
-                do i = self%block_start(b + 1), size(self%terms%mass, 1)
-                    if (.not. abs(self%terms%mass(i, j)) > 0.0_wp) cycle
-                    stat = status_invalid_model
-                    write (self%failed_term, '("outside(",i0,",",i0,")")') i, j
-                    return
-                end do
+        do j = 1, size(self%terms%mass, 2)
+            do i = j + 1, size(self%terms%mass, 1)
+                if (.not. self%outside(i, j)*abs(self%terms%mass(i, j)) > 0.0_wp) cycle
+                stat = status_invalid_model
+                write (self%failed_term, '("outside(",i0,",",i0,")")') i, j
+                return
             end do
         end do
     end subroutine judge_blocks
@@ -427,7 +440,7 @@ contains
         call pack%item(self%kept)
         call pack%item(self%mass_is_known)
         call pack%item(self%n_blocks)
-        call pack%item(self%block_start)
+        call pack%item(self%blocks)
         call pack%item(self%failed_term)
     end subroutine pack_state
 end module tandem_model_evaluator

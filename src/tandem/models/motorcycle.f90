@@ -16,7 +16,7 @@ module tandem_models_motorcycle
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, g_product, g_sandwich, g_transposed_product, k_matrix, &
-        rotation, rotation_rate, t_matrix
+        rotation, rotation_rate, set_rotational_mass, t_matrix
     implicit none (type, external)
     private
 
@@ -100,6 +100,8 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        ! The origin of the frame, the Euler parameters, the contact's place on the front wheel, the fork.
+        self%mass_blocks = [1, 1, 1, 4, 1, 1, 1]
     end subroutine define
 
     !> The free length of the suspension spring (m).
@@ -185,7 +187,7 @@ contains
                 do i = 1, 3
                     terms%mass(i, i) = self%mass
                 end do
-                terms%mass(4:7, 4:7) = 4*g_sandwich(p, self%inertia, p)
+                call set_rotational_mass(p, self%inertia, size(terms%mass, 1), terms%mass(4, 4))
             end if
             if (iand(need, need_force) /= 0) then
                 terms%force = 0.0_wp

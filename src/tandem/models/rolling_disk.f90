@@ -13,7 +13,7 @@ module tandem_models_rolling_disk
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, c_matrix, g_product, g_sandwich, &
-        g_transposed_product, k_matrix, rotation, rotation_rate, t_matrix
+        g_transposed_product, k_matrix, rotation, rotation_rate, set_rotational_mass, t_matrix
     implicit none (type, external)
     private
 
@@ -203,7 +203,7 @@ contains
         do i = 1, 3
             mass(i, i) = self%mass
         end do
-        mass(4:7, 4:7) = g_sandwich(q(4:7), 4*self%inertia, q(4:7))
+        call set_rotational_mass(q(4:7), self%inertia, size(mass, 1), mass(4, 4))
     end subroutine set_mass
 
     !> S + Q_A.

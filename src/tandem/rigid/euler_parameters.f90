@@ -9,7 +9,7 @@ module tandem_rigid_euler_parameters
 
     public :: rotation, e_matrix, g_matrix, b_matrix, skew
     public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich
-    public :: b_row, g_product, g_transposed_product, b_product
+    public :: b_row, g_product, g_transposed_product, b_product, set_rotational_mass
 
 contains
 
@@ -190,6 +190,43 @@ contains
             end do
         end do
     end function g_sandwich
+
+    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that turns, in the first four rows of (n, 4).
+    pure subroutine set_rotational_mass(p, j, n, mass)
+        real(wp), intent(in) :: p(4)
+        !> Principal moments of inertia.
+        real(wp), intent(in) :: j(3)
+        !> How many rows the array has where the block stands, so that a block of a larger matrix is set in place: `mass(4, 4)` of M
+        !> as the argument sets the block that begins there.
+        integer, intent(in) :: n
+        real(wp), intent(inout) :: mass(n, 4)
+        real(wp) :: e0, e1, e2, e3, x, y, z
+
+        e0 = p(1)
+        e1 = p(2)
+        e2 = p(3)
+        e3 = p(4)
+        ! The columns of G are (-e1, -e2, -e3), (e0, -e3, e2), (e3, e0, -e1), (-e2, e1, e0).
+        x = 4*j(1)
+        y = 4*j(2)
+        z = 4*j(3)
+        mass(1, 1) = x*e1*e1 + y*e2*e2 + z*e3*e3
+        mass(2, 1) = y*e2*e3 - x*e0*e1 - z*e2*e3
+        mass(3, 1) = z*e1*e3 - x*e1*e3 - y*e0*e2
+        mass(4, 1) = x*e1*e2 - y*e1*e2 - z*e0*e3
+        mass(2, 2) = x*e0*e0 + y*e3*e3 + z*e2*e2
+        mass(3, 2) = x*e0*e3 - y*e0*e3 - z*e1*e2
+        mass(4, 2) = z*e0*e2 - x*e0*e2 - y*e1*e3
+        mass(3, 3) = x*e3*e3 + y*e0*e0 + z*e1*e1
+        mass(4, 3) = y*e0*e1 - x*e2*e3 - z*e0*e1
+        mass(4, 4) = x*e2*e2 + y*e1*e1 + z*e0*e0
+        mass(1, 2) = mass(2, 1)
+        mass(1, 3) = mass(3, 1)
+        mass(2, 3) = mass(3, 2)
+        mass(1, 4) = mass(4, 1)
+        mass(2, 4) = mass(4, 2)
+        mass(3, 4) = mass(4, 3)
+    end subroutine set_rotational_mass
 
     !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
     pure function b_product(p, a, x) result(y)

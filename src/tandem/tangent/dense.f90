@@ -475,7 +475,6 @@ contains
         integer, intent(out) :: stat
 
         stat = status_ok
-        if (self%model%n_blocks == 1) return
         call self%model%judge_blocks(stat)
         if (stat /= status_ok) call self%fail_term()
     end subroutine judge_blocks

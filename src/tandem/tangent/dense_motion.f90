@@ -104,14 +104,22 @@ contains
             end if
         end associate
         if (stat /= status_ok) then
-            call self%blame(self%split%failed_row, 0.0_wp)
-            if (stat == status_not_finite) call self%name_infinite(stat)
+            call blame_split(self, stat)
             return
         end if
         self%is_split = .true.
         self%is_finite_here = .true.
         if (.not. self%has_bases) call self%reduced%load(self%split%elimination)
     end subroutine split_here
+
+    !> Say which row of C, or what is not finite in it.
+    subroutine blame_split(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(inout) :: stat
+
+        call self%blame(self%split%failed_row, 0.0_wp)
+        if (stat == status_not_finite) call self%name_infinite(stat)
+    end subroutine blame_split
 
     !> R and D at the current point as matrices.
     module subroutine split_fully(self, stat)
@@ -234,7 +242,7 @@ contains
                 if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, split%null_space, split%right_inverse, &
                     terms%gamma, terms%force, .not. self%refines, qdd, stat)
             else
-                call self%reduced%solve(split%elimination, .not. self%is_stage, self%model%n_blocks, self%model%block_start, &
+                call self%reduced%solve(split%elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &
                     terms%mass, terms%gamma, terms%force, qdd, stat)
             end if
             if (stat /= status_ok) call self%name_infinite(stat)
@@ -254,16 +262,27 @@ contains
         remembers = .not. self%is_stage
         call restore_position(self, t, increment, q, stat)
         if (stat == status_ok) call go_to(self, t, q, remembers, stat)
-        if (stat == status_ok) call self%split_here(stat)
         if (stat /= status_ok) return
         if (self%has_bases .or. self%m == 0) then
-            call restore_velocity_here(self, increment_qd, qd, stat)
+            call self%split_here(stat)
+            if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
             if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
             if (stat == status_ok) call solve_here(self, qdd, stat)
             return
         end if
         ! The same in a row, as explicit steps spend their time here.
         associate (terms => self%model%terms, elimination => self%split%elimination)
+            call self%split%eliminate(self%n, terms%jacobian, self%scale, self%counts, stat)
+            if (stat == status_ok .and. self%has_nu) then
+                if (.not. is_finite(self%m, terms%nu)) stat = status_not_finite
+            end if
+            if (stat /= status_ok) then
+                call blame_split(self, stat)
+                return
+            end if
+            self%is_split = .true.
+            self%is_finite_here = .true.
+            call self%reduced%load(elimination)
             if (self%is_stage .and. self%skips_basis) then
                 call self%position%follow(self%t_point, elimination%height, elimination%matrix, self%counts)
             end if
@@ -272,7 +291,7 @@ contains
             if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
             if (stat /= status_ok) return
             self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
-            call self%reduced%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%block_start, &
+            call self%reduced%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &
                 terms%mass, terms%gamma, terms%force, qdd, stat)
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate

@@ -70,11 +70,11 @@ contains
             !GCC$ UNROLL 1
             do j = 1, m
                 do i = 1, short
-                    x(i) = 0.0_wp
+                    x(i) = part(b + i, 1)*a(1, j)
                 end do
                 !GCC$ NOVECTOR
                 !GCC$ UNROLL 2
-                do l = 1, m
+                do l = 2, m
                     !GCC$ UNROLL 1
                     do i = 1, short
                         x(i) = x(i) + part(b + i, l)*a(l, j)

@@ -56,15 +56,15 @@ contains
     end subroutine find_large_velocity
 
     !> qdd = D w - R gamma with D' (M qdd - S - Q_A) = 0. stat > 0: D' M D is not positive definite.
-    subroutine find_large_acceleration(elimination, basis, polishes, n_blocks, block_start, mass, gamma, force, basis_mass, &
+    subroutine find_large_acceleration(elimination, basis, polishes, n_blocks, blocks, mass, gamma, force, basis_mass, &
         reduced_mass, factor, z, r, x, qdd, stat)
         type(elimination_type), intent(in) :: elimination
         !> D' (width, n).
         real(wp), intent(in), contiguous :: basis(:, :)
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
-        !> The diagonal blocks of M, see `tandem_model_evaluator`.
-        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
+        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
         !> M (n, n), gamma (m), S + Q_A (n).
         real(wp), intent(in), contiguous :: mass(:, :), gamma(:), force(:)
         !> Work space: D' M (width, n), D' M D (width, k) and its factor; over the degrees of freedom (width), the rows of C
@@ -74,20 +74,19 @@ contains
         !> The acceleration (n).
         real(wp), intent(out), contiguous :: qdd(:)
         integer, intent(out) :: stat
-        integer :: b, first, i, last
+        integer :: i
 
         associate (e => elimination, k => size(reduced_mass, 2))
             ! Without a degree of freedom there is nothing to multiply.
-            do b = 1, merge(n_blocks, 0, k > 0)
-                first = block_start(b)
-                last = block_start(b + 1) - 1
-                if (first == last) then
-                    basis_mass(:, first) = basis(:, first)*mass(first, first)
-                else
-                    call multiply_by_block(size(basis, 1), e%n, first, last, basis, mass, basis_mass)
-                end if
-            end do
-            if (k > 0) call multiply_by_transpose(basis_mass, basis, reduced_mass)
+            if (k > 0) then
+                do i = 1, e%n
+                    basis_mass(:, i) = basis(:, i)*mass(i, i)
+                end do
+                do i = 1, n_blocks
+                    call multiply_by_block(size(basis, 1), e%n, blocks(1, i), blocks(2, i), basis, mass, basis_mass)
+                end do
+                call multiply_by_transpose(basis_mass, basis, reduced_mass)
+            end if
             call factor%factor(reduced_mass(:k, :), stat)
             if (stat /= 0) return
             call e%solve(gamma, r)

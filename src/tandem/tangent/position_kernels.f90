@@ -6,7 +6,7 @@ module tandem_tangent_position_kernels
     implicit none (type, external)
     private
 
-    public :: correct, find_rounding, invert_gram, multiply_columns, multiply_rows, place, refine_inverse, set_row_weight
+    public :: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
     public :: smallest_gram_pivot
 
     !> The least part of an entry on the diagonal of a Gram matrix that its pivot may be. The matrix squares the condition of Phi_q:
@@ -14,54 +14,6 @@ module tandem_tangent_position_kernels
     real(wp), parameter :: smallest_gram_pivot = 1.0e-10_wp
 
 contains
-
-    !> q := origin + increment - U u.
-    pure subroutine place(n, width, u_basis, u, origin, increment, q)
-        integer, intent(in) :: n, width
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
-        real(wp), intent(out) :: q(n)
-
-        if (width == short) then
-            call place_of(short, n, u_basis, u, origin, increment, q)
-        else
-            call place_of(width, n, u_basis, u, origin, increment, q)
-        end if
-    end subroutine place
-
-    !> The same, for a given length. The last entries are a whole register too, which takes some of those before once more.
-    pure subroutine place_of(width, n, u_basis, u, origin, increment, q)
-        integer, intent(in), value :: width
-        integer, intent(in) :: n
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
-        real(wp), intent(out) :: q(n)
-        real(wp) :: x(short)
-        integer :: first, i, l
-
-        if (n < short) then
-            do i = 1, n
-                q(i) = (origin(i) + increment(i)) - dot_product(u_basis(i, :), u)
-            end do
-            return
-        end if
-        first = 0
-        do
-            do i = 1, short
-                x(i) = origin(first + i) + increment(first + i)
-            end do
-            do l = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
-                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
-                end do
-            end do
-            do i = 1, short
-                q(first + i) = x(i)
-            end do
-            if (first + short == n) exit
-            first = min(first + short, n - short)
-        end do
-    end subroutine place_of
 
     !> increment - (q - origin) - U u, and whether that is no more than rounding.
     pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
@@ -77,7 +29,7 @@ contains
         end if
     end subroutine find_rounding
 
-    !> The same, for a given length; registers as in `place_of`.
+    !> The same, for a given length; registers as in `place` of `tandem_tangent_position`.
     pure subroutine find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
         integer, intent(in), value :: width
         integer, intent(in) :: n
@@ -182,89 +134,6 @@ contains
             end do
         end do
     end subroutine multiply_columns
-
-    !> u := u + B Phi and q := origin + increment - U u. With `learns`, B first satisfies the secant condition of the last
-    !> correction, which has changed Phi by -y: B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do
-    !> not matter (C. G. Broyden, Math. Comp. 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
-    pure subroutine correct(n, width, nh, phi, weight, learns, u_basis, origin, increment, last_phi, b, u, w, z, q)
-        integer, intent(in) :: n, width, nh
-        real(wp), intent(in) :: phi(nh), weight(width)
-        logical, intent(in) :: learns
-        real(wp), intent(in) :: u_basis(n, width), origin(n), increment(n)
-        !> Phi before the last correction, then this one; B; u; work space; q.
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width), q(n)
-
-        if (width == short) then
-            call correct_of(short, nh, phi, weight, learns, last_phi, b, u, w, z)
-            call place_of(short, n, u_basis, u, origin, increment, q)
-        else
-            call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-            call place_of(width, n, u_basis, u, origin, increment, q)
-        end if
-    end subroutine correct
-
-    !> The same without q, for a given length.
-    pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-        integer, intent(in), value :: width
-        integer, intent(in) :: nh
-        real(wp), intent(in) :: phi(nh), weight(width)
-        logical, intent(in) :: learns
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
-        real(wp) :: along, f, square, y
-        integer :: i, j, s
-
-        do s = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                w(s + i) = 0.0_wp
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, nh
-            f = phi(j)
-            z(j) = last_phi(j) - f
-            last_phi(j) = f
-            do s = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    w(s + i) = w(s + i) + b(s + i, j)*f
-                end do
-            end do
-        end do
-        f = 1.0_wp
-        if (learns) then
-            along = 0.0_wp
-            square = 0.0_wp
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, nh
-                y = z(j)
-                z(j) = y*weight(j)**2
-                along = along + z(j)*phi(j)
-                square = square + z(j)*y
-            end do
-            square = 1.0_wp/square
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, nh
-                y = z(j)*square
-                do s = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        b(s + i, j) = b(s + i, j) + w(s + i)*y
-                    end do
-                end do
-            end do
-            f = 1.0_wp + along*square
-        end if
-        do s = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                u(s + i) = u(s + i) + w(s + i)*f
-            end do
-        end do
-    end subroutine correct_of
 
     !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The weights
     !> of the rows of Phi by the way.

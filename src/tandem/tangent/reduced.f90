@@ -11,7 +11,8 @@ module tandem_tangent_reduced
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
     use tandem_tangent_independence, only: find_independence
     use tandem_tangent_large_kernels, only: find_large_acceleration, find_large_independence, find_large_velocity
-    use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, scale_columns, set_overlap, transpose_basis
+    use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, multiply_mass, scale_columns, set_overlap, &
+        transpose_basis
     use tandem_tangent_single_kernels, only: find_single_acceleration, find_single_velocity
     implicit none (type, external)
     private
@@ -26,7 +27,7 @@ module tandem_tangent_reduced
         integer :: choice = -1
         !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
-        !> D' M (width, n), D' M D or D0' D with factors in place (width, k), inverse pivots (k).
+        !> D' M (width, n), D' M D or D0' D with factors in place (width, width), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
         !> The factors of D0' D where its pivots want a search.
         type(lu_type) :: overlap_lu
@@ -67,7 +68,7 @@ contains
         if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, &
             self%z, self%r, self%x, self%work)
         associate (k => self%k, height => self%height, width => self%width)
-            allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, k), &
+            allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, width), &
                 self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
             call self%overlap_lu%allocate(k)
             self%is_large = max(m, k) > largest_small
@@ -129,8 +130,8 @@ contains
         integer, intent(out) :: stat
 
         if (self%is_large) then
-            call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix, self%overlap_lu, &
-                self%z, self%r, self%x, self%work, qd, stat)
+            call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix(:, :self%k), &
+                self%overlap_lu, self%z, self%r, self%x, self%work, qd, stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
             return
         end if
@@ -146,8 +147,8 @@ contains
                 has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
             if (stat == 0) return
             ! D0' D wants a search for pivots.
-            call set_overlap(n, k, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
-            call self%overlap_lu%factor(self%matrix(:k, :), stat)
+            call set_overlap(n, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
+            call self%overlap_lu%factor(self%matrix(:k, :k), stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
             if (stat /= status_ok) return
             call self%overlap_lu%solve(self%z(:k))
@@ -157,13 +158,13 @@ contains
     end subroutine restore_velocity
 
     !> The acceleration at the point of `load`.
-    subroutine solve(self, elimination, polishes, n_blocks, block_start, mass, gamma, force, qdd, stat)
+    subroutine solve(self, elimination, polishes, n_blocks, blocks, mass, gamma, force, qdd, stat)
         class(reduced_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
-        !> The diagonal blocks of M, see `tandem_model_evaluator`.
-        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
+        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
         !> M (n, n), gamma (m), S + Q_A (n).
         real(wp), intent(in) :: mass(self%n, self%n), gamma(self%m), force(self%n)
         real(wp), intent(out) :: qdd(self%n)
@@ -172,20 +173,24 @@ contains
 
         associate (e => elimination)
             if (self%is_large) then
-                call find_large_acceleration(e, self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, &
-                    self%matrix, self%mass_factor, self%z, self%r, self%x, qdd, stat)
+                call find_large_acceleration(e, self%basis, polishes, n_blocks, blocks, mass, gamma, force, self%basis_mass, &
+                    self%matrix(:, :self%k), self%mass_factor, self%z, self%r, self%x, qdd, stat)
             else if (self%k == 1 .and. .not. polishes) then
                 call find_single_acceleration(self%m, self%n, self%height, self%width, e%order, e%eliminated, self%basis, &
-                    n_blocks, block_start, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
+                    n_blocks, blocks, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
             else
+                call multiply_mass(self%n, self%width, n_blocks, blocks, self%basis, mass, self%basis_mass)
                 call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &
-                    self%basis, polishes, n_blocks, block_start, mass, gamma, force, self%basis_mass, self%matrix, self%inverse, &
-                    self%z, self%r, self%x, qdd, stat)
+                    self%basis, self%basis_mass, polishes, gamma, force, self%matrix, self%inverse, self%z, self%r, self%x, qdd, &
+                    stat)
             end if
         end associate
-        if (stat /= 0) then
+        if (stat == 0 .and. (self%k == 0 .or. self%is_large)) then
+            if (.not. is_finite(self%n, qdd)) stat = -1
+        end if
+        if (stat > 0) then
             stat = status_singular_mass
-        else if (.not. is_finite(self%n, qdd)) then
+        else if (stat < 0) then
             stat = status_not_finite
         end if
     end subroutine solve

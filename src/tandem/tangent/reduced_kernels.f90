@@ -3,7 +3,8 @@
 !> rows: m and k padded with zeros. The latter stand transposed, so that their few rows make the innermost loops. Procedures take
 !> both lengths by value, and those that others call pass them on as constants where they are `lane` and `short`: then innermost
 !> loops are single instructions. The directives keep gfortran from unrolling those before it has vectorised them, and from
-!> vectorising the loops around them instead.
+!> vectorising the loops around them instead. Sums over columns stay in registers where the loop over the columns holds two
+!> innermost loops; around a single one gfortran takes two columns in one pass, in halves of registers.
 module tandem_tangent_reduced_kernels
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: lane, short
@@ -11,7 +12,7 @@ module tandem_tangent_reduced_kernels
     implicit none (type, external)
     private
 
-    public :: find_velocity, find_acceleration, finish, scale_columns, set_overlap, transpose_basis
+    public :: find_velocity, find_acceleration, finish, multiply_mass, scale_columns, set_overlap, transpose_basis
 
 contains
 
@@ -85,7 +86,7 @@ contains
         !> C, C eliminated, D', D0' diag(s)^-2, nu.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
         !> Work space, and the velocity, first the wanted one.
-        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), qd(n)
+        real(wp), intent(inout) :: overlap(width, width), z(width), r(height), x(height), work(n), qd(n)
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
@@ -104,7 +105,7 @@ contains
         integer, intent(in), value :: height, width
         logical, intent(in) :: has_nu, polishes
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
-        real(wp), intent(inout) :: overlap(width, k), z(width), r(height), x(height), work(n), qd(n)
+        real(wp), intent(inout) :: overlap(width, width), z(width), r(height), x(height), work(n), qd(n)
         integer, intent(out) :: stat
         integer :: i
 
@@ -116,10 +117,10 @@ contains
             do i = 1, m
                 work(order(i)) = work(order(i)) - r(i)
             end do
-            call set_overlap(n, k, width, basis, origin, work, overlap, z)
+            call multiply_by_transpose(width, n, origin, basis, origin, work, overlap, z)
         else
             call clear(height, r)
-            call set_overlap(n, k, width, basis, origin, qd, overlap, z)
+            call multiply_by_transpose(width, n, origin, basis, origin, qd, overlap, z)
         end if
         call solve_near_diagonal(k, width, overlap, z, stat)
         if (stat == 0) then
@@ -130,78 +131,98 @@ contains
     end subroutine find_velocity_of
 
     !> D0' D and D0' y.
-    pure subroutine set_overlap(n, k, width, basis, origin, y, overlap, z)
-        integer, intent(in) :: n, k
-        integer, intent(in), value :: width
+    pure subroutine set_overlap(n, width, basis, origin, y, overlap, z)
+        integer, intent(in) :: n, width
         real(wp), intent(in) :: basis(width, n), origin(width, n), y(n)
-        real(wp), intent(inout) :: overlap(width, k), z(width)
+        real(wp), intent(inout) :: overlap(width, width), z(width)
 
-        call multiply(width, n, origin, y, z)
-        call multiply_all(width, n, k, width, 1, origin, basis, overlap)
+        call multiply_by_transpose(width, n, origin, basis, origin, y, overlap, z)
     end subroutine set_overlap
 
-    !> The acceleration. stat > 0: D' M D is not positive definite.
-    pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, polishes, n_blocks, block_start, mass, gamma, &
-        force, basis_mass, reduced_mass, inverse, z, r, x, qdd, stat)
+    !> D' M.
+    pure subroutine multiply_mass(n, width, n_blocks, blocks, basis, mass, basis_mass)
+        integer, intent(in) :: n, width
+        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
+        !> D', M, D' M.
+        real(wp), intent(in) :: basis(width, n), mass(n, n)
+        real(wp), intent(inout) :: basis_mass(width, n)
+
+        if (width == short) then
+            call multiply_mass_of(short, n, n_blocks, blocks, basis, mass, basis_mass)
+        else
+            call multiply_mass_of(width, n, n_blocks, blocks, basis, mass, basis_mass)
+        end if
+    end subroutine multiply_mass
+
+    !> The acceleration. stat > 0: D' M D is not positive definite; stat < 0: it is not finite, where k > 0.
+    pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, basis_mass, polishes, gamma, force, &
+        reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
-        !> The diagonal blocks of M, see `tandem_model_evaluator`.
-        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
+        !> C, C eliminated, D', D' M, gamma, S + Q_A.
+        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), basis_mass(width, n), gamma(m), force(n)
         !> Whether to remove what rounding leaves of C qdd + gamma.
         logical, intent(in) :: polishes
-        !> C, C eliminated, D', M, gamma, S + Q_A.
-        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), mass(n, n), gamma(m), force(n)
         !> Work space, and the acceleration.
-        real(wp), intent(inout) :: basis_mass(width, n), reduced_mass(width, k), inverse(k), z(width), r(height), x(height)
-        real(wp), intent(inout) :: qdd(n)
+        real(wp), intent(inout) :: reduced_mass(width, width), inverse(k), z(width), r(height), x(height), qdd(n)
         integer, intent(out) :: stat
 
         if (height == lane .and. width == short) then
-            call multiply_blocks(short, n, n_blocks, block_start, basis, mass, basis_mass)
-            call multiply_all(short, n, k, short, 1, basis_mass, basis, reduced_mass)
-            call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, polishes, gamma, force, basis_mass, reduced_mass, &
+            call find_acceleration_of(m, n, k, lane, short, order, c, a, basis, basis_mass, polishes, gamma, force, reduced_mass, &
                 inverse, z, r, x, qdd, stat)
         else
-            call multiply_blocks(width, n, n_blocks, block_start, basis, mass, basis_mass)
-            call multiply_all(width, n, k, width, 1, basis_mass, basis, reduced_mass)
-            call find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, gamma, force, basis_mass, &
+            call find_acceleration_of(m, n, k, height, width, order, c, a, basis, basis_mass, polishes, gamma, force, &
                 reduced_mass, inverse, z, r, x, qdd, stat)
         end if
     end subroutine find_acceleration
 
-    !> The same with D' M and D' M D, for given lengths.
-    pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, polishes, gamma, force, basis_mass, &
+    !> The same, for given lengths.
+    pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, basis_mass, polishes, gamma, force, &
         reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
         logical, intent(in) :: polishes
-        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), gamma(m), force(n), basis_mass(width, n)
-        real(wp), intent(inout) :: reduced_mass(width, k), inverse(k), z(width), r(height), x(height), qdd(n)
+        real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), basis_mass(width, n), gamma(m), force(n)
+        real(wp), intent(inout) :: reduced_mass(width, width), inverse(k), z(width), r(height), x(height), qdd(n)
         integer, intent(out) :: stat
-        integer :: b, i
+        real(wp) :: f
+        integer :: b, i, l, p
 
+        call multiply_by_transpose(width, n, basis_mass, basis, basis, force, reduced_mass, z)
         call factor_definite(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
-        ! -R gamma, then D' (S + Q_A + M R gamma).
+        ! D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots'.
         call multiply(height, m, a, gamma, r)
+        do b = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, m
+                p = order(l)
+                f = r(l)
+                ! -R gamma in its place, which `finish` sets anew: without a store here gfortran takes two columns at once.
+                qdd(p) = -f
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    z(b + i) = z(b + i) + basis_mass(b + i, p)*f
+                end do
+            end do
+        end do
         do b = 0, height - short, short
             !GCC$ UNROLL 1
             do i = 1, short
                 r(b + i) = -r(b + i)
             end do
         end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = 1, m
-            qdd(order(i)) = r(i)
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = m + 1, n
-            qdd(order(i)) = 0.0_wp
-        end do
-        call set_difference(width, n, basis, force, basis_mass, qdd, z)
         call substitute(k, width, reduced_mass, inverse, z)
         call finish(m, n, k, height, order, c, a, polishes, gamma, 1.0_wp, z, r, x, qdd)
+        ! What is not finite in gamma or the forces is in each sum, unless there is none.
+        f = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, k
+            f = f + abs(z(i))
+        end do
+        if (.not. f <= huge(1.0_wp)) stat = -1
     end subroutine find_acceleration_of
 
     !> y := r + D z, r given by its rows of pivots, and with `polishes` less what rounding leaves of C y + sign g = 0.
@@ -253,148 +274,224 @@ contains
         integer, intent(in) :: l
         real(wp), intent(in) :: a(height, l), x(l)
         real(wp), intent(inout) :: y(height)
-
-        call multiply_all(height, l, 1, 1, l, a, x, y)
-    end subroutine multiply
-
-    !> Y := A X, A (height, l), Y (height, n), x(1 + (i - 1) down + (j - 1) across) the element of X in row i and column j. Four
-    !> columns of A at a time, in one expression: sums kept in an array of their own go through the memory in parts, and a load
-    !> of what was stored in parts waits for it.
-    pure subroutine multiply_all(height, l, n, down, across, a, x, y)
-        integer, intent(in), value :: height, l, n, down, across
-        real(wp), intent(in) :: a(height, l), x(1 + (l - 1)*down + (n - 1)*across)
-        real(wp), intent(inout) :: y(height, n)
-        real(wp) :: x1, x2, x3, x4
-        integer :: i, j, p, q, rest, s
-
-        rest = iand(l, 3)
-        do s = 0, height - short, short
-            select case (rest)
-            case (0)
-                do j = 1, n
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y(s + i, j) = 0.0_wp
-                    end do
-                end do
-            case (1)
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do j = 1, n
-                    x1 = x(1 + (j - 1)*across)
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y(s + i, j) = a(s + i, 1)*x1
-                    end do
-                end do
-            case (2)
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do j = 1, n
-                    p = 1 + (j - 1)*across
-                    x1 = x(p)
-                    x2 = x(p + down)
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y(s + i, j) = a(s + i, 1)*x1 + a(s + i, 2)*x2
-                    end do
-                end do
-            case default
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do j = 1, n
-                    p = 1 + (j - 1)*across
-                    x1 = x(p)
-                    x2 = x(p + down)
-                    x3 = x(p + 2*down)
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y(s + i, j) = (a(s + i, 1)*x1 + a(s + i, 2)*x2) + a(s + i, 3)*x3
-                    end do
-                end do
-            end select
-            do q = rest + 1, l, 4
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do j = 1, n
-                    p = 1 + (q - 1)*down + (j - 1)*across
-                    x1 = x(p)
-                    x2 = x(p + down)
-                    x3 = x(p + 2*down)
-                    x4 = x(p + 3*down)
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y(s + i, j) = y(s + i, j) + &
-                            ((a(s + i, q)*x1 + a(s + i, q + 1)*x2) + (a(s + i, q + 2)*x3 + a(s + i, q + 3)*x4))
-                    end do
-                end do
-            end do
-        end do
-    end subroutine multiply_all
-
-    !> D' M, block by block.
-    pure subroutine multiply_blocks(width, n, n_blocks, block_start, basis, mass, basis_mass)
-        integer, intent(in), value :: width
-        integer, intent(in) :: n, n_blocks, block_start(n_blocks + 1)
-        real(wp), intent(in) :: basis(width, n), mass(n, n)
-        real(wp), intent(inout) :: basis_mass(width, n)
         real(wp) :: f
-        integer :: b, first, i, l, s
+        integer :: b, i, j
 
-        ! Without a degree of freedom there is no first row.
-        if (width == 0) return
-        do b = 1, n_blocks
-            first = block_start(b)
-            l = block_start(b + 1) - first
-            if (l == 1) then
-                f = mass(first, first)
-                do s = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        basis_mass(s + i, first) = basis(s + i, first)*f
-                    end do
-                end do
-            else
-                call multiply_all(width, l, l, 1, n, basis(1, first), mass(first, first), basis_mass(1, first))
-            end if
-        end do
-    end subroutine multiply_blocks
-
-    !> z := A x - B y, A and B (width, n).
-    pure subroutine set_difference(width, n, a, x, b, y, z)
-        integer, intent(in), value :: width
-        integer, intent(in) :: n
-        real(wp), intent(in) :: a(width, n), x(n), b(width, n), y(n)
-        real(wp), intent(inout) :: z(width)
-        real(wp) :: x1, x2, y1, y2
-        integer :: i, j, l, s
-
-        do s = 0, width - short, short
-            x1 = x(1)
-            y1 = y(1)
-            if (iand(n, 1) == 0) then
-                x1 = 0.0_wp
-                y1 = 0.0_wp
-            end if
+        do b = 0, height - lane, lane
+            f = x(1)
             !GCC$ UNROLL 1
             do i = 1, short
-                z(s + i) = a(s + i, 1)*x1 - b(s + i, 1)*y1
+                y(b + i) = a(b + i, 1)*f
+                y(b + short + i) = a(b + short + i, 1)*f
             end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do l = 1, n/2
-                j = 2*l - 1 + iand(n, 1)
-                x1 = x(j)
-                x2 = x(j + 1)
-                y1 = y(j)
-                y2 = y(j + 1)
+            do j = 2, l
+                f = x(j)
                 !GCC$ UNROLL 1
                 do i = 1, short
-                    z(s + i) = z(s + i) + ((a(s + i, j)*x1 + a(s + i, j + 1)*x2) - (b(s + i, j)*y1 + b(s + i, j + 1)*y2))
+                    y(b + i) = y(b + i) + a(b + i, j)*f
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(b + short + i) = y(b + short + i) + a(b + short + i, j)*f
                 end do
             end do
         end do
-    end subroutine set_difference
+    end subroutine multiply
+
+    !> Y := A B' and z := C x; A, B, C (width, n), x (n). Tiles of four rows and columns of Y, in arrays of their own: those stay in
+    !> registers for any width.
+    pure subroutine multiply_by_transpose(width, n, a, b, c, x, y, z)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(width, n), b(width, n), c(width, n), x(n)
+        real(wp), intent(inout) :: y(width, width), z(width)
+        real(wp) :: y1(short), y2(short), y3(short), y4(short), sums(short), b1, b2, b3, b4, f
+        integer :: i, j, s, t
+
+        do s = 0, width - short, short
+            do t = 0, width - short, short
+                b1 = b(t + 1, 1)
+                b2 = b(t + 2, 1)
+                b3 = b(t + 3, 1)
+                b4 = b(t + 4, 1)
+                f = x(1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y1(i) = a(s + i, 1)*b1
+                    y2(i) = a(s + i, 1)*b2
+                    y3(i) = a(s + i, 1)*b3
+                    y4(i) = a(s + i, 1)*b4
+                    sums(i) = c(s + i, 1)*f
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 2, n
+                    b1 = b(t + 1, j)
+                    b2 = b(t + 2, j)
+                    b3 = b(t + 3, j)
+                    b4 = b(t + 4, j)
+                    f = x(j)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y1(i) = y1(i) + a(s + i, j)*b1
+                        y2(i) = y2(i) + a(s + i, j)*b2
+                        y3(i) = y3(i) + a(s + i, j)*b3
+                        y4(i) = y4(i) + a(s + i, j)*b4
+                    end do
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        sums(i) = sums(i) + c(s + i, j)*f
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, t + 1) = y1(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, t + 2) = y2(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, t + 3) = y3(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, t + 4) = y4(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    z(s + i) = sums(i)
+                end do
+            end do
+        end do
+    end subroutine multiply_by_transpose
+
+    !> D' M, for a given length.
+    pure subroutine multiply_mass_of(width, n, n_blocks, blocks, basis, mass, basis_mass)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n, n_blocks, blocks(2, n_blocks)
+        real(wp), intent(in) :: basis(width, n), mass(n*n)
+        real(wp), intent(inout) :: basis_mass(width, n)
+        real(wp) :: f
+        integer :: b, first, i, j, l, p, s
+
+        ! Without a degree of freedom there is no first row.
+        if (width == 0) return
+        ! All columns as if M were diagonal, unless it is one block.
+        l = n
+        if (n_blocks == 1) l = n - 1 - blocks(2, 1) + blocks(1, 1)
+        do s = 0, merge(width, 0, l > 0) - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                f = mass((n + 1)*(j - 1) + 1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis_mass(s + i, j) = basis(s + i, j)*f
+                end do
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do b = 1, n_blocks
+            ! Four columns at a time, or two; the last ones are partly those before once more.
+            first = blocks(1, b)
+            l = blocks(2, b) - first + 1
+            j = first
+            do while (l >= 4)
+                p = n*(j - 1) + first
+                call multiply_four(width, l, basis(1, first), mass(p), mass(p + n), mass(p + 2*n), mass(p + 3*n), &
+                    basis_mass(1, j), basis_mass(1, j + 1), basis_mass(1, j + 2), basis_mass(1, j + 3))
+                if (j + 3 == blocks(2, b)) exit
+                j = min(j + 4, blocks(2, b) - 3)
+            end do
+            do while (l < 4)
+                p = n*(j - 1) + first
+                call multiply_two(width, l, basis(1, first), mass(p), mass(p + n), basis_mass(1, j), basis_mass(1, j + 1))
+                if (j + 1 == blocks(2, b)) exit
+                j = j + 1
+            end do
+        end do
+    end subroutine multiply_mass_of
+
+    !> Four columns of A M, A (width, l).
+    pure subroutine multiply_four(width, l, a, m1, m2, m3, m4, y1, y2, y3, y4)
+        integer, intent(in), value :: width
+        integer, intent(in) :: l
+        real(wp), intent(in) :: a(width, l), m1(l), m2(l), m3(l), m4(l)
+        real(wp), intent(inout) :: y1(width), y2(width), y3(width), y4(width)
+        real(wp) :: f1, f2, f3, f4
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            f1 = m1(1)
+            f2 = m2(1)
+            f3 = m3(1)
+            f4 = m4(1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y1(s + i) = a(s + i, 1)*f1
+                y2(s + i) = a(s + i, 1)*f2
+                y3(s + i) = a(s + i, 1)*f3
+                y4(s + i) = a(s + i, 1)*f4
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 2, l
+                f1 = m1(j)
+                f2 = m2(j)
+                f3 = m3(j)
+                f4 = m4(j)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y1(s + i) = y1(s + i) + a(s + i, j)*f1
+                    y2(s + i) = y2(s + i) + a(s + i, j)*f2
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y3(s + i) = y3(s + i) + a(s + i, j)*f3
+                    y4(s + i) = y4(s + i) + a(s + i, j)*f4
+                end do
+            end do
+        end do
+    end subroutine multiply_four
+
+    !> Two columns.
+    pure subroutine multiply_two(width, l, a, m1, m2, y1, y2)
+        integer, intent(in), value :: width
+        integer, intent(in) :: l
+        real(wp), intent(in) :: a(width, l), m1(l), m2(l)
+        real(wp), intent(inout) :: y1(width), y2(width)
+        real(wp) :: f1, f2
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            f1 = m1(1)
+            f2 = m2(1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y1(s + i) = a(s + i, 1)*f1
+                y2(s + i) = a(s + i, 1)*f2
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 2, l
+                f1 = m1(j)
+                f2 = m2(j)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y1(s + i) = y1(s + i) + a(s + i, j)*f1
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y2(s + i) = y2(s + i) + a(s + i, j)*f2
+                end do
+            end do
+        end do
+    end subroutine multiply_two
 
     !> x := 0.
     pure subroutine clear(height, x)

@@ -60,45 +60,50 @@ contains
     end subroutine find_single_velocity
 
     !> qdd = d w - R gamma with d' (M qdd - S - Q_A) = 0.
-    pure subroutine find_single_acceleration(m, n, height, width, order, a, basis, n_blocks, block_start, mass, gamma, force, &
+    pure subroutine find_single_acceleration(m, n, height, width, order, a, basis, n_blocks, blocks, mass, gamma, force, &
         basis_mass, r, qdd, stat)
         !> Constraints, coordinates, padded lengths; the order of the columns.
         integer, intent(in) :: m, n, height, width, order(n)
-        !> The diagonal blocks of M, see `tandem_model_evaluator`.
-        integer, intent(in) :: n_blocks, block_start(n_blocks + 1)
+        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
         !> C eliminated, d' in a first row, M, gamma, S + Q_A.
-        real(wp), intent(in) :: a(height, n), basis(width, n), mass(n, n), gamma(m), force(n)
+        real(wp), intent(in) :: a(height, n), basis(width, n), mass(n*n), gamma(m), force(n)
         !> Work space, and the acceleration.
         real(wp), intent(inout) :: basis_mass(n), r(height), qdd(n)
-        !> 1 where d' M d is not positive, or not finite.
+        !> 1 where d' M d is not positive, or not finite; -1 where the acceleration is not finite.
         integer, intent(out) :: stat
         real(wp) :: along, f, reduced_mass
-        integer :: b, first, i, j, last
+        integer :: b, i, j
 
-        reduced_mass = 0.0_wp
+        i = 1
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            basis_mass(j) = basis(1, j)*mass(i)
+            i = i + n + 1
+        end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do b = 1, n_blocks
-            first = block_start(b)
-            last = block_start(b + 1) - 1
-            if (first == last) then
-                f = basis(1, first)*mass(first, first)
-                basis_mass(first) = f
-                reduced_mass = reduced_mass + f*basis(1, first)
-                cycle
-            end if
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do j = first, last
+            do j = blocks(1, b), blocks(2, b)
                 f = 0.0_wp
                 !GCC$ NOVECTOR
                 !GCC$ UNROLL 2
-                do i = first, last
-                    f = f + basis(1, i)*mass(i, j)
+                do i = blocks(1, b), blocks(2, b)
+                    f = f + basis(1, i)*mass(n*(j - 1) + i)
                 end do
                 basis_mass(j) = f
-                reduced_mass = reduced_mass + f*basis(1, j)
             end do
+        end do
+        reduced_mass = 0.0_wp
+        along = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 2
+        do j = 1, n
+            reduced_mass = reduced_mass + basis_mass(j)*basis(1, j)
+            along = along + force(j)*basis(1, j)
         end do
         stat = merge(0, 1, reduced_mass > 0.0_wp .and. reduced_mass <= huge(1.0_wp))
         if (stat /= 0) return
@@ -107,18 +112,14 @@ contains
         else
             call multiply(height, m, a, gamma, r)
         end if
-        along = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 2
-        do j = 1, n
-            along = along + basis(1, j)*force(j)
-        end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do i = 1, m
             along = along + basis_mass(order(i))*r(i)
         end do
         along = along/reduced_mass
+        ! What is not finite in gamma or the forces is in this sum.
+        if (.not. abs(along) <= huge(1.0_wp)) stat = -1
         !GCC$ NOVECTOR
         !GCC$ UNROLL 2
         do j = 1, n
