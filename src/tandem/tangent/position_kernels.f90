@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The loops of `tandem_tangent_position`. Over the rows of Phi matrices and vectors are padded with zeros to `width`.
+!> The loops of `tandem_tangent_position` but for those of its iteration. Over the rows of Phi matrices and vectors are padded with
+!> zeros to `width`.
 module tandem_tangent_position_kernels
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: short
