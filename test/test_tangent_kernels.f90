@@ -117,7 +117,8 @@ contains
     !> After a correction that has changed Phi by -y, B y is what u has gained by it; nothing else of B changes where it need not.
     subroutine test_secant(error)
         type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: nh = 3
+        integer, parameter :: n = 9, nh = 3
+        real(wp) :: u_basis(n, short), origin(n), increment(n), q(n)
         real(wp) :: b(short, short), before(short, short), u(short), old(short), gain(nh), y(nh), weight(short)
         real(wp) :: first(nh), second(nh), last_phi(short), w(short), z(short), across(nh)
         integer :: j, seed
@@ -136,12 +137,19 @@ contains
         weight = 2.0_wp + weight
         second = 0.1_wp*second
         before = b
+        call random_vector(seed, origin)
+        call random_vector(seed, increment)
+        do j = 1, short
+            call random_vector(seed, u_basis(:, j))
+        end do
         call correct(short, nh, first, weight, .false., last_phi, b, u, w, z)
         call check_below(error, maxval(abs(b - before)), 0.0_wp, 'change of B by a correction that does not teach')
         call check_below(error, maxval(abs(u(:nh) - matmul(b(:nh, :nh), first))), 1.0e-15_wp, 'u - B Phi')
         gain = u(:nh)
         old = u
         call correct(short, nh, second, weight, .true., last_phi, b, u, w, z)
+        call place(n, short, u_basis, u, origin, increment, q)
+        call check_below(error, maxval(abs(q - (origin + increment - matmul(u_basis, u)))), 1.0e-14_wp, 'q of the corrected u')
         y = first - second
         call check_below(error, maxval(abs(matmul(b(:nh, :nh), y) - gain)), 1.0e-14_wp, 'B y - the gain of u')
         call check_below(error, maxval(abs(u(:nh) - old(:nh) - matmul(b(:nh, :nh), second))), 1.0e-14_wp, 'the new B corrects')

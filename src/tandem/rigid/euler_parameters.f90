@@ -191,15 +191,15 @@ contains
         end do
     end function g_sandwich
 
-    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that turns, in the first four rows of (n, 4).
+    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that turns, (4, 4), columns n apart.
     pure subroutine set_rotational_mass(p, j, n, mass)
         real(wp), intent(in) :: p(4)
         !> Principal moments of inertia.
         real(wp), intent(in) :: j(3)
-        !> How many rows the array has where the block stands, so that a block of a larger matrix is set in place: `mass(4, 4)` of M
-        !> as the argument sets the block that begins there.
+        !> How many rows the matrix has in which the block stands: it is set in place, and `mass(4, 4)` of M as the argument sets
+        !> the block that begins there.
         integer, intent(in) :: n
-        real(wp), intent(inout) :: mass(n, 4)
+        real(wp), intent(inout) :: mass(3*n + 4)
         real(wp) :: e0, e1, e2, e3, x, y, z
 
         e0 = p(1)
@@ -210,22 +210,22 @@ contains
         x = 4*j(1)
         y = 4*j(2)
         z = 4*j(3)
-        mass(1, 1) = x*e1*e1 + y*e2*e2 + z*e3*e3
-        mass(2, 1) = y*e2*e3 - x*e0*e1 - z*e2*e3
-        mass(3, 1) = z*e1*e3 - x*e1*e3 - y*e0*e2
-        mass(4, 1) = x*e1*e2 - y*e1*e2 - z*e0*e3
-        mass(2, 2) = x*e0*e0 + y*e3*e3 + z*e2*e2
-        mass(3, 2) = x*e0*e3 - y*e0*e3 - z*e1*e2
-        mass(4, 2) = z*e0*e2 - x*e0*e2 - y*e1*e3
-        mass(3, 3) = x*e3*e3 + y*e0*e0 + z*e1*e1
-        mass(4, 3) = y*e0*e1 - x*e2*e3 - z*e0*e1
-        mass(4, 4) = x*e2*e2 + y*e1*e1 + z*e0*e0
-        mass(1, 2) = mass(2, 1)
-        mass(1, 3) = mass(3, 1)
-        mass(2, 3) = mass(3, 2)
-        mass(1, 4) = mass(4, 1)
-        mass(2, 4) = mass(4, 2)
-        mass(3, 4) = mass(4, 3)
+        mass(1) = x*e1*e1 + y*e2*e2 + z*e3*e3
+        mass(2) = y*e2*e3 - x*e0*e1 - z*e2*e3
+        mass(3) = z*e1*e3 - x*e1*e3 - y*e0*e2
+        mass(4) = x*e1*e2 - y*e1*e2 - z*e0*e3
+        mass(n + 2) = x*e0*e0 + y*e3*e3 + z*e2*e2
+        mass(n + 3) = x*e0*e3 - y*e0*e3 - z*e1*e2
+        mass(n + 4) = z*e0*e2 - x*e0*e2 - y*e1*e3
+        mass(2*n + 3) = x*e3*e3 + y*e0*e0 + z*e1*e1
+        mass(2*n + 4) = y*e0*e1 - x*e2*e3 - z*e0*e1
+        mass(3*n + 4) = x*e2*e2 + y*e1*e1 + z*e0*e0
+        mass(n + 1) = mass(2)
+        mass(2*n + 1) = mass(3)
+        mass(2*n + 2) = mass(n + 3)
+        mass(3*n + 1) = mass(4)
+        mass(3*n + 2) = mass(n + 4)
+        mass(3*n + 3) = mass(2*n + 4)
     end subroutine set_rotational_mass
 
     !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
