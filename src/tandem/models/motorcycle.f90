@@ -157,7 +157,6 @@ contains
         integer, intent(out) :: stat
         type(fork_type) :: f
         real(wp) :: p(4), a(3, 3), y(3), z(3), rear(3)
-        integer :: i
 
         stat = 0
         p = q(4:7)
@@ -182,13 +181,7 @@ contains
             if (iand(need, need_jacobian) /= 0) call set_jacobian(self, f, q, a, y, z, rear, terms%jacobian)
             if (iand(need, need_nu) /= 0) call set_nu(f, q, a, z, terms%nu)
             if (iand(need, need_gamma) /= 0) call set_gamma(self, f, q, qd, a, y, z, rear, terms%gamma)
-            if (iand(need, need_mass) /= 0) then
-                terms%mass = 0.0_wp
-                do i = 1, 3
-                    terms%mass(i, i) = self%mass
-                end do
-                call set_rotational_mass(p, self%inertia, size(terms%mass, 1), terms%mass(4, 4))
-            end if
+            if (iand(need, need_mass) /= 0) call set_mass(self, p, terms%mass)
             if (iand(need, need_force) /= 0) then
                 terms%force = 0.0_wp
                 terms%force(3) = -self%mass*self%gravity
@@ -209,7 +202,7 @@ contains
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), a(3, 3), y(3), z(3), rear(3)
-        real(wp), intent(inout) :: jacobian(:, :)
+        real(wp), intent(out) :: jacobian(8, 10)
         real(wp) :: p(4), a_y1(3), a_es(3), g(3)
 
         jacobian = 0.0_wp
@@ -232,6 +225,20 @@ contains
         jacobian(8, 4:7) = b_row(p, y, g)
         jacobian(8, 8:10) = [dot_product(g, a_y1), dot_product(g, a_es), -dot_product(g, a_es)]
     end subroutine set_jacobian
+
+    !> M, of the mass and 4 G' J G.
+    pure subroutine set_mass(self, p, mass)
+        class(motorcycle_type), intent(in) :: self
+        real(wp), intent(in) :: p(4)
+        real(wp), intent(out) :: mass(10, 10)
+        integer :: i
+
+        mass = 0.0_wp
+        do i = 1, 3
+            mass(i, i) = self%mass
+        end do
+        call set_rotational_mass(p, self%inertia, size(mass, 1), mass(4, 4))
+    end subroutine set_mass
 
     !> nu = [-Phi_t; e]: y and z move with the steering while q stands still.
     pure subroutine set_nu(f, q, a, z, nu)
