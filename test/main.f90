@@ -28,6 +28,7 @@ program main
     use test_late_faults, only: collect_late_faults
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
+    use test_linalg_row_space, only: collect_linalg_row_space
     use test_linalg_singular, only: collect_linalg_singular
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mass_blocks, only: collect_mass_blocks
@@ -69,6 +70,7 @@ program main
         new_testsuite('linalg_basis', collect_linalg_basis), &
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &
+        new_testsuite('linalg_row_space', collect_linalg_row_space), &
         new_testsuite('linalg_singular', collect_linalg_singular), &
         new_testsuite('large', collect_large), &
         new_testsuite('euler_parameters', collect_euler_parameters), &

@@ -23,7 +23,8 @@ TOLERANCE = 0.03
 
 
 def allocations(text):
-    """Calls of the allocating functions in a file of callgrind."""
+    """Calls of the allocating functions in a file of callgrind. Of a procedure that allocates here and before, callgrind counts all:
+    what grows shows, but the number itself is an upper bound."""
     total, callee = 0, ""
     for line in text.splitlines():
         if line.startswith("cfn="):

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Steps allocate nothing: how often a run asks for memory does not grow with its number of steps. What may ask for it, now and
-then, is a closer look at the rank of C.
+"""Steps allocate nothing: how often a run asks for memory does not grow with its number of steps.
 
 Runs build/tandem, or what the environment variable TANDEM names, under a counter of malloc, calloc and realloc that the C
 compiler makes; without one, or where programs cannot be preloaded, the tests are skipped.
@@ -56,14 +55,13 @@ class Allocations(unittest.TestCase):
     def check(self, *settings):
         for scene in ("rolling_disk", "articulated_vehicle", "motorcycle"):
             with self.subTest(scene=scene):
-                # 200 and 5200 steps; one allocation a step would be 5000. A closer look at the rank takes some twenty,
-                # and the vehicle has four of them; a breakpoint would come later. Texts of measured times take some tens
-                # more or less, as their digits fall: what grows with the steps does so every time.
+                # 200 and 5200 steps; one allocation a step would be 5000; a breakpoint would come later. Texts of measured
+                # times take some tens more or less, as their digits fall: what grows with the steps does so every time.
                 for _ in range(4):
                     short, long = self.count(scene, 0.2, *settings), self.count(scene, 5.2, *settings)
-                    if long <= short + 100:
+                    if long <= short + 60:
                         break
-                self.assertLessEqual(long, short + 100)
+                self.assertLessEqual(long, short + 60)
 
     def test_rk4(self):
         self.check("solver.stepper=rk4")

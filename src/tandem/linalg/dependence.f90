@@ -3,12 +3,12 @@
 !> not full rank. For starts and for failures, not for steps: these procedures allocate.
 module tandem_linalg_dependence
     use tandem_kinds, only: wp
-    use tandem_linalg_lapack, only: dgelsy, dgesvd
-    use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_lapack, only: dgelsy
+    use tandem_linalg_row_space, only: row_space_type
     implicit none (type, external)
     private
 
-    public :: split_rows, weakest_combination, solve_least_norm, keeps_orientation
+    public :: split_rows, solve_least_norm
 
 contains
 
@@ -28,6 +28,7 @@ contains
         !> Smaller parts in the combination do not count, and parts that differ by less are equal.
         real(wp), parameter :: counts = 1.0e-2_wp, equal = 1.0e-6_wp
         real(wp), allocatable :: rows(:, :), share(:)
+        type(row_space_type) :: space
         real(wp) :: smallest
         integer :: i, k
         logical :: is_kept(size(matrix, 1))
@@ -37,7 +38,8 @@ contains
             kept = pack([(i, i=1, size(is_kept))], is_kept)
             rows = matrix(kept, :)
             allocate (share(size(kept)))
-            call weakest_combination(rows, scale, share, smallest)
+            call space%forget()
+            call space%find_weakest(size(rows, 1), size(rows, 2), rows, scale, share, smallest)
             if (smallest > tolerance) exit
             share = abs(share)
             if (any(share > counts .and. kept > n_first)) where (kept <= n_first) share = 0.0_wp
@@ -53,36 +55,6 @@ contains
             call solve_least_norm(rows, share, combination(i, :))
         end do
     end subroutine split_rows
-
-    !> The combination of unit rows that is nearest to zero: what each row takes part in it, its largest entry 1 in modulus.
-    subroutine weakest_combination(matrix, scale, share, smallest)
-        !> Rows (m, n) and the scales of their unknowns (n).
-        real(wp), intent(in) :: matrix(:, :), scale(:)
-        !> Each row's part (m).
-        real(wp), intent(out) :: share(:)
-        !> The smallest singular value of the unit rows.
-        real(wp), intent(out) :: smallest
-        real(wp) :: rows(size(matrix, 2), size(matrix, 1)), singular(size(matrix, 1)), length
-        real(wp) :: right(size(matrix, 1), size(matrix, 1)), work(8*(size(matrix, 1) + size(matrix, 2))), no_left(1, 1)
-        integer :: i, info, m, n
-
-        m = size(matrix, 1)
-        n = size(matrix, 2)
-        share = 0.0_wp
-        smallest = 0.0_wp
-        do i = 1, m
-            length = norm2(matrix(i, :)*scale)
-            if (.not. (length > 0.0_wp .and. length <= huge(1.0_wp))) then
-                share(i) = 1.0_wp
-                return
-            end if
-            rows(:, i) = matrix(i, :)*scale/length
-        end do
-        call dgesvd('N', 'A', n, m, rows, n, singular, no_left, 1, right, m, work, size(work), info)
-        if (info /= 0) return
-        smallest = singular(m)
-        share = right(m, :)/maxval(abs(right(m, :)))
-    end subroutine weakest_combination
 
     !> The solution of least length of the least-squares problem A x = b; A may have any rank.
     subroutine solve_least_norm(a, b, x)
@@ -107,30 +79,4 @@ contains
         call dgelsy(m, n, 1, matrix, m, rhs, size(rhs, 1), order, smallest_pivot, rank, work, size(work), info)
         if (info == 0) x = rhs(:n, 1)
     end subroutine solve_least_norm
-
-    !> Whether a row space keeps its orientation from one matrix to a neighbouring one. Where a singular value has passed through
-    !> zero in between, the determinant of the second in a basis of the first has changed its sign.
-    logical function keeps_orientation(from, to, scale)
-        !> Rows (m, n) and the scales of their unknowns (n).
-        real(wp), intent(in) :: from(:, :), to(:, :), scale(:)
-        real(wp) :: basis(size(from, 2), size(from, 1)), part
-        type(lu_type) :: lu
-        integer :: i, j, pass, m, stat
-
-        m = size(from, 1)
-        ! The rows of `from` have a positive determinant in the basis that Gram-Schmidt makes of them.
-        do i = 1, m
-            basis(:, i) = from(i, :)*scale
-            do pass = 1, 2
-                do j = 1, i - 1
-                    part = dot_product(basis(:, j), basis(:, i))
-                    basis(:, i) = basis(:, i) - part*basis(:, j)
-                end do
-            end do
-            basis(:, i) = basis(:, i)/max(norm2(basis(:, i)), tiny(1.0_wp))
-        end do
-        call lu%allocate(m)
-        call lu%factor(matmul(to*spread(scale, 1, m), basis), stat)
-        keeps_orientation = stat == 0 .and. lu%determinant_sign() > 0
-    end function keeps_orientation
 end module tandem_linalg_dependence

@@ -493,7 +493,7 @@ contains
         real(wp), intent(out) :: d(:, :)
         type(fork_type) :: f
         real(wp) :: p(4), a(3, 3), y(3), z(3), rear(3), y1(3), es(3), push(3)
-        real(wp) :: front_p(3, 4), turn_p(3, 4), turn_1(3), turn_2(3), axle(3, 4), y1_p(3, 4), es_p(3, 4), row(4)
+        real(wp) :: rear_p(3, 4), front_p(3, 4), turn_p(3, 4), turn_1(3), turn_2(3), axle(3, 4), y1_p(3, 4), es_p(3, 4), row(4)
         integer :: i, j
 
         p = q(4:7)
@@ -506,6 +506,7 @@ contains
         es = rotate(a, f%es)
         y1_p = b_matrix(p, f%y1)
         es_p = b_matrix(p, f%es)
+        rear_p = b_matrix(p, rear)
         front_p = b_matrix(p, y)
         axle = b_matrix(p, ux)
         push = lambda(3)*uz + lambda(8)*sideways(rotate(a, z))
@@ -528,10 +529,10 @@ contains
         do j = 1, 4
             d(3 + j, 3 + j) = d(3 + j, 3 + j) + lambda(5)
             do i = 1, 4
-                d(3 + i, 3 + j) = d(3 + i, 3 + j) + dot_product(front_p(:, i), turn_p(:, j))
+                d(3 + i, 3 + j) = d(3 + i, 3 + j) + dot_product(front_p(:, i), turn_p(:, j)) + &
+                    lambda(7)*dot_product(rear_p(:, i), axle(:, j))
             end do
         end do
-        d(4:7, 4:7) = d(4:7, 4:7) + lambda(7)*matmul(transpose(b_matrix(p, rear)), axle)
         d(4:7, 8) = along(push, y1_p) + lambda(4)*es_p(3, :) + along(turn_1, front_p)
         d(4:7, 9) = along(push, es_p) - lambda(4)*y1_p(3, :) + along(turn_2, front_p)
         d(4:7, 10) = -along(push, es_p)

@@ -12,9 +12,10 @@ module tandem_tangent_dense
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
-    use tandem_linalg_dependence, only: keeps_orientation, solve_least_norm, weakest_combination
+    use tandem_linalg_dependence, only: solve_least_norm
     use tandem_linalg_kernels, only: add, add_product, are_same, copy, is_finite, set_product
     use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_row_space, only: row_space_type
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
     use tandem_model_differences, only: differences_type
@@ -73,8 +74,9 @@ module tandem_tangent_dense
         integer :: origin_orientation = 1
         !> The independence of C at the last state, see `split_type`.
         real(wp) :: last_independence = 1.0_wp
-        !> C where the current step starts (m, n).
+        !> C where the current step starts (m, n), and a closer look at how C changes from there.
         real(wp), allocatable :: step_jacobian(:, :)
+        type(row_space_type) :: row_space
         !> Where bases are kept: C X there (m, m), and its factors.
         real(wp), allocatable :: origin_c_x(:, :)
         type(lu_type) :: origin_lu

@@ -52,12 +52,13 @@ contains
         falls = .not. self%split%independence > horizon*fall
         is_lost = .false.
         if (self%split%orientation /= self%origin_orientation) then
-            is_lost = .not. keeps_orientation(self%step_jacobian, self%model%terms%jacobian, self%scale)
+            is_lost = .not. self%row_space%keeps_orientation(self%m, self%n, self%step_jacobian, self%model%terms%jacobian, &
+                self%scale)
             self%origin_orientation = self%split%orientation
         end if
         if (.not. (falls .or. is_lost)) return
-        call weakest_combination(self%step_jacobian, self%scale, self%x, smallest_before)
-        call weakest_combination(self%model%terms%jacobian, self%scale, self%x, smallest)
+        call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
+        call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
         if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
         if (is_lost) room = 0.0_wp
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
@@ -126,7 +127,8 @@ contains
             self%trial = q + ahead*qd
             call self%move_to(t + ahead, self%trial, stat)
             keeps_until = stat /= status_ok
-            if (.not. keeps_until) keeps_until = keeps_orientation(here, self%model%terms%jacobian, self%scale)
+            if (.not. keeps_until) keeps_until = self%row_space%keeps_orientation(self%m, self%n, here, &
+                self%model%terms%jacobian, self%scale)
         end function keeps_until
 
         !> The change of C since, rows of unit length, Frobenius norm.
@@ -151,7 +153,7 @@ contains
         real(wp) :: share(self%m), smallest
         integer :: i
 
-        call weakest_combination(self%model%terms%jacobian, self%scale, share, smallest)
+        call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, share, smallest)
         if (row > 0) share(row) = 1.0_wp
         call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
         self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)

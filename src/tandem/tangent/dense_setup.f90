@@ -58,6 +58,7 @@ contains
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)
             allocate (self%step_jacobian(m, n), source=0.0_wp)
+            call self%row_space%forget()
             if (self%has_bases) then
                 allocate (self%origin_c_x(m, m), source=0.0_wp)
                 call self%origin_lu%allocate(m)
