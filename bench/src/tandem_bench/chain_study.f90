@@ -20,8 +20,8 @@ module tandem_bench_chain_study
     character(len=8), parameter :: steppers(3) = [character(len=8) :: 'rk4', 'dop853', 'sdirk54']
     integer, parameter :: sizes(7) = [1, 2, 4, 8, 16, 32, 64]
     real(wp), parameter :: step = 1.0e-3_wp, angle = 1.0_wp
-    !> Most steps of a run, and seconds that end it; runs that are timed.
-    integer, parameter :: most_steps = 200, rounds = 5
+    !> Most steps of a run, and seconds that end it; rounds that are timed, in which all runs take turns.
+    integer, parameter :: most_steps = 200, rounds = 7
     real(wp), parameter :: most_seconds = 1.0_wp
 
     type(column_type), parameter :: columns(8) = [ &
@@ -44,30 +44,41 @@ contains
         type(journal_type) :: journal
         character(len=:), allocatable :: settings
         character(len=cell_length) :: cells(size(columns))
-        real(wp) :: seconds, of_evaluation, before, change
-        integer :: i, j
+        real(wp) :: seconds(0:rounds, size(sizes), size(steppers)), of_step(size(sizes))
+        real(wp), dimension(size(sizes), size(steppers)) :: evaluations, change
+        integer :: i, j, round, steps(size(sizes), size(steppers))
 
         call check_single(error)
         if (.not. allocated(error)) call check_double(error)
         settings = '[chain]'//newline//'tandem = "'//tandem_version//'"'//newline//'step = '//to_text(step)//newline
         if (.not. allocated(error)) call journal%open(folder, 'chain', columns, settings, .true., error)
         if (allocated(error)) return
+        steps = most_steps
+        do round = 0, rounds
+            do i = 1, size(steppers)
+                do j = 1, size(sizes)
+                    call measure(trim(steppers(i)), sizes(j), steps(j, i), seconds(round, j, i), evaluations(j, i), change(j, i), &
+                        error)
+                    if (allocated(error)) return
+                    ! The first round only shows how many steps there is time for.
+                    if (round == 0) steps(j, i) = max(5, min(most_steps, int(most_seconds/seconds(round, j, i))))
+                end do
+            end do
+        end do
         do i = 1, size(steppers)
             do j = 1, size(sizes)
-                call measure(trim(steppers(i)), sizes(j), seconds, of_evaluation, change, error)
-                if (allocated(error)) return
+                of_step(j) = median(seconds(1:, j, i))
                 associate (table => journal%table)
                     cells = table%new_row()
                     call table%put(cells, 'stepper', trim(steppers(i)))
                     call table%put(cells, 'rods', int(sizes(j), kind=8))
                     call table%put(cells, 'coordinates', int(3*sizes(j), kind=8))
                     call table%put(cells, 'constraints', int(2*sizes(j), kind=8))
-                    call table%put(cells, 'step_seconds', seconds)
-                    call table%put(cells, 'evaluation_seconds', of_evaluation)
-                    if (j > 1) call table%put(cells, 'slope', log(seconds/before)/log(2.0_wp))
-                    call table%put(cells, 'energy_change', change)
+                    call table%put(cells, 'step_seconds', of_step(j))
+                    call table%put(cells, 'evaluation_seconds', of_step(j)/evaluations(j, i))
+                    if (j > 1) call table%put(cells, 'slope', log(of_step(j)/of_step(j - 1))/log(2.0_wp))
+                    call table%put(cells, 'energy_change', change(j, i))
                 end associate
-                before = seconds
                 call journal%append(cells, error)
                 if (allocated(error)) return
             end do
@@ -172,39 +183,33 @@ contains
         f = [y(3), y(4), (r1/3 - m12*r2)/determinant, (4*r2/3 - m12*r1)/determinant]
     end function double_pendulum
 
-    !> The time of a step.
-    subroutine measure(stepper, rods, seconds, of_evaluation, change, error)
+    !> A run of so many steps.
+    subroutine measure(stepper, rods, steps, seconds, evaluations, change, error)
         character(len=*), intent(in) :: stepper
-        integer, intent(in) :: rods
-        !> Of a step, and of an evaluation.
-        real(wp), intent(out) :: seconds, of_evaluation, change
+        integer, intent(in) :: rods, steps
+        !> The time of a step, how many evaluations it took, and the change of the energy.
+        real(wp), intent(out) :: seconds, evaluations, change
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
         type(chain_type), target :: model
-        real(wp) :: each(0:rounds), begun, q(3*rods), qd(3*rods), kinetic, potential, fallen
-        integer :: i, stat, steps
+        real(wp) :: begun, q(3*rods), qd(3*rods), kinetic, potential, fallen
+        integer :: stat
 
         options%stepper = stepper
         options%step = step
         model%rods = rods
         call model%define()
         call model%start(angle, q, qd)
-        steps = most_steps
-        do i = 0, rounds
-            call simulation%initialize(model, options, 0.0_wp, q, qd, error)
-            if (allocated(error)) return
-            begun = cpu_seconds()
-            call simulation%integrate(steps*step, error)
-            if (allocated(error)) return
-            each(i) = (cpu_seconds() - begun)/steps
-            ! The first run only shows how many steps there is time for.
-            if (i == 0) steps = max(5, min(most_steps, int(most_seconds/each(0))))
-        end do
+        call simulation%initialize(model, options, 0.0_wp, q, qd, error)
+        if (allocated(error)) return
+        begun = cpu_seconds()
+        call simulation%integrate(steps*step, error)
+        if (allocated(error)) return
+        seconds = (cpu_seconds() - begun)/steps
         statistics = simulation%statistics()
-        seconds = median(each(1:))
-        of_evaluation = seconds*real(statistics%steps, wp)/real(statistics%right_hand_sides, wp)
+        evaluations = real(statistics%right_hand_sides, wp)/real(statistics%steps, wp)
         call model%potential_energy(0.0_wp, q, fallen, stat)
         call simulation%kinetic_energy(kinetic, stat)
         call simulation%potential_energy(potential, stat)
