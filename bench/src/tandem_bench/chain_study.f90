@@ -44,7 +44,7 @@ contains
         type(journal_type) :: journal
         character(len=:), allocatable :: settings
         character(len=cell_length) :: cells(size(columns))
-        real(wp) :: seconds(0:rounds, size(sizes), size(steppers)), of_step(size(sizes))
+        real(wp) :: seconds(0:rounds, size(sizes), size(steppers)), of_step, before
         real(wp), dimension(size(sizes), size(steppers)) :: evaluations, change
         integer :: i, j, round, steps(size(sizes), size(steppers))
 
@@ -67,18 +67,19 @@ contains
         end do
         do i = 1, size(steppers)
             do j = 1, size(sizes)
-                of_step(j) = median(seconds(1:, j, i))
+                of_step = median(seconds(1:, j, i))
                 associate (table => journal%table)
                     cells = table%new_row()
                     call table%put(cells, 'stepper', trim(steppers(i)))
                     call table%put(cells, 'rods', int(sizes(j), kind=8))
                     call table%put(cells, 'coordinates', int(3*sizes(j), kind=8))
                     call table%put(cells, 'constraints', int(2*sizes(j), kind=8))
-                    call table%put(cells, 'step_seconds', of_step(j))
-                    call table%put(cells, 'evaluation_seconds', of_step(j)/evaluations(j, i))
-                    if (j > 1) call table%put(cells, 'slope', log(of_step(j)/of_step(j - 1))/log(2.0_wp))
+                    call table%put(cells, 'step_seconds', of_step)
+                    call table%put(cells, 'evaluation_seconds', of_step/evaluations(j, i))
+                    if (j > 1) call table%put(cells, 'slope', log(of_step/before)/log(2.0_wp))
                     call table%put(cells, 'energy_change', change(j, i))
                 end associate
+                before = of_step
                 call journal%append(cells, error)
                 if (allocated(error)) return
             end do
