@@ -47,6 +47,8 @@ module tandem_models_motorcycle
         real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
         !> Free length of the suspension spring (m); 0 stands for the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
         real(wp) :: free_length = 0.0_wp
+        !> Cosine and sine of the fork's inclination, and that inclination.
+        real(wp), private :: c_fork = 1.0_wp, s_fork = 0.0_wp, angle = 0.0_wp
         !> The fork at the last time, and when that was.
         type(fork_type), private :: f
         real(wp), private :: t_of_fork = huge(1.0_wp)
@@ -132,15 +134,18 @@ contains
     pure subroutine turn_fork(self, t)
         class(motorcycle_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp) :: theta, c, s
+        real(wp) :: theta
 
         if (.not. (t > self%t_of_fork .or. t < self%t_of_fork) .and. self%segment == self%segment_of_fork) return
         self%t_of_fork = t
         self%segment_of_fork = self%segment
-        associate (f => self%f)
+        if (self%fork_angle > self%angle .or. self%fork_angle < self%angle) then
+            self%angle = self%fork_angle
+            self%c_fork = cos(self%angle)
+            self%s_fork = sin(self%angle)
+        end if
+        associate (f => self%f, c => self%c_fork, s => self%s_fork)
             call self%steering(t, theta, f%rate, f%second_rate)
-            c = cos(self%fork_angle)
-            s = sin(self%fork_angle)
             ! A1 turns by the fork angle about x', A2 by theta about the fork.
             f%es = [0.0_wp, -s, c]
             f%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
@@ -210,11 +215,11 @@ contains
         a_y1 = rotate(a, f%y1)
         a_es = rotate(a, f%es)
         jacobian(1:3, 3) = 1.0_wp
-        jacobian(1, 4:7) = b_row(p, rear + self%half_track*ux, uz)
-        jacobian(2, 4:7) = b_row(p, rear - self%half_track*ux, uz)
-        jacobian(3, 4:7) = b_row(p, y, uz)
+        jacobian(1, 4:7) = height_row(p, rear + self%half_track*ux)
+        jacobian(2, 4:7) = height_row(p, rear - self%half_track*ux)
+        jacobian(3, 4:7) = height_row(p, y)
         jacobian(3, 8:10) = [a_y1(3), a_es(3), -a_es(3)]
-        jacobian(4, 4:7) = b_row(p, z, uz)
+        jacobian(4, 4:7) = height_row(p, z)
         jacobian(4, 8:9) = [a_es(3), -a_y1(3)]
         jacobian(5, 4:7) = p
         jacobian(6, 8:9) = q(8:9)
@@ -316,6 +321,17 @@ contains
 
         c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
     end function rotate
+
+    !> The gradient by p of the height of A a, uz' B(p, a).
+    pure function height_row(p, a) result(row)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: row(4)
+
+        row(1) = 2*(p(1)*a(3) + p(2)*a(2) - p(3)*a(1))
+        row(2) = 2*(p(1)*a(2) - p(2)*a(3) + p(4)*a(1))
+        row(3) = 2*(p(4)*a(2) - p(1)*a(1) - p(3)*a(3))
+        row(4) = 2*(p(2)*a(1) + p(3)*a(2) + p(4)*a(3))
+    end function height_row
 
     !> b x uz: from the rim's tangent to the direction in which its wheel must not slip.
     pure function sideways(b) result(c)

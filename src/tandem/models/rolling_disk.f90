@@ -168,28 +168,34 @@ contains
         jacobian(2, 9) = -s
     end subroutine set_jacobian
 
-    !> gamma. The second derivative of A alpha without second derivatives is B(pd, alpha) pd + 2 B(p, alphad) pd, as A is
-    !> quadratic in p; that of A beta alike.
+    !> gamma. The second derivative of A alpha without second derivatives is 2 A(pd) alpha + 2 Ad alphad, as A is quadratic in p;
+    !> that of A beta alike. Of A(pd) and of Ad the columns along y' and z' alone, as alpha and beta lie in the disk's plane.
     pure subroutine set_gamma(q, qd, gamma)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: gamma(6)
-        real(wp) :: p(4), pd(4), alpha(3), alphad(3), centripetal(3), mixed(3), of_beta, turn32, turn33
+        real(wp) :: centripetal(3, 2), rate(3, 2)
 
-        p = q(4:7)
-        pd = qd(4:7)
-        alpha = [0.0_wp, q(8), q(9)]
-        alphad = [0.0_wp, qd(8), qd(9)]
-        centripetal = b_product(pd, alpha, pd)
-        mixed = b_product(p, alphad, pd)
-        ! The last components of B(pd, beta) pd and B(p, betad) pd, by the last rows of A(pd) and of the rate of A.
-        of_beta = -4*(pd(4)*pd(3) + pd(1)*pd(2))*q(9) + 2*(pd(1)**2 - pd(2)**2 - pd(3)**2 + pd(4)**2)*q(8)
-        turn32 = 2*(p(4)*pd(3) + pd(4)*p(3) + p(1)*pd(2) + pd(1)*p(2))
-        turn33 = 2*(p(1)*pd(1) - p(2)*pd(2) - p(3)*pd(3) + p(4)*pd(4))
-        gamma(1) = centripetal(3) + 2*mixed(3)
-        gamma(2) = of_beta + 2*(turn33*qd(8) - turn32*qd(9))
-        gamma(3) = pd(1)**2 + pd(2)**2 + pd(3)**2 + pd(4)**2
-        gamma(4) = qd(8)**2 + qd(9)**2
-        gamma(5:6) = centripetal(1:2) + mixed(1:2)
+        associate (e0 => q(4), e1 => q(5), e2 => q(6), e3 => q(7), d0 => qd(4), d1 => qd(5), d2 => qd(6), d3 => qd(7), &
+            a1 => q(8), a2 => q(9), a1d => qd(8), a2d => qd(9))
+            centripetal(1, 1) = 4*(d1*d2 - d0*d3)
+            centripetal(2, 1) = 2*(d0**2 - d1**2 + d2**2 - d3**2)
+            centripetal(3, 1) = 4*(d2*d3 + d0*d1)
+            centripetal(1, 2) = 4*(d1*d3 + d0*d2)
+            centripetal(2, 2) = 4*(d2*d3 - d0*d1)
+            centripetal(3, 2) = 2*(d0**2 - d1**2 - d2**2 + d3**2)
+            rate(1, 1) = 2*(e1*d2 + d1*e2 - e0*d3 - d0*e3)
+            rate(2, 1) = 2*(e0*d0 - e1*d1 + e2*d2 - e3*d3)
+            rate(3, 1) = 2*(e2*d3 + d2*e3 + e0*d1 + d0*e1)
+            rate(1, 2) = 2*(e1*d3 + d1*e3 + e0*d2 + d0*e2)
+            rate(2, 2) = 2*(e2*d3 + d2*e3 - e0*d1 - d0*e1)
+            rate(3, 2) = 2*(e0*d0 - e1*d1 - e2*d2 + e3*d3)
+            gamma(1) = centripetal(3, 1)*a1 + centripetal(3, 2)*a2 + 2*(rate(3, 1)*a1d + rate(3, 2)*a2d)
+            gamma(2) = centripetal(3, 2)*a1 - centripetal(3, 1)*a2 + 2*(rate(3, 2)*a1d - rate(3, 1)*a2d)
+            gamma(3) = d0**2 + d1**2 + d2**2 + d3**2
+            gamma(4) = a1d**2 + a2d**2
+            gamma(5) = centripetal(1, 1)*a1 + centripetal(1, 2)*a2 + rate(1, 1)*a1d + rate(1, 2)*a2d
+            gamma(6) = centripetal(2, 1)*a1 + centripetal(2, 2)*a2 + rate(2, 1)*a1d + rate(2, 2)*a2d
+        end associate
     end subroutine set_gamma
 
     !> M, of the mass and 4 G' J G.
