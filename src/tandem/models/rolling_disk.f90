@@ -170,6 +170,7 @@ contains
 
     !> gamma. The second derivative of A alpha without second derivatives is 2 A(pd) alpha + 2 Ad alphad, as A is quadratic in p;
     !> that of A beta alike. Of A(pd) and of Ad the columns along y' and z' alone, as alpha and beta lie in the disk's plane.
+    !> Rows 5 and 6 differentiate rd + Ad alpha, the velocity of the disk's point in contact: there Ad alphad comes once.
     pure subroutine set_gamma(q, qd, gamma)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: gamma(6)
