@@ -47,8 +47,8 @@ module tandem_models_motorcycle
         real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
         !> Free length of the suspension spring (m); 0 stands for the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
         real(wp) :: free_length = 0.0_wp
-        !> Cosine and sine of the fork's inclination, and that inclination.
-        real(wp), private :: c_fork = 1.0_wp, s_fork = 0.0_wp, angle = 0.0_wp
+        !> Cosine and sine of the fork's inclination, and the inclination that they are of.
+        real(wp), private :: c_fork = 1.0_wp, s_fork = 0.0_wp, angle_of_fork = 0.0_wp
         !> The fork at the last time, and when that was.
         type(fork_type), private :: f
         real(wp), private :: t_of_fork = huge(1.0_wp)
@@ -139,10 +139,11 @@ contains
         if (.not. (t > self%t_of_fork .or. t < self%t_of_fork) .and. self%segment == self%segment_of_fork) return
         self%t_of_fork = t
         self%segment_of_fork = self%segment
-        if (self%fork_angle > self%angle .or. self%fork_angle < self%angle) then
-            self%angle = self%fork_angle
-            self%c_fork = cos(self%angle)
-            self%s_fork = sin(self%angle)
+        ! An angle that is no number is another one too, and shows.
+        if (.not. abs(self%fork_angle - self%angle_of_fork) <= 0.0_wp) then
+            self%angle_of_fork = self%fork_angle
+            self%c_fork = cos(self%fork_angle)
+            self%s_fork = sin(self%fork_angle)
         end if
         associate (f => self%f, c => self%c_fork, s => self%s_fork)
             call self%steering(t, theta, f%rate, f%second_rate)
