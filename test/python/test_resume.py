@@ -218,14 +218,10 @@ class KilledBetweenWrites(Resume):
     def check(self, begin, *arguments, first, last):
         """Kill at the first and at the last changes of the file; what is left goes on to the same end."""
         begin()
-        done = self.call(*arguments)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        changes = [int(line.split()[1]) for line in done.stderr.splitlines() if line.startswith("changes:")]
-        if not changes:
-            self.skipTest("programs cannot be preloaded here")
-        self.assertGreater(changes[-1], first + last)
-        for at in (*range(1, first + 1), *range(changes[-1] - last + 1, changes[-1] + 1)):
-            with self.subTest(at=at, of=changes[-1]):
+        changes = self.changes(self.call(*arguments))
+        self.assertGreater(changes, first + last)
+        for at in (*range(1, first + 1), *range(changes - last + 1, changes + 1)):
+            with self.subTest(at=at, of=changes):
                 begin()
                 self.assertEqual(self.call(*arguments, at=at).returncode, -signal.SIGKILL)
                 on = run("resume", "parts.h5", "--quiet", "--no-error", *settings(["solver.max_steps=100000"]), cwd=self.folder)
@@ -233,6 +229,44 @@ class KilledBetweenWrites(Resume):
                 self.assert_same("whole.h5", "parts.h5")
                 with h5py.File(self.folder / "parts.h5") as file:
                     self.assertEqual(file.attrs["status"], "complete")
+
+    def changes(self, done):
+        """How often a run has changed its file."""
+        self.assertEqual(done.returncode, 0, done.stderr)
+        found = [int(line.split()[1]) for line in done.stderr.splitlines() if line.startswith("changes:")]
+        if not found:
+            self.skipTest("programs cannot be preloaded here")
+        return found[-1]
+
+    def test_the_file_opens_as_any_other(self):
+        """From its first row on, at every moment, without `tandem resume`; the status alone takes two writes, at the end."""
+        arguments = ["run", *self.RUN, *settings(["time.end=0.01", "output.every=1"]), "--no-error", "--force", "--output"]
+        count = self.changes(self.call(*arguments, "whole.h5"))
+        with h5py.File(self.folder / "whole.h5") as file:
+            whole = file["trajectory/q"][:]
+        opens, speaks = {}, {}
+        for at in range(1, count + 1):
+            self.assertEqual(self.call(*arguments, "parts.h5", at=at).returncode, -signal.SIGKILL)
+            try:
+                with h5py.File(self.folder / "parts.h5") as file:
+                    q = file["trajectory/q"][:]
+                    np.testing.assert_array_equal(q, whole[:len(q)])
+                    opens[at] = len(q)
+                    speaks[at] = file.attrs["status"], file.attrs["status_message"]
+            except OSError as error:
+                speaks[at] = str(error)
+        first = min(opens)
+        self.assertLess(first, 20)
+        self.assertEqual([at for at in range(first, count + 1) if at not in opens], [])
+        rows = [opens[at] for at in range(first, count + 1)]
+        self.assertEqual(rows, sorted(rows))
+        self.assertEqual(rows[-1], len(whole))
+        told = [speaks[at] for at in range(first, count + 1)]
+        self.assertLessEqual(sum(isinstance(words, str) for words in told), 2, "texts cannot be read")
+        words = [words for words in told if not isinstance(words, str)]
+        n = words.count(("running", ""))
+        self.assertEqual(words, n*[("running", "")] + (len(words) - n)*[("complete", "")])
+        self.assertTrue(0 < n < len(words))
 
     def test_the_end_of_a_run(self):
         self.tandem("run", *self.RUN, "--no-error", "--output", "whole.h5")

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> How HDF5 treats a file that must be whole whatever ends the program: the mode "single writer, multiple readers" (SWMR).
 module tandem_io_output_access
-    use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pcreate_f, h5pset_cache_f, h5pset_libver_bounds_f, &
+    use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_cache_f, h5pset_libver_bounds_f, &
         h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
     use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
     implicit none (type, external)
@@ -26,6 +26,15 @@ module tandem_io_output_access
             integer(c_int64_t), intent(out) :: address
             integer(c_int) :: stat
         end function h5f_get_eoa
+
+        !> Let a file be written by a driver of ours (driver.c): without HDF5's mark "open for writing", and never shorter than it
+        !> says.
+        function set_driver(access) result(stat) bind(c, name='tandem_driver_set')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: access
+            integer(c_int) :: stat
+        end function set_driver
 
         !> Whether HDF5 locks files.
         function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
@@ -52,6 +61,12 @@ contains
 
         call h5pcreate_f(h5p_file_access_f, access, stat)
         if (.not. grows) return
+        if (set_driver(int(access, c_int64_t)) < 0) then
+            ! No file can be opened with that.
+            call h5pclose_f(access, stat)
+            access = -1_hid_t
+            return
+        end if
         call h5pset_libver_bounds_f(access, h5f_libver_v110_f, h5f_libver_v110_f, stat)
         stat = int(h5p_set_file_locking(int(access, c_int64_t), .false._c_bool, .true._c_bool))
         call h5pset_cache_f(access, 0, 1_size_t, 0_size_t, 0.75, stat)

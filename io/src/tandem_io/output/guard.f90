@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Keeps a result file safe while it is written: other writers out, readers in, and the mark "open for writing" off, with which
-!> HDF5 would refuse the file once its writer was killed. The work is done in guard.c.
+!> Keeps a result file safe while it is written: other writers out, readers in, its end ahead of what is written. The work is done
+!> in guard.c.
 module tandem_io_output_guard
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
     implicit none (type, external)
@@ -99,7 +99,8 @@ contains
         self%file = c_take(self%path)
     end subroutine take
 
-    !> Make the superblock one that plain readers accept.
+    !> Make the superblock one that plain readers accept: without the mark that another program's writer has left when it was
+    !> killed, and with an end that no piece is behind.
     subroutine mend(self, end)
         class(guard_type), intent(in) :: self
         !> Where the file will end at the earliest; 0 for where it does.

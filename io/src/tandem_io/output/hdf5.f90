@@ -323,10 +323,7 @@ contains
         character(len=*), intent(in) :: path
 
         if (allocated(self%problem)) return
-        ! The mark of a writer would keep even those out who ask for SWMR.
-        call self%guard%mend(0_c_int64_t)
         call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
-        call self%guard%mend(0_c_int64_t)
     end subroutine start_appending
 
     !> Open a file again that `close` has closed, to attach what is left to say.
@@ -360,7 +357,6 @@ contains
         call forget_reason()
         call h5fflush_f(self%file, h5f_scope_global_f, stat)
         call self%note(stat, 'bring the rows to the disk')
-        call self%guard%mend(0_c_int64_t)
         if (self%guard%is_there() .or. allocated(self%problem)) return
         self%problem = 'the file was removed or replaced while the run wrote it'
     end subroutine flush
@@ -383,7 +379,6 @@ contains
             if (.not. allocated(self%problem)) call self%guard%trim()
         end if
         self%file = -1_hid_t
-        call self%guard%mend(0_c_int64_t)
         if (.not. keeps_lock_) call self%guard%release()
     end subroutine close
 

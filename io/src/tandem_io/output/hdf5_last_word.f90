@@ -1,15 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> What can still be said in a file that cannot be written any more: texts that take the place of others.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
-    use hdf5, only: h5aclose_f, h5aopen_by_name_f, h5awrite_f, h5fget_filesize_f, h5pset_fapl_stdio_f
+    use hdf5, only: h5aclose_f, h5aopen_by_name_f, h5awrite_f, h5fget_filesize_f
     use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
     implicit none (type, external)
 
 contains
 
     !> Replace a text of the root after a failure to write, if that needs no new space. What HDF5 still holds back for the file must
-    !> not be written: a driver of another kind makes it another file to HDF5, read anew from the disk. Texts stand in collections
-    !> with some room; HDF5 knows of it once it has read from one. Where the room is too small, the file is left as it is.
+    !> not be written: new properties have a driver of their own, which makes it another file to HDF5, read anew from the disk.
+    !> Texts stand in collections with some room; HDF5 knows of it once it has read from one. Where the room is too small, the file
+    !> is left as it is.
     module subroutine replace_text(self, path, name, value)
         class(hdf5_type), intent(inout) :: self
         !> Where the file stands, and the name of the attribute.
@@ -29,7 +30,6 @@ contains
         inquire (file=path, size=size)
         call self%guard%mend(size)
         call make_access(access, .true.)
-        call h5pset_fapl_stdio_f(access, stat)
         call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
         call h5pclose_f(access, ignored)
         if (stat == 0) call h5aopen_by_name_f(file, '/', name, attribute, stat)
@@ -46,6 +46,5 @@ contains
             call h5aclose_f(attribute, stat)
             call h5fclose_f(file, stat)
         end if
-        call self%guard%mend(0_c_int64_t)
     end subroutine replace_text
 end submodule tandem_io_output_hdf5_last_word

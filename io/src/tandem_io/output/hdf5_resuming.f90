@@ -36,7 +36,6 @@ contains
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path)
         if (stat /= 0) self%file = -1_hid_t
-        call self%guard%mend(0_c_int64_t)
         call h5pclose_f(access, stat)
     end subroutine open_to_append
 

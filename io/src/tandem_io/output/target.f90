@@ -76,7 +76,8 @@ contains
         end if
     end subroutine check_existing
 
-    !> Refuse a file that is no result of tandem, and one that somebody is writing. A mark that a killed writer has left is removed.
+    !> Refuse a file that is no result of tandem, and one that somebody is writing. A mark that a killed writer has left (of another
+    !> program: ours makes none) is removed.
     subroutine check_source(path, error)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error

@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: MIT */
+/* HDF5's driver for POSIX, but such that a file that is being written can be opened at every moment: the mark "open for writing",
+   with which HDF5 would refuse it for ever once its writer was killed, never reaches the disk, and the file never is shorter than
+   its superblock says. Who may write is for guard.c to say. */
+#include "superblock.h"
+#include <hdf5.h>
+#if H5_VERSION_GE(1, 14, 0)
+#include <H5FDdevelop.h>
+#endif
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* A file: what HDF5 knows of it, and the same file in the hands of HDF5's own driver. */
+typedef struct {
+    H5FD_t known;
+    H5FD_t *inner;
+} file_type;
+
+static H5FD_t *inner_of(const H5FD_t *file)
+{
+    return ((const file_type *)file)->inner;
+}
+
+static H5FD_t *open_file(const char *name, unsigned flags, hid_t access, haddr_t largest)
+{
+    file_type *file = calloc(1, sizeof *file);
+    hid_t plain = H5Pcreate(H5P_FILE_ACCESS);
+
+    (void)access;
+    if (file && H5Pset_fapl_sec2(plain) >= 0)
+        file->inner = H5FDopen(name, flags, plain, largest);
+    H5Pclose(plain);
+    if (file && file->inner)
+        return &file->known;
+    free(file);
+    return NULL;
+}
+
+static herr_t close_file(H5FD_t *file)
+{
+    herr_t stat = H5FDclose(inner_of(file));
+
+    free(file);
+    return stat;
+}
+
+static int compare(const H5FD_t *one, const H5FD_t *other)
+{
+    return H5FDcmp(inner_of(one), inner_of(other));
+}
+
+/* What HDF5's own driver can do, and pieces of metadata and of data may be put together in large ones. */
+static herr_t query(const H5FD_t *file, unsigned long *features)
+{
+    (void)file;
+    *features = H5FD_FEAT_AGGREGATE_METADATA | H5FD_FEAT_ACCUMULATE_METADATA | H5FD_FEAT_DATA_SIEVE |
+                H5FD_FEAT_AGGREGATE_SMALLDATA | H5FD_FEAT_POSIX_COMPAT_HANDLE | H5FD_FEAT_SUPPORTS_SWMR_IO |
+                H5FD_FEAT_DEFAULT_VFD_COMPATIBLE;
+    return 0;
+}
+
+static haddr_t end_of_addresses(const H5FD_t *file, H5FD_mem_t type)
+{
+    return H5FDget_eoa(inner_of(file), type);
+}
+
+static herr_t set_end_of_addresses(H5FD_t *file, H5FD_mem_t type, haddr_t end)
+{
+    return H5FDset_eoa(inner_of(file), type, end);
+}
+
+static haddr_t end_of_file(const H5FD_t *file, H5FD_mem_t type)
+{
+    return H5FDget_eof(inner_of(file), type);
+}
+
+static herr_t handle(H5FD_t *file, hid_t access, void **handle)
+{
+    return H5FDget_vfd_handle(inner_of(file), access, handle);
+}
+
+static herr_t read_piece(H5FD_t *file, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, void *to)
+{
+    return H5FDread(inner_of(file), type, transfer, at, size, to);
+}
+
+/* Let the file be so long at least. */
+static herr_t extend(H5FD_t *inner, uint64_t size)
+{
+    struct stat about;
+    void *descriptor;
+
+    if (H5FDget_vfd_handle(inner, H5P_DEFAULT, &descriptor) < 0 || fstat(*(int *)descriptor, &about) != 0)
+        return -1;
+    return (uint64_t)about.st_size < size && ftruncate(*(int *)descriptor, (off_t)size) != 0 ? -1 : 0;
+}
+
+static herr_t write_piece(H5FD_t *file, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const void *from)
+{
+    H5FD_t *inner = inner_of(file);
+    const unsigned char *rest = (const unsigned char *)from + superblock_size;
+    unsigned char bytes[superblock_size];
+    uint64_t end;
+
+    if (at != 0 || size < superblock_size || !tandem_superblock_is_known(from))
+        return H5FDwrite(inner, type, transfer, at, size, from);
+    end = tandem_superblock_end(from);
+    memcpy(bytes, from, sizeof bytes);
+    tandem_superblock_set(bytes, end);
+    /* The superblock comes last: what it tells of is there then. */
+    if (size > sizeof bytes && H5FDwrite(inner, type, transfer, sizeof bytes, size - sizeof bytes, rest) < 0)
+        return -1;
+    return extend(inner, end) < 0 ? -1 : H5FDwrite(inner, type, transfer, 0, sizeof bytes, bytes);
+}
+
+static herr_t flush(H5FD_t *file, hid_t transfer, hbool_t is_closing)
+{
+    return H5FDflush(inner_of(file), transfer, is_closing);
+}
+
+static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
+{
+    return H5FDtruncate(inner_of(file), transfer, is_closing);
+}
+
+/* Let files that are opened with these properties be written by this driver; a negative number where that fails. Each call makes a
+   driver of its own to HDF5, which therefore takes a file that is open with another for another file. */
+int tandem_driver_set(int64_t access)
+{
+    static const H5FD_class_t driver = {
+#if H5_VERSION_GE(1, 14, 0)
+        .version = H5FD_CLASS_VERSION,
+        /* One of those that nobody has registered. */
+        .value = 512,
+#endif
+        .name = "tandem",
+        .maxaddr = INT64_MAX,
+        .fc_degree = H5F_CLOSE_WEAK,
+        .open = open_file,
+        .close = close_file,
+        .cmp = compare,
+        .query = query,
+        .get_eoa = end_of_addresses,
+        .set_eoa = set_end_of_addresses,
+        .get_eof = end_of_file,
+        .get_handle = handle,
+        .read = read_piece,
+        .write = write_piece,
+        .flush = flush,
+        .truncate = truncate_file,
+        .fl_map = H5FD_FLMAP_DICHOTOMY,
+    };
+    hid_t id = H5FDregister(&driver);
+    herr_t stat = id < 0 ? -1 : H5Pset_driver((hid_t)access, id, NULL);
+
+    /* Properties and files that use it keep it. */
+    if (id >= 0 && H5FDunregister(id) < 0)
+        stat = -1;
+    return (int)stat;
+}

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: MIT */
+/* The first bytes of an HDF5 file, its superblock, as far as a file must know it that is whole at every moment: version 3, with
+   addresses and lengths of 8 bytes (HDF5 File Format Specification, III.A). */
+#ifndef TANDEM_SUPERBLOCK_H
+#define TANDEM_SUPERBLOCK_H
+#include <stdint.h>
+
+enum { superblock_size = 48 };
+
+/* Whether the bytes are a superblock of that version, and undamaged. */
+int tandem_superblock_is_known(const unsigned char *bytes);
+
+/* Where the file ends by its superblock. */
+uint64_t tandem_superblock_end(const unsigned char *bytes);
+
+/* Whether HDF5 has marked it as open for writing. */
+int tandem_superblock_is_marked(const unsigned char *bytes);
+
+/* Take that mark away, and let the file end there. */
+void tandem_superblock_set(unsigned char *bytes, uint64_t end);
+#endif
