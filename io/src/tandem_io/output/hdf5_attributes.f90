@@ -82,7 +82,7 @@ contains
         integer, intent(in) :: length
         integer(hid_t) :: object, attribute
         logical :: exists
-        integer :: stat
+        integer :: stat, ignored
 
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
@@ -101,8 +101,15 @@ contains
         call self%note(stat, 'make the attribute '//name//' of '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, memory_type, values, stat)
+            call h5aclose_f(attribute, ignored)
+            if (stat /= 0 .and. exists) then
+                ! HDF5 1.14 replaces no text that cannot be read.
+                call h5adelete_f(object, name, ignored)
+                call make_attribute(object, name, file_type, length, attribute, stat)
+                if (stat == 0) call h5awrite_f(attribute, memory_type, values, stat)
+                call h5aclose_f(attribute, ignored)
+            end if
             call self%note(stat, 'write the attribute '//name//' of '//path)
-            call h5aclose_f(attribute, stat)
         end if
         call h5oclose_f(object, stat)
     end subroutine attach_value
