@@ -176,8 +176,11 @@ contains
         integer, intent(in) :: term
         real(wp), intent(inout) :: value(:, :)
         integer, intent(inout) :: stat
+        integer :: last
 
-        call self%upset_vector(term, value(size(value, 1), :), stat)
+        ! In one expression, gfortran 14 takes another row when it checks bounds.
+        last = size(value, 1)
+        call self%upset_vector(term, value(last, :), stat)
     end subroutine upset_matrix
 
     subroutine spy_holonomic(self, t, q, value, stat)

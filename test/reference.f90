@@ -15,6 +15,8 @@ module reference
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), lambda(:, :)
     contains
         procedure :: find
+        procedure :: q_at
+        procedure :: qd_at
     end type reference_type
 
 contains
@@ -57,4 +59,26 @@ contains
             if (abs(self%t(find) - t) <= rounding) return
         end do
     end function find
+
+    !> q at a time of the table. (As an index, a call of `find` ends a program of gfortran 14 that checks bounds.)
+    pure function q_at(self, t) result(q)
+        class(reference_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp) :: q(size(self%q, 1))
+        integer :: i
+
+        i = self%find(t)
+        q = self%q(:, i)
+    end function q_at
+
+    !> qd there.
+    pure function qd_at(self, t) result(qd)
+        class(reference_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp) :: qd(size(self%qd, 1))
+        integer :: i
+
+        i = self%find(t)
+        qd = self%qd(:, i)
+    end function qd_at
 end module reference

@@ -71,7 +71,7 @@ contains
                 call check_below(error, watch%lambda, bounds(4), stepper//': relative error of lambda')
             end if
             if (present(final_bound) .and. .not. allocated(error)) call check_close(error, simulation%state%q, &
-                table%q(:, table%find(t_end)), final_bound, stepper//': q at the end')
+                table%q_at(t_end), final_bound, stepper//': q at the end')
         end associate
     end subroutine compare
 
@@ -144,8 +144,8 @@ contains
         call solve_independently(model, 0.0_wp, 10.0_wp, 0.05_wp, q, qd)
         associate (table => watch%table)
             ! Rounding of 200 macro steps at 150 m, 3e-14 each, with weights of up to ten in the tableau, integrated over 10 s.
-            call check_close(error, q, table%q(:, table%find(10.0_wp)), 5.0e-10_wp, 'q')
-            call check_close(error, qd, table%qd(:, table%find(10.0_wp)), 5.0e-11_wp, 'qd')
+            call check_close(error, q, table%q_at(10.0_wp), 5.0e-10_wp, 'q')
+            call check_close(error, qd, table%qd_at(10.0_wp), 5.0e-11_wp, 'qd')
         end associate
     end subroutine test_independent
 

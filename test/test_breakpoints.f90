@@ -396,7 +396,7 @@ contains
         call unaware%define()
         unaware%evaluate => evaluate_unaware
         unaware%breakpoints = [real(wp) ::]
-        associate (q => table%q(:, 1), qd => table%qd(:, 1), truth => table%q(:, table%find(10.0_wp)))
+        associate (q => table%q(:, 1), qd => table%qd(:, 1), truth => table%q_at(10.0_wp))
             call run(simulation, vehicle, choose(step=0.025_wp), 0.0_wp, q, qd, 10.0_wp, failure)
             call check_no_failure(error, failure)
             with = maxval(abs(simulation%state%q - truth))

@@ -56,7 +56,7 @@ contains
             call solve_independently(model, 0.0_wp, t, 0.05_wp, q, qd)
         else
             call read_reference(scene, table)
-            q(:) = table%q(:, table%find(t))
+            q(:) = table%q_at(t)
         end if
     end subroutine get_truth
 

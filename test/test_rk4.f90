@@ -166,7 +166,7 @@ contains
             call check_below(error, watch%qdd, bounds(3), 'relative error of qdd')
             call check_below(error, watch%lambda, bounds(4), 'relative error of lambda')
             if (present(final_bound) .and. .not. allocated(error)) call check_close(error, simulation%state%q, &
-                table%q(:, table%find(t_end)), final_bound, 'q at the end')
+                table%q_at(t_end), final_bound, 'q at the end')
         end associate
     end subroutine compare
 

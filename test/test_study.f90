@@ -275,7 +275,7 @@ contains
         call read_test_reference('disk', table)
         worst = 0.0_wp
         do i = 1, size(made%t)
-            worst = max(worst, maxval(abs(made%q(:, i) - table%q(:, table%find(made%t(i))))))
+            worst = max(worst, maxval(abs(made%q(:, i) - table%q_at(made%t(i)))))
         end do
         call check_below(error, worst, 5*made%agreement_q, 'difference from the file')
         ! Rounding of 1e-16 a step, ten thousand steps, multiplied by the disk's growth of about a hundred.
