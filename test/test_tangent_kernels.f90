@@ -322,6 +322,7 @@ contains
         integer, parameter :: n = 9
         real(wp) :: c(2*lane, n), moved(2*lane, n), one(n), column(n), before(7, 7), after(7, 7)
         real(wp), allocatable :: u(:, :), b(:, :), product(:, :), residual(:, :), weight(:), pivots(:), work(:)
+        real(wp) :: rest
         integer :: i, j, m, nh, seed, width
         logical :: can
 
@@ -345,12 +346,19 @@ contains
                 moved(i, :) = moved(i, :) + 0.02_wp*column
             end do
             call set_lack(nh, moved, u, b, before)
-            call refine_inverse(n, nh, 2*lane, width, moved, u, weight, b, product, residual, can)
+            call refine_inverse(n, nh, 2*lane, width, moved, u, weight, b, product, residual, rest, can)
             call check_true(error, can, 'refined')
             call set_lack(nh, moved, u, b, after)
             call check_true(error, maxval(abs(before(:nh, :nh))) > 1.0e-3_wp, 'it has moved')
             call check_below(error, maxval(abs(after(:nh, :nh) - matmul(before(:nh, :nh), before(:nh, :nh)))), 1.0e-13_wp, 'square')
             call check_below(error, sum(abs(b(nh + 1:, :))) + sum(abs(b(:, nh + 1:))), 0.0_wp, 'the padding')
+            ! In rows of weight 1.
+            do i = 1, nh
+                before(i, :nh) = before(i, :nh)*weight(i)/weight(:nh)
+                after(i, :nh) = after(i, :nh)*weight(i)/weight(:nh)
+            end do
+            call check_below(error, abs(sqrt(rest) - maxval(abs(before(:nh, :nh)))), 1.0e-13_wp, 'what is left, by what was')
+            call check_below(error, maxval(abs(after(:nh, :nh))), nh*rest + 1.0e-13_wp, 'what is left')
             if (allocated(error)) return
             deallocate (u, b, product, residual, weight, pivots, work)
         end do
@@ -375,7 +383,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 5, nh = 3
         real(wp) :: c(lane, n), u(n, short), b(short, short), kept(short, short), product(short, short), residual(short, short)
-        real(wp) :: weight(short), pivots(short), work(short), one(n)
+        real(wp) :: weight(short), pivots(short), work(short), one(n), rest
         integer :: j, seed
         logical :: can
 
@@ -389,11 +397,11 @@ contains
         call invert_gram(n, nh, lane, short, c, one, one, u, b, weight, pivots, work, can)
         kept = b
         c(2, :) = 2*c(2, :)
-        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, can)
+        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, rest, can)
         call check_true(error, .not. can, 'too far')
         call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
         c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
-        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, can)
+        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, rest, can)
         call check_true(error, .not. can, 'not finite')
         call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
     end subroutine test_no_refinement

@@ -55,10 +55,12 @@ module tandem_tangent_position
         !> The time that B belongs to and that of the origin. A correction with a B of age t leaves the part `ageing` t of an
         !> error, as was seen of late. How many corrections the last point took.
         real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
+        !> What a refinement has left of an error at the time of B.
+        real(wp), private :: b_rest = 0.0_wp
         integer, private :: n_taken = 0
         !> u and B while the caller looks elsewhere.
         real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
-        real(wp), private :: held_b_time = 0.0_wp, held_ageing = unknown
+        real(wp), private :: held_b_time = 0.0_wp, held_b_rest = 0.0_wp, held_ageing = unknown
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
@@ -160,6 +162,7 @@ contains
         end if
         self%has_gram = can
         self%b_time = t
+        self%b_rest = 0.0_wp
         self%origin_time = t
         self%has_learnt = .false.
         call copy(size(self%gram), self%gram, self%origin_gram)
@@ -194,15 +197,17 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A refinement costs about as much as a correction with its evaluation of Phi.
         integer, parameter :: many = 3
+        real(wp) :: rest
         logical :: can
 
         if (self%n_taken < many .or. .not. (self%has_gram .and. self%predicts)) return
         counts%b_corrections = counts%b_corrections + 1
         call refine_inverse(self%n, self%nh, height, self%width, matrix, self%u_basis, self%weight, self%gram, self%product, &
-            self%residual, can)
+            self%residual, rest, can)
         if (.not. can) return
         self%has_learnt = .true.
         self%b_time = t
+        self%b_rest = rest
     end subroutine follow
 
     !> Go back to the B of the chart's origin: where that is nearer in time, or what B has learnt since does not serve.
@@ -211,6 +216,7 @@ contains
 
         self%gram(:, :) = self%origin_gram
         self%b_time = self%origin_time
+        self%b_rest = 0.0_wp
         self%has_learnt = .false.
     end subroutine forget_motion
 
@@ -227,6 +233,7 @@ contains
         call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
         self%has_gram = .false.
         self%b_time = t
+        self%b_rest = 0.0_wp
         if (.not. self%refines) call self%factor(jacobian, counts, stat)
     end subroutine refresh
 
@@ -290,9 +297,9 @@ contains
         !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart. A look within a step that began
         !> with a prediction has none, and must not fail where the step did not.
         integer, parameter :: of_a_step = 40, of_a_look = 100
-        !> A correction is trusted to leave no more than this times what the age of its B and the error itself let expect. Of what
-        !> was seen before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst
-        !> then left 3 times the tolerance, and 150 times where nothing is kept.
+        !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
+        !> before, this part is kept where the last one did better: of 170000 trusted corrections on the scenes the worst then left
+        !> 3 times the tolerance, and 150 times where nothing is kept.
         real(wp), parameter :: distrust = 8.0_wp, kept = 0.5_wp
         real(wp) :: age, error, total, first_error, last_error, utol
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
@@ -315,7 +322,7 @@ contains
         do k = 0, limit
             call place_of(width, self%n, self%u_basis, self%u, origin, increment, q)
             if (k > 0 .and. trusts) then
-                if (distrust*(self%ageing*age + last_error)*last_error <= utol) then
+                if (distrust*(self%ageing*age + self%b_rest + last_error)*last_error <= utol) then
                     stat = status_ok
                     return
                 end if
@@ -542,6 +549,7 @@ contains
         self%held_u = self%u
         self%held_ageing = self%ageing
         self%held_b_time = self%b_time
+        self%held_b_rest = self%b_rest
         self%held_has_learnt = self%has_learnt
         if (self%has_gram) self%held_gram(:, :) = self%gram
         if (self%refines) self%held_b = self%b%inverse
@@ -554,6 +562,7 @@ contains
         self%u = self%held_u
         self%ageing = self%held_ageing
         self%b_time = self%held_b_time
+        self%b_rest = self%held_b_rest
         self%has_learnt = self%held_has_learnt
         if (self%has_gram) self%gram(:, :) = self%held_gram
         if (self%refines) self%b%inverse = self%held_b
@@ -622,6 +631,7 @@ contains
         call pack%item(self%curvature)
         call pack%item(self%ageing)
         call pack%item(self%b_time)
+        call pack%item(self%b_rest)
         call pack%item(self%origin_time)
         call pack%item(self%gram)
         call pack%item(self%origin_gram)

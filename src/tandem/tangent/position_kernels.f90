@@ -178,28 +178,31 @@ contains
 
     !> B := B + B (I - Phi_q U B), Newton's iteration (20) for the inverse once. What is beyond the nh rows and columns of B is zero
     !> and stays so.
-    pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, can)
+    pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, rest, can)
         integer, intent(in) :: n, nh, height, width
         !> C (height, n), U, weights of the rows.
         real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
         !> B, work space.
         real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        !> About what is left of the entries of I - Phi_q U B, of weighted rows: the square of the largest one before.
+        real(wp), intent(out) :: rest
         !> False where B is too far from the inverse; it is as it was then.
         logical, intent(out) :: can
 
         if (width == short) then
-            call refine_inverse_of(n, nh, height, short, c, u, weight, b, a, e, can)
+            call refine_inverse_of(n, nh, height, short, c, u, weight, b, a, e, rest, can)
         else
-            call refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, can)
+            call refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
         end if
     end subroutine refine_inverse
 
     !> The same, for a given length.
-    pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, can)
+    pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
         real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
         real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        real(wp), intent(out) :: rest
         logical, intent(out) :: can
         !> An entry of I - Phi_q U B, of weighted rows, above this: what would be left is no longer small.
         real(wp), parameter :: too_far = 0.3_wp
@@ -209,13 +212,16 @@ contains
         ! E = A B, then I - E.
         call set_product(nh, width, a, b, e)
         can = .true.
+        rest = 0.0_wp
         do j = 1, nh
             e(j, j) = e(j, j) - 1.0_wp
             do i = 1, nh
                 if (.not. abs(e(i, j))*weight(i) <= too_far*weight(j)) can = .false.
+                rest = max(rest, abs(e(i, j))*weight(i)/weight(j))
             end do
         end do
         if (.not. can) return
+        rest = rest**2
         call set_product(nh, width, b, e, a)
         do j = 1, nh
             do s = 0, width - short, short
