@@ -8,7 +8,7 @@ module tandem_app_study_precision
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
-        read_scene, reference_type, scene_type, settle_scene, table_type, tandem_version, to_toml, write_reference
+        read_scene, reference_type, scene_type, settle_scene, table_type, to_toml, write_reference
     implicit none (type, external)
     private
 
@@ -139,23 +139,21 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(precision_type) :: study
         type(study_progress_type) :: progress
-        character(len=:), allocatable :: settings
+        character(len=:), allocatable :: beginning
         logical :: finished
 
         code = input_wrong
         progress%quiet = arguments%quiet
-        settings = settings_of(scene, request)
         if (request%reference /= '') then
             call read_reference(request%reference, scene%t_start, scene%t_end, scene%q, scene%qd, request%samples, &
                 study%reference, error)
             if (allocated(error)) return
         end if
-        call study%journal%open(request%folder, 'precision_'//scene%name, precision_columns, settings, arguments%force, error)
+        call study%journal%open(request%folder, 'precision_'//scene%name, precision_columns, &
+            settings_of(scene, request), arguments%force, error)
         if (allocated(error)) return
-        if (study%journal%resumed > 0) call progress%remark(scene%name//': continues with the '// &
-            to_text(study%journal%resumed)//' rows of '//study%journal%path//'.csv')
-        if (study%journal%started_anew) call progress%remark(scene%name//': starts anew, since '//study%journal%path// &
-            '.csv holds rows of another scene or other settings, or is empty')
+        beginning = study%journal%beginning()
+        if (beginning /= '') call progress%remark(scene%name//': '//beginning)
         if (request%reference == '') call get_reference(request, scene, study, progress, error)
         if (allocated(error)) then
             if (.not. is_input_error(error%stat)) code = run_failed
@@ -174,21 +172,20 @@ contains
         call progress%clear()
         call study%journal%close()
         if (allocated(error)) return
-        call study%journal%write_hdf5('precision', settings, about(study), [character(len=12) :: 'agreement_q', &
+        call study%journal%write_hdf5('precision', about(study), [character(len=12) :: 'agreement_q', &
             'agreement_qd', 'floor_q'], [study%reference%agreement_q, study%reference%agreement_qd, study%floor_q()], error)
         if (.not. allocated(error)) call print_study(scene, study)
     end subroutine study_scene
 
-    !> What the rows depend on.
+    !> What the rows depend on, besides the program.
     function settings_of(scene, request) result(text)
         type(scene_type), intent(in) :: scene
         type(request_type), intent(in) :: request
         character(len=:), allocatable :: text
         character(len=*), parameter :: newline = new_line('a')
 
-        text = scene%text//newline//'[study]'//newline//'tandem = "'//tandem_version//'"'//newline//'reference = '// &
-            to_toml(request%reference)//newline//'samples = '//to_toml(request%samples)//newline//'repeats = '// &
-            to_toml(request%repeats)//newline
+        text = scene%text//newline//'[study]'//newline//'reference = '//to_toml(request%reference)//newline// &
+            'samples = '//to_toml(request%samples)//newline//'repeats = '//to_toml(request%repeats)//newline
     end function settings_of
 
     !> The study's own reference, from an earlier call or made now.

@@ -7,7 +7,7 @@ module tandem_app_study_stability
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
     use tandem_app_study_progress, only: study_progress_type
-    use tandem_io, only: brief, case_names, nearest_name, select_cases, stability_columns, stability_type, tandem_version
+    use tandem_io, only: brief, case_names, nearest_name, select_cases, stability_columns, stability_type
     implicit none (type, external)
     private
 
@@ -45,7 +45,7 @@ contains
             'allowed, with a warning), refused, failed, wrong (off by more than allowed, without a warning)'
         type(stability_type), target :: stability
         type(study_progress_type) :: progress
-        character(len=:), allocatable :: settings, unknown
+        character(len=:), allocatable :: unknown
         logical :: finished
         integer :: total
 
@@ -59,12 +59,10 @@ contains
             return
         end if
         progress%quiet = arguments%quiet
-        settings = '[study]'//new_line('a')//'tandem = "'//tandem_version//'"'//new_line('a')
-        call stability%journal%open(arguments%value_of('--output', 'study'), 'stability', stability_columns, settings, &
+        call stability%journal%open(arguments%value_of('--output', 'study'), 'stability', stability_columns, '', &
             arguments%force, error)
         if (allocated(error)) return
-        if (stability%journal%resumed > 0) call progress%remark('continues with the '//to_text(stability%journal%resumed)// &
-            ' rows of '//stability%journal%path//'.csv')
+        if (stability%journal%beginning() /= '') call progress%remark(stability%journal%beginning())
         code = run_failed
         total = stability%total()
         do
@@ -78,7 +76,7 @@ contains
         end do
         call stability%journal%close()
         if (allocated(error)) return
-        call stability%journal%write_hdf5('stability', settings, about, [character(len=1) ::], [real(wp) ::], error)
+        call stability%journal%write_hdf5('stability', about, [character(len=1) ::], [real(wp) ::], error)
         if (allocated(error)) return
         call print_matrix(stability)
         code = merge(run_failed, done, stability%count_of('wrong') > 0)

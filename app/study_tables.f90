@@ -2,12 +2,12 @@
 !> tandem study tables: the tables and figures of the paper beside ours.
 module tandem_app_study_tables
     use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem, only: error_type, is_input_error, to_text, wp
+    use tandem, only: error_type, is_input_error, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed
     use tandem_app_study_progress, only: study_progress_type
-    use tandem_io, only: brief, paper_columns, paper_type, tandem_version
+    use tandem_io, only: brief, paper_columns, paper_type
     implicit none (type, external)
     private
 
@@ -46,16 +46,14 @@ contains
             '2016, sections 7 to 9, beside ours; constraint errors are max-norms over all steps, in the units of their rows'
         type(paper_type) :: study
         type(study_progress_type) :: progress
-        character(len=:), allocatable :: what, settings
+        character(len=:), allocatable :: what
         logical :: finished
 
         code = input_wrong
         progress%quiet = arguments%quiet
-        settings = '[study]'//new_line('a')//'tandem = "'//tandem_version//'"'//new_line('a')
-        call study%journal%open(arguments%value_of('--output', 'study'), 'tables', paper_columns, settings, arguments%force, error)
+        call study%journal%open(arguments%value_of('--output', 'study'), 'tables', paper_columns, '', arguments%force, error)
         if (allocated(error)) return
-        if (study%journal%resumed > 0) call progress%remark('continues with the '//to_text(study%journal%resumed)// &
-            ' rows of '//study%journal%path//'.csv')
+        if (study%journal%beginning() /= '') call progress%remark(study%journal%beginning())
         code = run_failed
         do
             call study%next_run(finished, what, error)
@@ -68,7 +66,7 @@ contains
         end do
         call study%journal%close()
         if (allocated(error)) return
-        call study%journal%write_hdf5('tables', settings, about, [character(len=1) ::], [real(wp) ::], error)
+        call study%journal%write_hdf5('tables', about, [character(len=1) ::], [real(wp) ::], error)
         if (.not. allocated(error)) call print_tables(study)
     end subroutine make_tables
 

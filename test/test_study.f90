@@ -204,7 +204,7 @@ contains
         real(wp), allocatable :: values(:, :)
 
         call begin_journal('table', 'a = 1', journal, failure)
-        call journal%write_hdf5('test', 'a = 1', 'about', [character(len=4) :: 'b'], [2.0_wp], failure)
+        call journal%write_hdf5('test', 'about', [character(len=4) :: 'b'], [2.0_wp], failure)
         call check_true(error,.not. allocated(failure), 'it is written')
         call file%open_to_read(folder//'/table.h5')
         call file%get('/test/error', values)

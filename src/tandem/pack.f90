@@ -9,7 +9,7 @@ module tandem_pack
     implicit none (type, external)
     private
 
-    public :: pack_type
+    public :: pack_type, checksum
 
     !> What a row begins with, the version of all contents, and the places of kind, version, length and checksum in front of them.
     character(len=8), parameter :: signature = 'tandem!P'

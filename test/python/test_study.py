@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import unittest
 from pathlib import Path
 
@@ -134,6 +135,18 @@ class Precision(Case):
         self.precision(*arguments, "--set", "time.end=1")
         self.precision(*arguments, "--set", "time.end=2", says="starts anew")
         self.precision(*arguments, "--set", "time.end=2", says="continues")
+
+    def test_another_build_starts_anew(self):
+        """Rows of another program, whose errors and costs may be others, are not mixed with new ones."""
+        arguments = ["articulated_vehicle", "--steppers", "rk4", *FAST, "--set", "time.end=1"]
+        self.precision(*arguments)
+        path = self.folder / "study/precision_articulated_vehicle.toml"
+        build = tomllib.loads(path.read_text())["program"]["build"]
+        self.assertRegex(build, "^[0-9A-F]{16}$")
+        path.write_text(path.read_text().replace(build, build[::-1]))
+        self.precision(*arguments, says="starts anew")
+        self.assertEqual(tomllib.loads(path.read_text())["program"]["build"], build)
+        self.precision(*arguments, says="continues")
 
     def test_a_failed_run_is_a_row(self):
         # A quarter of a turn in the largest step.

@@ -5,7 +5,7 @@ module tandem_bench_chain_study
         statistics_type, to_text, verify_model, wp
     use tandem_bench_chain, only: chain_type
     use tandem_bench_clock, only: cpu_seconds
-    use tandem_io, only: column_type, journal_type, tandem_version
+    use tandem_io, only: column_type, journal_type
     use tandem_io_study_measure, only: median
     use tandem_io_study_table, only: cell_length, count_column, real_column, text_column
     use tandem_status, only: status_constraints_not_held
@@ -42,7 +42,6 @@ contains
         character(len=:), allocatable, intent(out) :: text
         type(error_type), allocatable, intent(out) :: error
         type(journal_type) :: journal
-        character(len=:), allocatable :: settings
         character(len=cell_length) :: cells(size(columns))
         real(wp) :: seconds(0:rounds, size(sizes), size(steppers)), of_step, before
         real(wp), dimension(size(sizes), size(steppers)) :: evaluations, change
@@ -50,8 +49,8 @@ contains
 
         call check_single(error)
         if (.not. allocated(error)) call check_double(error)
-        settings = '[chain]'//newline//'tandem = "'//tandem_version//'"'//newline//'step = '//to_text(step)//newline
-        if (.not. allocated(error)) call journal%open(folder, 'chain', columns, settings, .true., error)
+        if (.not. allocated(error)) call journal%open(folder, 'chain', columns, &
+            '[chain]'//newline//'step = '//to_text(step)//newline, .true., error)
         if (allocated(error)) return
         steps = most_steps
         do round = 0, rounds
@@ -85,7 +84,7 @@ contains
             end do
         end do
         call journal%close()
-        call journal%write_hdf5('chain', settings, 'time of a step of a chain of rods', [character(len=1) ::], [real(wp) ::], error)
+        call journal%write_hdf5('chain', 'time of a step of a chain of rods', [character(len=1) ::], [real(wp) ::], error)
         text = journal%table%header()//newline
         do i = 1, journal%table%rows()
             text = text//journal%table%line(i)//newline

@@ -5,7 +5,7 @@ module tandem_bench_report
     use tandem_bench_measure, only: point_type, series_type, time_to_error
     use tandem_bench_solver, only: problem_type, solver_holder_type
     use tandem_bench_solvers, only: by_hand, yardstick
-    use tandem_io, only: column_type, journal_type, tandem_version
+    use tandem_io, only: column_type, journal_type
     use tandem_io_study_measure, only: median
     use tandem_io_study_table, only: cell_length, count_column, real_column, text_column
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
@@ -55,7 +55,6 @@ module tandem_bench_report
     type :: report_type
         private
         type(journal_type) :: runs, summary
-        character(len=:), allocatable :: settings
     contains
         procedure :: start
         procedure :: add
@@ -70,11 +69,12 @@ contains
         character(len=*), intent(in) :: folder
         integer, intent(in) :: rounds
         type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: settings
 
-        self%settings = '[bench]'//newline//'tandem = "'//tandem_version//'"'//newline//'rounds = '//to_text(rounds)//newline// &
+        settings = '[bench]'//newline//'rounds = '//to_text(rounds)//newline// &
             'compiler = "'//compiler_version()//'"'//newline//'options = "'//optimisation()//'"'//newline
-        call self%runs%open(folder, 'runs', run_columns, self%settings, .true., error)
-        if (.not. allocated(error)) call self%summary%open(folder, 'summary', summary_columns, self%settings, .true., error)
+        call self%runs%open(folder, 'runs', run_columns, settings, .true., error)
+        if (.not. allocated(error)) call self%summary%open(folder, 'summary', summary_columns, settings, .true., error)
     end subroutine start
 
     !> The compiler's options without paths.
@@ -253,8 +253,8 @@ contains
 
         call self%runs%close()
         call self%summary%close()
-        call self%runs%write_hdf5('bench', self%settings, about, [character(len=1) ::], [real(wp) ::], error)
-        if (.not. allocated(error)) call self%summary%write_hdf5('bench_summary', self%settings, about, [character(len=1) ::], &
+        call self%runs%write_hdf5('bench', about, [character(len=1) ::], [real(wp) ::], error)
+        if (.not. allocated(error)) call self%summary%write_hdf5('bench_summary', about, [character(len=1) ::], &
             [real(wp) ::], error)
         text = self%summary%table%header()//newline
         do row = 1, self%summary%table%rows()

@@ -10,7 +10,7 @@ module tandem_io_scene_shipped
     implicit none (type, external)
     private
 
-    public :: find_scene, path_length, shipped_scenes
+    public :: find_scene, path_length, program_path, shipped_scenes
 
     !> How many folders above the program are looked at.
     integer, parameter :: levels = 4

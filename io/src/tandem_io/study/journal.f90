@@ -1,14 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> The rows of a study on disk: appended as they are done, so that a study may be interrupted at any time and goes on later.
 !>
-!> NAME.csv holds the rows; NAME.toml the settings that they belong to. A later study with the same settings continues with the
-!> rows that are there; with others it starts anew. NAME.h5 holds the same table with units and meanings, when all is done.
+!> NAME.csv holds the rows; NAME.toml the settings and the program that they belong to. A later study with the same ones continues
+!> with the rows that are there; with others it starts anew. NAME.h5 holds the same table with units and meanings, when all is done.
 module tandem_io_study_journal
-    use tandem, only: error_type, long, set_error, status_output_failed, wp
+    use tandem, only: error_type, long, set_error, status_output_failed, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_target, only: check_target, is_result
     use tandem_io_study_csv, only: csv_line, split_csv_line
     use tandem_io_study_files, only: make_folder, read_whole, replace_file, write_whole
+    use tandem_io_study_program, only: program_settings
     use tandem_io_study_table, only: cell_length, column_type, count_column, table_type, text_column
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
@@ -27,10 +28,13 @@ module tandem_io_study_journal
         logical :: started_anew = .false.
         !> The path of the files, without their endings.
         character(len=:), allocatable :: path
+        !> What the rows depend on, as TOML: the settings and the program.
+        character(len=:), allocatable, private :: settings
         integer, private :: unit = 0
         logical, private :: is_open = .false.
     contains
         procedure :: open
+        procedure :: beginning
         procedure :: append
         procedure :: close
         procedure :: write_hdf5
@@ -45,7 +49,7 @@ contains
         character(len=*), intent(in) :: folder, name
         !> The columns of the table.
         type(column_type), intent(in) :: columns(:)
-        !> What the rows depend on, as TOML.
+        !> What the rows depend on, besides the program, as TOML.
         character(len=*), intent(in) :: settings
         !> Whether to start anew in any case, and on top of files that are no study's.
         logical, intent(in) :: force
@@ -55,6 +59,7 @@ contains
         integer :: stat, row
 
         self%path = folder//'/'//name
+        self%settings = settings//program_settings()
         self%resumed = 0
         self%started_anew = .false.
         call self%table%initialize(columns)
@@ -72,7 +77,7 @@ contains
                     '.toml that a study leaves beside it', 'choose another folder, or overwrite with --force')
                 return
             end if
-            if (found == settings) call self%read_rows()
+            if (found == self%settings) call self%read_rows()
         end if
         self%resumed = self%table%rows()
         self%started_anew = exists .and. allocated(found) .and. self%resumed == 0
@@ -82,12 +87,23 @@ contains
             text = text//csv_line(self%table%cells(:, row))//newline
         end do
         call write_whole(self%path//'.csv', text, error)
-        if (.not. allocated(error)) call write_whole(self%path//'.toml', settings, error)
+        if (.not. allocated(error)) call write_whole(self%path//'.toml', self%settings, error)
         if (allocated(error)) return
         open (newunit=self%unit, file=self%path//'.csv', status='old', action='write', position='append', iostat=stat)
         self%is_open = stat == 0
         if (stat /= 0) call set_error(error, status_output_failed, 'cannot append to '//self%path//'.csv')
     end subroutine open
+
+    !> What is to be said of the rows that were there, if anything.
+    function beginning(self) result(text)
+        class(journal_type), intent(in) :: self
+        character(len=:), allocatable :: text
+
+        text = ''
+        if (self%resumed > 0) text = 'continues with the '//to_text(self%resumed)//' rows of '//self%path//'.csv'
+        if (self%started_anew) text = 'starts anew, since '//self%path// &
+            '.csv holds rows of other settings or of another build of tandem, or is empty'
+    end function beginning
 
     !> Append a row and bring it to the disk.
     subroutine append(self, cells, error)
@@ -111,12 +127,12 @@ contains
     end subroutine close
 
     !> Write the table as HDF5: a dataset a column in the group of the study's name, texts as strings.
-    subroutine write_hdf5(self, group, settings, about, names, values, error)
+    subroutine write_hdf5(self, group, about, names, values, error)
         class(journal_type), intent(inout) :: self
         !> Name of the group, such as `precision`.
         character(len=*), intent(in) :: group
-        !> The settings, and a remark about the whole.
-        character(len=*), intent(in) :: settings, about
+        !> A remark about the whole.
+        character(len=*), intent(in) :: about
         !> Names and values of further attributes of the group.
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
@@ -133,7 +149,7 @@ contains
             call file%attach('/', 'tandem_version', tandem_version)
             call file%attach('/', 'study', group)
             call file%attach('/', 'about', about)
-            call file%attach('/', 'settings', settings)
+            call file%attach('/', 'settings', self%settings)
             call file%add_group('/'//group)
             do i = 1, size(names)
                 call file%attach('/'//group, trim(names(i)), values(i))
