@@ -16,7 +16,7 @@ import unittest
 
 import h5py
 import numpy as np
-from test_output import TANDEM, Case, run
+from test_output import STRICT, TANDEM, Case, run
 
 KILLS = int(os.environ.get("TANDEM_KILLS", "3"))
 SEED = int(os.environ.get("TANDEM_SEED", "1"))
@@ -131,7 +131,7 @@ class Resume(Case):
 
     def interrupt(self, number, shortest, longest, *arguments):
         """Run until a random moment; whether the run was done before it."""
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        environment = os.environ | STRICT
         process = subprocess.Popen([TANDEM, *arguments, "--quiet", "--no-error"], cwd=self.folder, env=environment,
                                    stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
@@ -212,8 +212,7 @@ class KilledBetweenWrites(Resume):
 
     def call(self, *arguments, at=0):
         return subprocess.run([TANDEM, *arguments], cwd=self.folder, capture_output=True, text=True, timeout=60,
-                              env=os.environ | {"LD_PRELOAD": str(self.folder / "killer.so"), "KILL_AT": str(at),
-                                                "OPENBLAS_NUM_THREADS": "1"})
+                              env=os.environ | STRICT | {"LD_PRELOAD": str(self.folder / "killer.so"), "KILL_AT": str(at)})
 
     def check(self, begin, *arguments, first, last):
         """Kill at the first and at the last changes of the file; what is left goes on to the same end."""

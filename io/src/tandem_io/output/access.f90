@@ -7,7 +7,7 @@ module tandem_io_output_access
     implicit none (type, external)
     private
 
-    public :: make_access, start_swmr, end_of
+    public :: make_access, release_driver, start_swmr, end_of
 
     interface
         !> From now on, bring metadata to the disk in an order in which the file is whole at every moment.
@@ -28,13 +28,20 @@ module tandem_io_output_access
         end function h5f_get_eoa
 
         !> Let a file be written by a driver of ours (driver.c): without HDF5's mark "open for writing", and never shorter than it
-        !> says.
-        function set_driver(access) result(stat) bind(c, name='tandem_driver_set')
-            import :: c_int, c_int64_t
+        !> says. Its number, or a negative one.
+        function set_driver(access) result(driver) bind(c, name='tandem_driver_set')
+            import :: c_int64_t
             implicit none (type, external)
             integer(c_int64_t), value :: access
-            integer(c_int) :: stat
+            integer(c_int64_t) :: driver
         end function set_driver
+
+        !> Give a driver back, if there is one, once its file is closed.
+        subroutine release_driver(driver) bind(c, name='tandem_driver_release')
+            import :: c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: driver
+        end subroutine release_driver
 
         !> Whether HDF5 locks files.
         function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
@@ -53,15 +60,19 @@ contains
     !> taken in large pieces, so that the end of the file that the superblock states, which plain readers believe, seldom changes
     !> and is ahead of the rows. What is left of the room is given back when the file is closed. Rows go to the disk past HDF5's
     !> cache: a failure then shows before anything on the disk says that they are there.
-    subroutine make_access(access, grows)
+    subroutine make_access(access, grows, driver)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
+        !> The file's driver, which the caller gives back after closing the file; negative where there is none of ours.
+        integer(c_int64_t), intent(out) :: driver
         integer(hsize_t), parameter :: piece = 2**20
         integer :: stat
 
         call h5pcreate_f(h5p_file_access_f, access, stat)
+        driver = -1
         if (.not. grows) return
-        if (set_driver(int(access, c_int64_t)) < 0) then
+        driver = set_driver(int(access, c_int64_t))
+        if (driver < 0) then
             ! No file can be opened with that.
             call h5pclose_f(access, stat)
             access = -1_hid_t

@@ -125,9 +125,9 @@ static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
     return H5FDtruncate(inner_of(file), transfer, is_closing);
 }
 
-/* Let files that are opened with these properties be written by this driver; a negative number where that fails. Each call makes a
-   driver of its own to HDF5, which therefore takes a file that is open with another for another file. */
-int tandem_driver_set(int64_t access)
+/* Let files that are opened with these properties be written by this driver, and give its number to HDF5; a negative one where
+   that fails. Each call makes a driver of its own to HDF5, which therefore takes a file that is open with another for another file. */
+int64_t tandem_driver_set(int64_t access)
 {
     static const H5FD_class_t driver = {
 #if H5_VERSION_GE(1, 14, 0)
@@ -153,10 +153,18 @@ int tandem_driver_set(int64_t access)
         .fl_map = H5FD_FLMAP_DICHOTOMY,
     };
     hid_t id = H5FDregister(&driver);
-    herr_t stat = id < 0 ? -1 : H5Pset_driver((hid_t)access, id, NULL);
 
-    /* Properties and files that use it keep it. */
-    if (id >= 0 && H5FDunregister(id) < 0)
-        stat = -1;
-    return (int)stat;
+    if (id >= 0 && H5Pset_driver((hid_t)access, id, NULL) < 0) {
+        H5FDunregister(id);
+        return -1;
+    }
+    return (int64_t)id;
+}
+
+/* Give a driver back after its file was closed, not before: HDF5 still reads from what it knows of a driver after it has let go of
+   it for the file. One that is never given back lasts until HDF5 ends. */
+void tandem_driver_release(int64_t driver)
+{
+    if (driver >= 0)
+        H5FDunregister((hid_t)driver);
 }

@@ -13,7 +13,7 @@ module tandem_io_output_hdf5
         h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, &
         h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
     use tandem, only: long, wp
-    use tandem_io_output_access, only: end_of, make_access, start_swmr
+    use tandem_io_output_access, only: end_of, make_access, release_driver, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
@@ -30,6 +30,8 @@ module tandem_io_output_hdf5
         !> The first failure; not allocated while all is well.
         character(len=:), allocatable :: problem
         integer(hid_t), private :: file = -1_hid_t
+        !> Its driver, where it has one of ours.
+        integer(c_int64_t), private :: driver = -1
         type(guard_type), private :: guard
     contains
         procedure :: create
@@ -304,7 +306,7 @@ contains
         if (present(grows)) grows_ = grows
         ! Before anything is lost: a run that starts meanwhile sees that the file is in use.
         if (grows_) call self%guard%take(path)
-        call make_access(access, grows_)
+        call make_access(access, grows_, self%driver)
         call forget_reason()
         call h5pcreate_f(h5p_file_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
@@ -338,7 +340,7 @@ contains
             self%problem = 'the file was removed or replaced after the run had written it'
             return
         end if
-        call make_access(access, .true.)
+        call make_access(access, .true., self%driver)
         call forget_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path//' again')
@@ -376,9 +378,11 @@ contains
             call forget_reason()
             call h5fclose_f(self%file, stat)
             call self%note(stat, 'bring the rows to the disk')
+            if (stat == 0) call release_driver(self%driver)
             if (.not. allocated(self%problem)) call self%guard%trim()
         end if
         self%file = -1_hid_t
+        self%driver = -1
         if (.not. keeps_lock_) call self%guard%release()
     end subroutine close
 

@@ -20,7 +20,7 @@ contains
         character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: start(1)
         integer(hid_t) :: access, file, attribute, text_type
-        integer(c_int64_t) :: size
+        integer(c_int64_t) :: driver, size
         integer(hsize_t) :: new_size
         integer :: stat, ignored
 
@@ -29,7 +29,7 @@ contains
         ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
         inquire (file=path, size=size)
         call self%guard%mend(size)
-        call make_access(access, .true.)
+        call make_access(access, .true., driver)
         call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
         call h5pclose_f(access, ignored)
         if (stat == 0) call h5aopen_by_name_f(file, '/', name, attribute, stat)
@@ -45,6 +45,7 @@ contains
         if (stat == 0 .and. new_size == size) then
             call h5aclose_f(attribute, stat)
             call h5fclose_f(file, stat)
+            if (stat == 0) call release_driver(driver)
         end if
     end subroutine replace_text
 end submodule tandem_io_output_hdf5_last_word

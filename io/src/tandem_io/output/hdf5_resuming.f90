@@ -31,7 +31,7 @@ contains
             return
         end if
         call self%guard%mend(size)
-        call make_access(access, .true.)
+        call make_access(access, .true., self%driver)
         call forget_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path)
