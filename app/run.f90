@@ -80,7 +80,7 @@ contains
         end if
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
             call estimate(scene, global_error, estimate_error)
-            call trajectory%add_error(global_error, error)
+            call trajectory%add_error(simulation, global_error, error)
         end if
         call trajectory%release()
         call print_report(scene, simulation, trajectory, error, global_error, estimate_error)

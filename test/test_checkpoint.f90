@@ -434,6 +434,16 @@ contains
         other%model%breakpoints = [0.5_wp]
         call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
         deallocate (other%model%breakpoints, other%model%nu_jumps)
+        other%model%constant_mass = .not. other%model%constant_mass
+        call refused(other, words, 'its mass matrix is '//trim(merge('not constant', 'constant    ', &
+            other%model%constant_mass)), other_set_up, error)
+        other%model%mass_blocks = [1, 1]
+        call refused(other, words, 'it was made with other blocks of the mass matrix', other_set_up, error)
+        deallocate (other%model%mass_blocks)
+        other%model%constant_mass = .not. other%model%constant_mass
+        other%model%coordinate_scale = [2.0_wp, 1.0_wp]
+        call refused(other, words, 'it was made with other scales of coordinates', other_set_up, error)
+        deallocate (other%model%coordinate_scale)
         other%kick%name = 'push'
         call refused(other, words, 'event 2 is "kick" there, not "push"', other_set_up, error)
         call other%simulation%add_event(other%beat)

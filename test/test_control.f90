@@ -3,6 +3,7 @@
 module test_control
     use asserts, only: check_below, check_between, check_failure, check_no_failure, check_true
     use model_knife_edge, only: knife_edge_type
+    use model_pendulum, only: pendulum_type
     use model_stiff_pendulum, only: stiff_pendulum_type
     use model_tilted_skate, only: tilted_skate_type
     use reference, only: read_reference, reference_type
@@ -14,6 +15,11 @@ module test_control
     private
 
     public :: collect_control
+
+    !> A pendulum whose Jacobian has a wrong sign, or whose force cannot be evaluated after half a second.
+    type, extends(pendulum_type) :: faulty_type
+        logical :: is_wrong = .false., is_broken = .false.
+    end type faulty_type
 
     character(len=16), parameter :: steppers(3) = [character(len=16) :: 'dopri5', 'dop853', 'sdirk54']
 
@@ -38,8 +44,110 @@ contains
             new_unittest('the-trapezoid-error-falls-with-the-tolerance', test_trapezoid), &
             new_unittest('rk4-has-no-estimate', test_no_estimate), &
             new_unittest('a-jump-too-hard-to-cross-ends-in-a-named-status', test_blow_up), &
-            new_unittest('the-largest-step-is-respected', test_max_step)]
+            new_unittest('the-largest-step-is-respected', test_max_step), &
+            new_unittest('a-run-may-end-right-behind-a-breakpoint', test_sliver), &
+            new_unittest('steps-that-get-nowhere-end-the-run', test_no_progress), &
+            new_unittest('a-run-goes-on-when-its-model-is-mended', test_mended)]
     end subroutine collect_control
+
+    !> Ends that are one to eight roundings behind the breakpoint: that little is one step, which nobody need try in vain.
+    subroutine test_sliver(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(articulated_vehicle_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(reference_type) :: table
+        real(wp) :: t_end
+        integer :: i, k
+
+        call read_reference('vehicle', table)
+        call model%define()
+        do k = 1, size(steppers)
+            do i = 1, 8
+                t_end = model%breakpoints(1) + i*spacing(model%breakpoints(1))
+                call run(simulation, model, tolerance(trim(steppers(k)), 1.0e-6_wp), 0.0_wp, table%q(:, 1), table%qd(:, 1), &
+                    t_end, failure)
+                call check_no_failure(error, failure)
+                call check_below(error, abs(simulation%state%t - t_end), 0.0_wp, 'distance from the end')
+                if (.not. allocated(error)) call simulation%integrate(t_end + 0.1_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_sliver
+
+    !> With a wrong Jacobian tiny steps succeed, but for no others, so that a run would take years.
+    subroutine test_no_progress(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(faulty_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+
+        call model%define()
+        model%is_wrong = .true.
+        model%holonomic_jacobian => faulty_jacobian
+        call model%start(0.6_wp, 0.0_wp, q, qd)
+        call run(simulation, model, tolerance('dopri5', 1.0e-6_wp), 0.0_wp, q, qd, 3.0_wp, failure)
+        call check_failure(error, failure, 'step_underflow', 'the last 100000 tries')
+        if (allocated(error)) return
+        call check_true(error, index(failure%message, 'Jacobian') > 0, 'it says where to look')
+    end subroutine test_no_progress
+
+    !> The size of the last steps before a failure is nothing to go on with.
+    subroutine test_mended(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(faulty_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: k, again
+
+        call model%define()
+        model%applied_force => faulty_force
+        call model%start(1.0_wp, 0.0_wp, q, qd)
+        do k = 1, size(steppers)
+            model%is_broken = .true.
+            call run(simulation, model, tolerance(trim(steppers(k)), 1.0e-8_wp), 0.0_wp, q, qd, 1.0_wp, failure)
+            do again = 1, 2
+                call check_failure(error, failure, 'not_evaluable', 'force')
+                if (allocated(error)) return
+                call simulation%integrate(1.0_wp, failure)
+            end do
+            model%is_broken = .false.
+            call simulation%integrate(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+        end do
+    end subroutine test_mended
+
+    subroutine faulty_jacobian(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value(1, :) = q
+        select type (self)
+        class is (faulty_type)
+            if (self%is_wrong) value(1, 1) = -q(1)
+        end select
+    end subroutine faulty_jacobian
+
+    subroutine faulty_force(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = [0.0_wp, -9.81_wp]
+        select type (self)
+        class is (faulty_type)
+            if (self%is_broken .and. t > 0.5_wp) stat = 1
+        end select
+    end subroutine faulty_force
 
     !> Options of error-controlled steps.
     function tolerance(stepper, rtol) result(options)

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the simulation object: stepping from outside, legs, the time grid, observers, independence, what it reports.
 module test_simulation
-    use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use model_pendulum, only: pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: choose, get_start, new_scene, run, scene_names
-    use tandem, only: at_end, at_start, at_step, failure_type => error_type, model_type, observer_type, options_type, &
+    use tandem, only: at_end, at_start, at_step, failure_type => error_type, long, model_type, observer_type, options_type, &
         rolling_disk_type, simulation_type, statistics_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -30,6 +30,7 @@ contains
 
         testsuite = [ &
             new_unittest('the-start-is-complete-after-initialize', test_start), &
+            new_unittest('without-an-accepted-start-there-is-no-run', test_no_run), &
             new_unittest('stepping-from-outside-is-integrating', test_step), &
             new_unittest('two-legs-on-the-grid-are-one-run', test_legs), &
             new_unittest('the-end-is-met-exactly', test_end), &
@@ -96,6 +97,56 @@ contains
             call check_close(error, lambda, table%lambda(:, 1), 1.0e-12_wp*max(1.0_wp, maxval(abs(table%lambda(:, 1)))), 'lambda')
         end do
     end subroutine test_start
+
+    !> Nothing goes on, and nothing crashes, where `initialize` was not called or has refused, also where there was a run before.
+    subroutine test_no_run(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: never, refused, again
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+
+        call refuse_all(never, error)
+        call model%define()
+        call model%start(0.5_wp, 0.0_wp, q, qd)
+        call refused%initialize(model, choose(step=1.0e-2_wp), 0.0_wp, 2*q, qd, failure)
+        call check_failure(error, failure, 'inconsistent_start', 'rod')
+        call refuse_all(refused, error)
+        call again%initialize(model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, failure)
+        if (.not. allocated(failure)) call again%integrate(1.0_wp, failure)
+        call check_no_failure(error, failure)
+        call again%initialize(model, choose(step=-1.0_wp), 0.0_wp, q, qd, failure)
+        call check_failure(error, failure, 'invalid_option', 'step')
+        call refuse_all(again, error)
+    end subroutine test_no_run
+
+    !> Every procedure that needs a run.
+    subroutine refuse_all(simulation, error)
+        type(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=*), parameter :: why = 'there is no run'
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        real(wp) :: lambda(1), energy
+        integer :: stat
+
+        call simulation%integrate(2.0_wp, failure)
+        call check_failure(error, failure, 'invalid_option', why)
+        call simulation%step(2.0_wp, failure)
+        call check_failure(error, failure, 'invalid_option', why)
+        call simulation%look_at(0.0_wp, failure)
+        call check_failure(error, failure, 'invalid_option', why)
+        call simulation%save_state(words, failure)
+        call check_failure(error, failure, 'invalid_checkpoint', why)
+        lambda = 1.0_wp
+        call simulation%multipliers(lambda)
+        call check_below(error, abs(lambda(1)), 0.0_wp, 'multiplier')
+        call simulation%kinetic_energy(energy, stat)
+        call check_true(error, stat /= 0, 'no kinetic energy')
+        call simulation%potential_energy(energy, stat)
+        call check_true(error, stat /= 0, 'no potential energy')
+        call simulation%look_back()
+    end subroutine refuse_all
 
     !> A disk shortly before its first dip.
     subroutine roll(simulation, model, t_end, error)

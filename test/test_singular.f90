@@ -4,6 +4,7 @@
 module test_singular
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
     use model_bricard, only: bricard_type
+    use model_crank_pair, only: crank_pair_type
     use model_four_bar, only: crank_rocker, four_bar_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use ranks, only: bricard_angle
@@ -30,6 +31,7 @@ contains
             new_unittest('four-bar-stops-at-its-flat-position', test_through_flat), &
             new_unittest('four-bar-stops-at-its-flat-position-in-one-chart', test_through_flat_in_one_chart), &
             new_unittest('four-bar-stops-where-a-run-ends-flat', test_end_flat), &
+            new_unittest('crank-pairs-stop-neither-late-nor-early', test_crank_pairs), &
             new_unittest('crank-rocker-runs-through', test_crank_rocker), &
             new_unittest('bricard-runs-with-one-redundant-row', test_bricard), &
             new_unittest('bricard-stops-where-a-missing-row-was-needed', test_missing_row)]
@@ -56,6 +58,36 @@ contains
             end do
         end do
     end subroutine test_flat_start
+
+    !> Cranks that swing down through the flat position, with error control: whatever the steps are, none passes it, which the
+    !> orientation of the pivot columns alone would let some do, and none ends a run far above it.
+    subroutine test_crank_pairs(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=7), parameter :: controlled(3) = [character(len=7) :: 'dop853', 'dopri5', 'sdirk54']
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle
+        integer :: i, j, k
+
+        call model%define()
+        do k = 1, size(controlled)
+            do j = 5, 8
+                do i = 0, merge(60, 10, k == 1)
+                    options = choose(stepper=trim(controlled(k)))
+                    options%rtol = 10.0_wp**(-j)
+                    call model%start(1.0_wp, -3.0_wp - 0.2_wp*i, q, qd)
+                    call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
+                    call check_failure(error, failure, 'rank_deficient', 'depend')
+                    if (allocated(error)) return
+                    angle = atan2(simulation%state%q(2), simulation%state%q(1))
+                    call check_below(error, abs(angle), 1.0e-3_wp, 'angle from the flat position')
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_crank_pairs
 
     !> Run a parallelogram without gravity, at 1 rad/s, until it should stop: in the flat position, which is `ahead` of its start.
     subroutine check_through_flat(options, ahead, t_end, error)

@@ -3,7 +3,7 @@
 module test_stability_limit
     use asserts, only: check_below, check_between, check_no_failure, check_true
     use runs, only: get_start, new_scene, run
-    use tandem, only: failure_type => error_type, model_type, options_type, simulation_type, statistics_type, wp
+    use tandem, only: failure_type => error_type, model_type, motorcycle_type, options_type, simulation_type, statistics_type, wp
     use tandem_simulate_step_control, only: step_control_type
     use tandem_stepper, only: properties_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -23,8 +23,33 @@ contains
             new_unittest('an-eigenvalue-fades', test_fading), &
             new_unittest('steps-at-the-limit-are-not-tried-in-vain', test_chopper), &
             new_unittest('steps-far-from-it-are-as-they-were', test_disk), &
-            new_unittest('rounding-does-not-reach-the-steps', test_rounding)]
+            new_unittest('rounding-does-not-reach-the-steps', test_rounding), &
+            new_unittest('a-straight-ride-is-not-stiff', test_straight)]
     end subroutine collect_stability_limit
+
+    !> At rest in all but one coordinate, what is left of differences is rounding, which has eigenvalues of any size.
+    subroutine test_straight(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(motorcycle_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(10), qd(10)
+        integer :: i, stat
+
+        model%frequency = 0.0_wp
+        call model%define()
+        call model%start(15.0_wp, q, qd, stat)
+        do i = 1, 3
+            options%step = 10.0_wp**(-4)*5**(i - 1)
+            call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            associate (statistics => simulation%statistics())
+                call check_true(error, .not. statistics%is_stiff, 'not called stiff')
+            end associate
+        end do
+    end subroutine test_straight
 
     !> A controller of a method that is stable up to h |lambda| = 6.
     subroutine set_up(control)

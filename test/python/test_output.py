@@ -67,6 +67,24 @@ class Case(unittest.TestCase):
         return self.scene("".join(f"[{table}]\n{lines}\n" for table, lines in tables.items()))
 
 
+
+class Doubts(Case):
+    """What the report on the terminal warns of, the file warns of too."""
+
+    def test_errors_between_steps_and_at_the_end(self):
+        done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--quiet", "--set", "solver.stepper=dop853", "--set",
+                           "solver.rtol=1e-7", "--set", "output.interval=0.1")
+        told = re.sub(r"\s+", " ", done.stdout)
+        with h5py.File(self.folder / "doubts.h5") as file:
+            report = file["report"].attrs
+            warnings = [text if isinstance(text, str) else text.decode() for text in report["warnings"]]
+            self.assertTrue(any("between steps" in text for text in warnings), warnings)
+            for text in [*warnings, report["global_error_warning"]]:
+                self.assertIn(text, told)
+            self.assertGreater(report["dense_error"], 1e-5)
+            self.assertGreaterEqual(report["velocity_gap"], 0)
+
+
 class Check(Case):
     def test_every_shipped_scene_is_right(self):
         for path in sorted((ROOT / "scenes").glob("*.toml")):

@@ -18,7 +18,7 @@ contains
         type(pack_type) :: pack
         character(len=96) :: problem
 
-        if (.not. allocated(self%chart)) then
+        if (.not. self%is_ready) then
             call set_error(error, status_invalid_checkpoint, 'there is no run to save', 'call initialize first')
             return
         end if
@@ -43,7 +43,7 @@ contains
         type(pack_type) :: pack
         character(len=96) :: problem
 
-        if (.not. allocated(self%chart)) then
+        if (.not. self%is_ready) then
             call set_error(error, status_invalid_checkpoint, 'there is no simulation to restore', 'call initialize first')
             return
         end if
@@ -61,6 +61,7 @@ contains
         call pack_run(self, pack)
         call pack%end_reading()
         if (.not. pack%has_failed) return
+        self%is_ready = .false.
         problem = 'it holds other items than are read here'
         call refuse('let pack_state of your model and events list the same items whenever it is called')
 
@@ -81,7 +82,8 @@ contains
         character(len=*), intent(out) :: problem
         type(options_type) :: options
         character(len=label_length) :: name
-        real(wp), allocatable :: breakpoints(:), jumps(:)
+        real(wp), allocatable :: breakpoints(:), jumps(:), scale(:), blocks(:)
+        logical :: constant_mass
         integer :: sizes(5), i
 
         problem = ''
@@ -103,6 +105,18 @@ contains
             problem = 'it was made with another '//trim(self%options%first_difference(options))
             return
         end if
+        ! What is kept of the mass matrix and of the pivots was chosen with these.
+        scale = [real(wp) ::]
+        blocks = [real(wp) ::]
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        if (allocated(self%model%mass_blocks)) blocks = real(self%model%mass_blocks, wp)
+        call compare_numbers(pack, scale, 'scales of coordinates', problem)
+        call compare_numbers(pack, blocks, 'blocks of the mass matrix', problem)
+        constant_mass = self%model%constant_mass
+        call pack%item(constant_mass)
+        if (problem == '' .and. (constant_mass .neqv. self%model%constant_mass)) problem = 'its mass matrix is '// &
+            trim(merge('constant    ', 'not constant', constant_mass))
+        if (problem /= '') return
         ! The number of the segment has a meaning among these alone.
         breakpoints = [real(wp) ::]
         jumps = [real(wp) ::]
@@ -185,6 +199,7 @@ contains
         call pack%item(self%chart_is_current)
         call pack%item(self%renewal)
         call pack%item(self%room)
+        call pack%item(self%hindrance)
         call self%stepper%pack_state(pack)
         call self%control%pack_state(pack)
         call self%work%pack_state(pack)

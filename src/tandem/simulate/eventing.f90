@@ -36,6 +36,7 @@ contains
         type(watched_type), allocatable :: longer(:)
         integer :: n
 
+        if (.not. self%is_ready) return
         n = 0
         if (allocated(self%watched)) n = size(self%watched)
         allocate (longer(n + 1))

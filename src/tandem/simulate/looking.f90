@@ -15,6 +15,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer :: rows(3), stat
 
+        call self%check_ready(error)
+        if (allocated(error)) return
         if (.not. self%is_looking) then
             call self%kept%copy(self%state)
             self%kept_errors = self%errors
@@ -102,13 +104,14 @@ contains
     end subroutine look_back
 
     !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
-    !> the model cannot be evaluated there any more.
+    !> the model cannot be evaluated there any more, and before `initialize`.
     module subroutine multipliers(self, lambda)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(out), contiguous :: lambda(:)
         integer :: stat
 
-        call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
+        lambda = 0.0_wp
+        if (self%is_ready) call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
     end subroutine multipliers
 
     !> The kinetic energy at the current state.
@@ -117,6 +120,9 @@ contains
         real(wp), intent(out) :: energy
         integer, intent(out) :: stat
 
+        energy = 0.0_wp
+        stat = status_invalid_option
+        if (.not. self%is_ready) return
         if (associated(self%model%kinetic_energy)) then
             self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
             call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
@@ -131,6 +137,9 @@ contains
         real(wp), intent(out) :: energy
         integer, intent(out) :: stat
 
+        energy = 0.0_wp
+        stat = status_invalid_option
+        if (.not. self%is_ready) return
         self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
         call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
     end subroutine potential_energy

@@ -75,6 +75,8 @@ module tandem_simulation
         !> Whether an event has stopped the run, and its name.
         logical :: is_stopped = .false.
         character(len=label_length) :: stopped_by = ''
+        !> Whether a start was accepted, so that there is a run.
+        logical, private :: is_ready = .false.
         class(chart_type), allocatable, private :: chart
         !> What it was allocated from, if not anew.
         class(chart_type), allocatable, private :: blank
@@ -96,6 +98,11 @@ module tandem_simulation
         integer, private :: n_at_once = 0
         !> Time until C loses rank, if its smallest singular value goes on falling as it does.
         real(wp), private :: room = huge(1.0_wp)
+        !> Why the last step had to be smaller, ok where no try of it has failed.
+        integer, private :: hindrance = status_ok
+        !> Tries of controlled steps since a time.
+        integer, private :: tries = 0
+        real(wp), private :: tries_from = 0.0_wp
         type(statistics_type), private :: tally
         type(step_control_type), private :: control
         type(work_limit_type), private :: work
@@ -122,6 +129,7 @@ module tandem_simulation
         procedure :: add_event
         procedure :: save_state
         procedure :: restore_state
+        procedure, private :: check_ready
         procedure, private :: advance
         procedure, private :: look_for_events
         procedure, private :: act_on_events
@@ -169,7 +177,7 @@ module tandem_simulation
         end subroutine look_back
 
         !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
-        !> the model cannot be evaluated there any more.
+        !> the model cannot be evaluated there any more, and before `initialize`.
         module subroutine multipliers(self, lambda)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -202,8 +210,8 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine choose_rows_anew
 
-        !> Watch an event from the current state on; call it after `initialize`, which forgets all events. The event is the caller's
-        !> and must outlive the run.
+        !> Watch an event from the current state on; call it after `initialize`, which forgets all events, and before which nothing
+        !> is watched. The event is the caller's and must outlive the run.
         module subroutine add_event(self, event)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -305,7 +313,8 @@ module tandem_simulation
 contains
 
     !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors: invalid_model,
-    !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite.
+    !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite. After an error
+    !> there is no run, also where there was one before.
     subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
         class(simulation_type), intent(inout) :: self
         !> The model; it must outlive the simulation and serves only this one.
@@ -319,6 +328,8 @@ contains
         !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
         class(chart_type), intent(in), optional :: chart
 
+        self%is_ready = .false.
+        self%is_looking = .false.
         call check_model(model, error)
         if (allocated(error)) return
         call options%check_sizes(model%n, error)
@@ -348,6 +359,9 @@ contains
         self%on_grid = .true.
         self%last_step = 0.0_wp
         self%t_start = t
+        self%hindrance = status_ok
+        self%tries = 0
+        self%tries_from = t
         self%chart_is_current = .false.
         if (allocated(self%warnings)) deallocate (self%warnings)
         self%n_redundant = 0
@@ -379,7 +393,6 @@ contains
         call self%start%allocate(model%n)
         call self%kept%allocate(model%n)
         self%has_step = .false.
-        self%is_looking = .false.
         self%slope = spread(self%state%q, 2, 4)
         self%renewal = 0
         self%n_events = 0
@@ -402,10 +415,20 @@ contains
             if (allocated(error)) return
         end if
         call self%accept_start(error)
+        self%is_ready = .not. allocated(error)
         if (.not. present(assembly)) return
         self%tally%start_moved_q = maxval(abs(self%state%q - q))
         self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
     end subroutine initialize
+
+    !> Refuse what needs a run where there is none.
+    subroutine check_ready(self, error)
+        class(simulation_type), intent(in) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. self%is_ready) call set_error(error, status_invalid_option, 'there is no run: initialize was not called, or '// &
+            'refused to begin one', 'call initialize, and go on only where it gives no error')
+    end subroutine check_ready
 
     !> One accepted step that does not pass t_limit, with the actions of events at its end. On an error the state is that of the
     !> last accepted step, or of the event whose action failed.
@@ -415,7 +438,8 @@ contains
         real(wp), intent(in) :: t_limit
         type(error_type), allocatable, intent(out) :: error
 
-        call self%advance(t_limit, error)
+        call self%check_ready(error)
+        if (.not. allocated(error)) call self%advance(t_limit, error)
         if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
     end subroutine step
 
@@ -429,6 +453,8 @@ contains
         class(observer_type), intent(inout), optional :: observer
         type(error_type), allocatable :: observer_error
 
+        call self%check_ready(error)
+        if (allocated(error)) return
         if (.not. (t_end > self%state%t .and. ieee_is_finite(t_end))) then
             call set_error(error, status_invalid_option, 'the end time '//to_text(t_end)// &
                 ' must be finite and after the current time '//to_text(self%state%t), 'choose a later end')

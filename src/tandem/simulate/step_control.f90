@@ -20,6 +20,7 @@ module tandem_simulate_step_control
     type :: step_control_type
         !> The step to try next; 0 before the first.
         real(wp) :: h = 0.0_wp
+        real(wp), private :: first_step = 0.0_wp
         !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
         !> rtol and atol s for q and for qd (n).
@@ -38,6 +39,7 @@ module tandem_simulate_step_control
         procedure :: reject
         procedure :: fail
         procedure :: limit
+        procedure :: begin
         procedure :: restart
         procedure :: pack_state
         procedure, private :: round_down
@@ -65,7 +67,7 @@ contains
 
         self%max_step = huge(1.0_wp)
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
-        self%h = min(options%first_step, self%max_step)
+        self%first_step = min(options%first_step, self%max_step)
         self%exponent = 1.0_wp/real(method%estimate_order + 1, wp)
         self%integral = 0.0_wp
         ! Implicit steppers have no integral part: their errors jump with Newton's.
@@ -80,7 +82,7 @@ contains
         call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
         self%atol_q = self%atol_q*scale
         self%atol_qd = self%atol_qd*scale
-        call self%restart()
+        call self%begin()
     end subroutine initialize
 
     !> Weights for a step from (q0, qd0) to (q, qd).
@@ -165,6 +167,14 @@ contains
         if (.not. (self%stability_limit > 0.0_wp .and. h >= tiny(h) .and. h <= huge(h))) return
         round_down = notch**floor(log(h)/log(notch) + hair)
     end function round_down
+
+    !> Forget all steps, so that the next one is chosen as the first one was.
+    pure subroutine begin(self)
+        class(step_control_type), intent(inout) :: self
+
+        self%h = self%first_step
+        call self%restart()
+    end subroutine begin
 
     !> Forget the past, after a breakpoint.
     pure subroutine restart(self)

@@ -110,12 +110,16 @@ contains
         class(simulation_type), intent(inout) :: self
         !> ok, rank_deficient, or what evaluating the model may give.
         integer, intent(out) :: stat
+        real(wp) :: room
 
         associate (state => self%state, next => self%next)
-            call self%chart%measure_rank(next%t, next%q, self%room, stat)
-            if (self%room < huge(1.0_wp)) self%room = self%room*(next%t - state%t)
+            call self%chart%measure_rank(next%t, next%q, room, stat)
+            if (stat == status_ok .and. .not. room > 0.0_wp) stat = status_rank_deficient
+            ! What a step has found that is not kept says nothing of the next.
+            if (stat /= status_ok) return
+            self%room = room
+            if (room < huge(1.0_wp)) self%room = room*(next%t - state%t)
         end associate
-        if (stat == status_ok .and. .not. self%room > 0.0_wp) stat = status_rank_deficient
     end subroutine check_rank
 
     !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
@@ -182,8 +186,8 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm
-        logical :: is_cut, is_short
-        integer :: stat
+        logical :: is_cut, is_short, is_sliver, has_failed
+        integer :: stat, reason
 
         call renew_by_policy(self, error)
         if (allocated(error)) return
@@ -203,8 +207,11 @@ contains
             end associate
         end if
         if (.not. self%control%h > 0.0_wp) call choose_first_step(self, stop_at - self%state%t)
-        stat = status_ok
+        has_failed = .false.
+        reason = self%hindrance
         do
+            call check_progress(self, t_limit, error)
+            if (allocated(error)) return
             h = min(self%control%h, 0.5_wp*self%room)
             ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
             is_cut = self%state%t + 1.01_wp*h >= stop_at
@@ -216,8 +223,10 @@ contains
             ! Asked before the times round h: a step that is short by that alone was tried in full.
             is_short = is_cut .or. h < self%control%h
             h = self%next%t - self%state%t
-            if (.not. h > 4.0_wp*spacing(abs(self%state%t))) then
-                call underflow(self, stat, h, error)
+            ! What is left before the stop may be as short as it likes: it is one step.
+            is_sliver = .not. h > 4.0_wp*spacing(abs(self%state%t))
+            if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. self%control%h > 2*h)) then
+                call underflow(self, reason, h, error)
                 return
             end if
             call self%stepper%advance(self%chart, self%state, h, self%next, stat)
@@ -226,6 +235,7 @@ contains
                 call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
                 if (.not. norm <= 1.0_wp) then
                     self%tally%rejected = self%tally%rejected + 1
+                    reason = status_ok
                     call self%control%reject(h, norm)
                     if (self%work%is_set) call check_work(self, error)
                     if (allocated(error)) return
@@ -241,14 +251,18 @@ contains
                 return
             end if
             self%tally%failed = self%tally%failed + 1
+            has_failed = .true.
+            reason = stat
             call self%control%fail(h)
             if (self%work%is_set) call check_work(self, error)
             if (allocated(error)) return
             if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
             if (allocated(error)) return
         end do
+        self%hindrance = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, norm)
-        call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
+        ! In a sliver all differences are rounding.
+        if (.not. is_sliver) call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
@@ -304,19 +318,44 @@ contains
         end associate
     end subroutine check_work
 
-    !> The error of a step that would no longer change the time: the reason of the last failure where there was one.
-    subroutine underflow(self, stat, h, error)
-        class(simulation_type), intent(in) :: self
-        integer, intent(in) :: stat
+    !> The error of steps that do go on, but would never reach the end.
+    subroutine check_progress(self, t_limit, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable, intent(out) :: error
+        !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years.
+        integer, parameter :: many = 100000
+        real(wp), parameter :: hopeless = 1.0e-8_wp
+
+        self%tries = self%tries + 1
+        if (self%tries < many) return
+        associate (t => self%state%t, from => self%tries_from)
+            if (.not. t - from > hopeless*(t_limit - t)) call set_error(error, status_step_underflow, 'the last '// &
+                to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
+                to_text(t - from)//' further', &
+                'see what makes steps fail or errors large there: a singularity, or a Jacobian that is wrong (verify_model)')
+            from = t
+        end associate
+        self%tries = 0
+    end subroutine check_progress
+
+    !> The error of a step that would no longer change the time.
+    subroutine underflow(self, reason, h, error)
+        class(simulation_type), intent(inout) :: self
+        !> Why the last try, in this step or in the one before, could not be completed; ok where it missed the tolerance.
+        integer, intent(in) :: reason
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%tally%failed > 0 .and. stat /= status_ok) then
-            call self%fail(stat, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
+        if (reason /= status_ok) then
+            call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
         else
             call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
                 ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
         end if
+        ! Whoever goes on after that, has mended what it came from.
+        call self%control%begin()
+        self%hindrance = status_ok
     end subroutine underflow
 
     !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).

@@ -225,15 +225,18 @@ contains
     !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards
     !> the direction of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
     !> Velocities count h times in both, and coordinates on their scales, so that units do not matter and a slow motion stays below
-    !> 1: not to be asked after dense output, which overwrites the stage.
+    !> 1: not to be asked after dense output, which overwrites the stage. 0 where there is nothing but rounding, as at rest.
     real(wp) function stiffness(self, h, arrived)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
-        real(wp) :: f, of_q, of_qd, of_qdd
+        real(wp) :: f, of_q, of_qd, of_qdd, largest
+        !> Differences below this part of what they are of are rounding.
+        real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
         integer :: i, s
 
         s = size(self%b)
+        largest = tiny(1.0_wp)
         of_q = 0.0_wp
         of_qd = 0.0_wp
         of_qdd = 0.0_wp
@@ -243,10 +246,12 @@ contains
             of_q = of_q + (f*(arrived%q(i) - self%q(i)))**2
             of_qd = of_qd + (f*(arrived%qd(i) - self%rate(i, s)))**2
             of_qdd = of_qdd + (f*(arrived%qdd(i) - self%rate(self%n + i, s)))**2
+            largest = max(largest, abs(f*arrived%q(i)), abs(f*h*arrived%qd(i)))
         end do
         of_qd = h**2*of_qd
         of_qdd = h**4*of_qdd
-        stiffness = sqrt((of_qd + of_qdd)/max(of_q + of_qd, tiny(1.0_wp)))
+        stiffness = 0.0_wp
+        if (of_q + of_qd > (rounding*largest)**2) stiffness = sqrt((of_qd + of_qdd)/(of_q + of_qd))
     end function stiffness
 
     !> The weighted norm of one estimate.

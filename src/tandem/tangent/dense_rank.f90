@@ -17,7 +17,7 @@ contains
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
         real(wp) :: smallest, smallest_before, fall
-        logical :: falls, is_lost
+        logical :: falls
         integer :: i, j
 
         self%failed_row = 0
@@ -45,22 +45,25 @@ contains
                 end associate
             end do
         end if
-        ! These are at hand, and cheap: what falls towards a loss of rank, and the orientation of the pivot columns, which changes
-        ! with that of C, and where they alone turn singular.
+        ! These are at hand, and cheap: what falls towards a loss of rank, and the orientation of the pivot columns. That changes
+        ! with the one of C, and where the pivot columns alone turn singular: in a step that does both it is what it was.
         fall = self%last_independence - self%split%independence
-        self%last_independence = self%split%independence
         falls = .not. self%split%independence > horizon*fall
-        is_lost = .false.
-        if (self%split%orientation /= self%origin_orientation) then
-            is_lost = .not. self%row_space%keeps_orientation(self%m, self%n, self%step_jacobian, self%model%terms%jacobian, &
-                self%scale)
-            self%origin_orientation = self%split%orientation
+        if (falls .or. self%split%orientation /= self%origin_orientation) then
+            if (.not. self%row_space%keeps_orientation(self%m, self%n, self%step_jacobian, self%model%terms%jacobian, &
+                self%scale)) then
+                ! A shorter step will be compared with the same start.
+                room = 0.0_wp
+                call self%blame_dependent(0)
+                return
+            end if
         end if
-        if (.not. (falls .or. is_lost)) return
+        self%origin_orientation = self%split%orientation
+        self%last_independence = self%split%independence
+        if (.not. falls) return
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
         if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
-        if (is_lost) room = 0.0_wp
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (room <= horizon) call self%blame_dependent(0)
     end subroutine measure_rank

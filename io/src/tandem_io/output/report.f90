@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
-    use tandem, only: derivative_name, global_error_type, long, n_derivatives, n_reasons, n_terms, reason_name, &
+    use tandem, only: derivative_name, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, reason_name, &
         simulation_type, term_name
     use tandem_io_output_hdf5, only: hdf5_type
-    use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_warning, only: add_warning, warning_type
     implicit none (type, external)
     private
 
@@ -18,6 +18,7 @@ contains
     subroutine write_report(file, simulation)
         type(hdf5_type), intent(inout) :: file
         class(simulation_type), intent(in) :: simulation
+        type(warning_type), allocatable :: warnings(:), doubts(:)
         integer :: i
 
         associate (s => simulation%statistics())
@@ -64,6 +65,8 @@ contains
             call file%attach(place, 'local_error', s%local_error)
             call file%attach(place, 'local_error_sum', s%local_error_sum)
             call file%attach(place, 'local_error_steps', s%local_error_steps)
+            call file%attach(place, 'dense_error', s%dense_error)
+            call file%attach(place, 'velocity_gap', s%velocity_gap)
             call file%attach(place, 'start_moved_q', s%start_moved_q)
             call file%attach(place, 'start_moved_qd', s%start_moved_qd)
             call file%attach(place, 'velocity_jump', s%velocity_jump)
@@ -74,13 +77,21 @@ contains
                 call file%attach(place, 'event_evaluations', s%event_evaluations)
             end if
         end associate
-        if (allocated(simulation%warnings)) call file%attach(place, 'warnings', texts_of(simulation%warnings))
+        allocate (warnings(0))
+        if (allocated(simulation%warnings)) warnings = simulation%warnings
+        call find_doubts(simulation%options, simulation%statistics(), doubts)
+        do i = 1, size(doubts)
+            call add_warning(warnings, doubts(i)%text)
+        end do
+        if (size(warnings) > 0) call file%attach(place, 'warnings', texts_of(warnings))
     end subroutine write_report
 
-    !> Write the error of the run, which is known.
-    subroutine write_global_error(file, global_error)
+    !> Write the error of the run, which is known, and a warning where it is large.
+    subroutine write_global_error(file, simulation, global_error)
         type(hdf5_type), intent(inout) :: file
+        class(simulation_type), intent(in) :: simulation
         class(global_error_type), intent(in) :: global_error
+        type(warning_type), allocatable :: before(:), doubts(:)
 
         associate (g => global_error)
             call file%attach(place, 'global_error_q', g%error_q)
@@ -92,6 +103,9 @@ contains
             call file%attach(place, 'global_error_right_hand_sides', g%right_hand_sides)
             call file%attach(place, 'global_error_seconds', g%seconds)
         end associate
+        call find_doubts(simulation%options, simulation%statistics(), before)
+        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error)
+        if (size(doubts) > size(before)) call file%attach(place, 'global_error_warning', doubts(size(doubts))%text)
     end subroutine write_global_error
 
     !> Warnings as texts of one length.

@@ -29,6 +29,8 @@ module tandem_io_output_trajectory
     !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
     !> for each of the former; and most.
     integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
+    !> Most warnings that come with the report.
+    integer, parameter :: most_later = 8
     !> Letters for the status and its message: as many as messages have.
     integer, parameter :: room_for_texts = 512
     !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
@@ -129,8 +131,8 @@ contains
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
         call self%file%add_group('/report')
-        n_warnings = 0
-        if (allocated(simulation%warnings)) n_warnings = min(size(simulation%warnings), most_room)
+        n_warnings = most_later
+        if (allocated(simulation%warnings)) n_warnings = most_later + min(size(simulation%warnings), most_room)
         call self%file%reserve('/report', min(room + room_for_warning*n_warnings, most_room), &
             'what the run has cost and how wrong it was, once the status is not "running"')
         call self%checkpoint%make(self%file)
@@ -321,14 +323,15 @@ contains
     end subroutine write_outcome
 
     !> Write how wrong the run was into the file that `close` has closed.
-    subroutine add_error(self, global_error, error)
+    subroutine add_error(self, simulation, global_error, error)
         class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(out) :: error
 
         if (.not. global_error%is_known) return
         call self%file%reopen(self%path)
-        call write_global_error(self%file, global_error)
+        call write_global_error(self%file, simulation, global_error)
         call self%file%flush()
         call self%file%close(self%more_follows)
         if (allocated(self%file%problem)) call self%fail(error)
