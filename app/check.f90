@@ -71,8 +71,11 @@ contains
                     write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'right, within '//brief(finding%error)
                     cycle
                 end if
+                if (finding%row == 0) then
+                    write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'FAILED: the procedure could not be evaluated'
+                    cycle
+                end if
                 place = 'row '//to_text(finding%row)
-                if (finding%row == 0) place = 'it could not be evaluated'
                 if (finding%column > 0) place = place//', column '//to_text(finding%column)// &
                     ' ('//scene%model%coordinate_label(finding%column)//')'
                 write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'WRONG by '//brief(finding%error)// &

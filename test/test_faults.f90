@@ -57,6 +57,7 @@ contains
             new_unittest('a-step-larger-than-the-span-ends-at-its-end', test_long_step), &
             new_unittest('an-iteration-for-u-that-stagnates-is-ended', test_u), &
             new_unittest('iterations-for-b-and-h-that-stagnate-are-ended', test_b_and_h), &
+            new_unittest('a-refinement-that-was-spoilt-is-made-anew', test_spoilt_refinement), &
             new_unittest('a-newton-iteration-with-wrong-derivatives-is-ended', test_newton), &
             new_unittest('a-speed-that-overflows-is-reported', test_overflow), &
             new_unittest('a-speed-that-grows-without-bound-is-reported', test_blow_up), &
@@ -373,6 +374,35 @@ contains
             call check_state_left(error, simulation)
         end do
     end subroutine test_b_and_h
+
+    !> A first step so large that B and H diverge: a smaller one on the same chart must not start from what they have become.
+    subroutine test_spoilt_refinement(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        character(len=10), parameter :: policies(2) = [character(len=10) :: 'every_step', 'adaptive']
+        real(wp) :: q(2), qd(2)
+        integer :: j, k
+
+        call model%define()
+        call model%start(1.5_wp, 9.0_wp, q, qd)
+        do k = 2, size(steppers)
+            do j = 1, size(policies)
+                options = choose(stepper=steppers(k), chart=policies(j), refresh='refine')
+                options%rtol = 1.0e-6_wp
+                options%first_step = 0.3_wp
+                call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                statistics = simulation%statistics()
+                call check_true(error, statistics%failed > 0, steppers(k)//': a step has failed')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_spoilt_refinement
 
     !> Derivatives with one entry that is far off: the iteration ends with a status, or it converges all the same, to the same
     !> motion.

@@ -65,11 +65,13 @@ contains
         type :: case_type
             character(len=10) :: scene, stepper
             real(wp) :: rtol, step
+            real(wp) :: max_step = 0.0_wp
         end type case_type
-        type(case_type), parameter :: cases(6) = [ &
+        type(case_type), parameter :: cases(7) = [ &
             case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp), case_type('disk', 'dopri5', 1.0e-8_wp, 0.0_wp), &
             case_type('disk', 'rk4', 0.0_wp, 4.0e-3_wp), case_type('vehicle', 'sdirk54', 1.0e-6_wp, 0.0_wp), &
-            case_type('vehicle', 'trapezoid', 0.0_wp, 1.0e-2_wp), case_type('knife_edge', 'dop853', 1.0e-8_wp, 0.0_wp)]
+            case_type('vehicle', 'trapezoid', 0.0_wp, 1.0e-2_wp), case_type('knife_edge', 'dop853', 1.0e-8_wp, 0.0_wp), &
+            case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.02_wp)]
         type(global_error_type) :: global_error
         type(options_type) :: options
         type(failure_type), allocatable :: failure
@@ -81,6 +83,7 @@ contains
             options%stepper = cases(i)%stepper
             options%rtol = cases(i)%rtol
             if (cases(i)%step > 0.0_wp) options%step = cases(i)%step
+            options%max_step = cases(i)%max_step
             call estimate_error(trim(cases(i)%scene), options, global_error, true, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return

@@ -8,6 +8,7 @@ module test_simulation
     use tandem, only: at_end, at_start, at_step, failure_type => error_type, long, model_type, observer_type, options_type, &
         rolling_disk_type, simulation_type, statistics_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -172,6 +173,10 @@ contains
 
         call roll(integrated, model, 1.0_wp, error)
         call roll(stepped, other, 5.0e-3_wp, error)
+        call stepped%step(stepped%state%t, failure)
+        call check_failure(error, failure, 'invalid_option', 'must be after the current time')
+        call stepped%step(ieee_value(1.0_wp, ieee_quiet_nan), failure)
+        call check_failure(error, failure, 'invalid_option', 'must be after the current time')
         do i = 2, 200
             call stepped%step(1.0_wp, failure)
             call check_no_failure(error, failure)

@@ -8,6 +8,7 @@ module test_verification
     use tandem, only: derivative_name, failure_type => error_type, finding_type, model_type, n_derivatives, rolling_disk_type, &
         verify_model, wp
     use testdrive, only: error_type, new_unittest, unittest_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
@@ -24,6 +25,8 @@ contains
             new_unittest('verification-names-a-wrong-fused-derivative', test_verify_derivatives), &
             new_unittest('verification-names-a-wrong-term', test_verify_terms), &
             new_unittest('verification-names-a-wrong-single-procedure', test_verify_single), &
+            new_unittest('verification-lets-nothing-pass-that-is-no-number', test_verify_nan), &
+            new_unittest('verification-names-a-procedure-that-fails', test_verify_failure), &
             new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint)]
     end subroutine collect_verification
 
@@ -127,6 +130,48 @@ contains
         call check_true(error, count(.not. findings%passed) == 1, 'one finding fails')
         call check_text(error, findings(findloc(findings%passed, .false., dim=1))%name, 'mass_matrix (symmetry)')
     end subroutine test_verify_terms
+
+    !> nu is NaN, and so is what differences say of gamma, which is right.
+    subroutine test_verify_nan(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: inner
+        type(perturbed_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i
+
+        call new_subject('motorcycle', inner, q, qd)
+        call model%wrap(inner)
+        model%amount = ieee_value(1.0_wp, ieee_quiet_nan)
+        model%term = 3
+        model%row = 4
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        do i = 1, size(findings)
+            if (findings(i)%name == 'constraint_acceleration') call check_true(error, .not. findings(i)%passed, 'gamma')
+            if (findings(i)%name == 'holonomic_rate') call check_true(error, .not. findings(i)%passed, 'nu')
+        end do
+    end subroutine test_verify_nan
+
+    !> The one that has failed, not the last that was evaluated before.
+    subroutine test_verify_failure(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: inner
+        type(perturbed_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call new_subject('motorcycle', inner, q, qd)
+        call model%wrap(inner)
+        model%fault_stat = 1
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        call check_count(error, count(.not. findings%passed), 1, 'findings that fail')
+        if (allocated(error)) return
+        call check_text(error, findings(findloc(findings%passed, .false., dim=1))%name, 'evaluation of evaluate_derivatives')
+    end subroutine test_verify_failure
 
     subroutine test_verify_single(error)
         type(error_type), allocatable, intent(out) :: error

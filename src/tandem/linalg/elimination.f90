@@ -38,7 +38,7 @@ module tandem_linalg_elimination
         logical, private :: has_pivots = .false., held_has_pivots = .false.
         !> Largest scaled entry of each row of C when it was measured last, the pivots; a column; 1 for rows and 0 for padding
         !> (height); the unit matrix (height, height).
-        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), mask(:), unit(:, :)
+        real(wp), allocatable, private :: row_size(:), held_row_size(:), pivots(:), column(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and those of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         integer, allocatable, private :: held_order(:)
@@ -107,16 +107,16 @@ contains
         self%height = lane*((m + lane - 1)/lane)
         self%has_pivots = .false.
         self%parity = 1
-        if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%pivots, self%column, &
-            self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
+        if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%held_row_size, self%pivots, &
+            self%column, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
         if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
         if (m > largest_small) then
             allocate (self%exchanges(m), source=0)
             allocate (self%row_factor(m), source=1.0_wp)
         end if
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
-        allocate (self%row_size(self%height), self%pivots(self%height), self%column(self%height), &
-            self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
+        allocate (self%row_size(self%height), self%held_row_size(self%height), self%pivots(self%height), &
+            self%column(self%height), self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
         allocate (self%scale(n), self%pivot_scale(self%height), source=1.0_wp)
         allocate (self%order(n), self%held_order(n), source=0)
         self%mask(:m) = 1.0_wp
@@ -139,6 +139,7 @@ contains
 
         self%held_has_pivots = self%has_pivots
         self%held_order(:) = self%order
+        self%held_row_size(:) = self%row_size
         self%held_parity = self%parity
         self%held_choice = self%choice
     end subroutine hold
@@ -149,6 +150,7 @@ contains
 
         self%has_pivots = self%held_has_pivots
         self%order(:) = self%held_order
+        self%row_size(:) = self%held_row_size
         self%parity = self%held_parity
         self%choice = self%held_choice
         if (self%has_pivots) self%pivot_scale(:self%m) = self%scale(self%order(:self%m))

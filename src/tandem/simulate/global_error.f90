@@ -196,7 +196,7 @@ contains
         type(options_type), intent(out) :: second
         !> What the error of the second run should be of that of the first.
         real(wp), intent(out) :: ratio
-        real(wp) :: factor
+        real(wp) :: factor, of_step
 
         second = options
         if (.not. options%is_adaptive()) then
@@ -212,8 +212,11 @@ contains
         if (allocated(second%rtol_qd)) second%rtol_qd = factor*second%rtol_qd
         if (allocated(second%atol_q)) second%atol_q = factor*second%atol_q
         if (allocated(second%atol_qd)) second%atol_qd = factor*second%atol_qd
-        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p.
-        ratio = factor**(real(method%order, wp)/real(method%estimate_order + 1, wp))
+        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p. One that is at the largest step
+        ! is to change as much: the same steps would tell nothing.
+        of_step = factor**(1.0_wp/real(method%estimate_order + 1, wp))
+        if (options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
+        ratio = of_step**method%order
     end subroutine choose_second
 
     !> What it has seen of the first run, so that it can go on to watch a run that is taken up. The end of the run may be another.

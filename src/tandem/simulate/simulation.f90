@@ -439,7 +439,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         call self%check_ready(error)
-        if (.not. allocated(error)) call self%advance(t_limit, error)
+        if (allocated(error)) return
+        if (.not. t_limit > self%state%t) then
+            call set_error(error, status_invalid_option, 'the limit of a step, '//to_text(t_limit)// &
+                ', must be after the current time '//to_text(self%state%t), 'choose a later one')
+            return
+        end if
+        call self%advance(t_limit, error)
         if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
     end subroutine step
 

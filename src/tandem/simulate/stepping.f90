@@ -105,6 +105,14 @@ contains
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
     end subroutine advance
 
+    !> Whether a failed step has left B or H behind that were refined in vain, and are no start for others.
+    pure logical function has_spoilt(self, stat)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: stat
+
+        has_spoilt = self%options%refresh == 'refine' .and. any(stat == [status_chart_left, status_position_diverged])
+    end function has_spoilt
+
     !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.
     subroutine check_rank(self, stat)
         class(simulation_type), intent(inout) :: self
@@ -172,6 +180,12 @@ contains
         end if
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
+            ! Whoever goes on with a shorter one shall find nothing of it.
+            call self%chart%retry_step()
+            if (has_spoilt(self, stat)) then
+                self%chart_is_current = .false.
+                self%renewal = by_failure
+            end if
             return
         end if
         call note_local_error(self, h)
@@ -237,6 +251,7 @@ contains
                     self%tally%rejected = self%tally%rejected + 1
                     reason = status_ok
                     call self%control%reject(h, norm)
+                    call self%chart%retry_step()
                     if (self%work%is_set) call check_work(self, error)
                     if (allocated(error)) return
                     cycle
@@ -256,7 +271,8 @@ contains
             call self%control%fail(h)
             if (self%work%is_set) call check_work(self, error)
             if (allocated(error)) return
-            if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
+            call self%chart%retry_step()
+            if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
             if (allocated(error)) return
         end do
         self%hindrance = merge(reason, status_ok, has_failed)
@@ -431,7 +447,7 @@ contains
         integer :: stat
 
         if (self%chart_is_current) return
-        if (self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = max(self%renewal, by_failure)
+        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = by_failure
         if (self%renewal /= 0) then
             call self%renew_chart(self%renewal, error)
             self%renewal = 0

@@ -59,6 +59,7 @@ module tandem_tangent_chart
         procedure(remainder_interface), deferred :: remainder
         procedure(refresh_interface), deferred :: refresh
         procedure(start_step_interface), deferred :: start_step
+        procedure(retry_step_interface), deferred :: retry_step
         procedure(forget_interface), deferred :: forget
         procedure(forget_interface), deferred :: forget_model
         procedure(forget_interface), deferred :: hold
@@ -146,6 +147,13 @@ module tandem_tangent_chart
             !> The acceleration (n) at the start, where the chart was made or refreshed last.
             real(wp), intent(in), contiguous :: qdd(:)
         end subroutine start_step_interface
+
+        !> Go back to where the step starts, after a try of it that is not kept.
+        subroutine retry_step_interface(self)
+            import :: chart_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+        end subroutine retry_step_interface
 
         !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `forget_model`
         !> forgets a constant mass matrix too, because parameters may have changed; `hold` what the

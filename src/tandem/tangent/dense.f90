@@ -98,6 +98,7 @@ module tandem_tangent_dense
         procedure :: remainder
         procedure :: refresh
         procedure :: start_step
+        procedure :: retry_step
         procedure :: forget
         procedure :: forget_model
         procedure :: hold
@@ -392,6 +393,13 @@ contains
 
         call self%position%start_step(self%step_jacobian, qdd)
     end subroutine start_step
+
+    !> Go back to where the step starts.
+    subroutine retry_step(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%position%retry_step()
+    end subroutine retry_step
 
     !> What rounding took from q = q0 + xi - U u.
     pure subroutine remainder(self, increment, q, left)

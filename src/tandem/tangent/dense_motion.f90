@@ -238,7 +238,7 @@ contains
         associate (terms => self%model%terms, split => self%split)
             if (self%has_bases) then
                 call self%split_fully(stat)
-                call self%dynamics%factor(terms%mass, split%null_space, stat)
+                if (stat == status_ok) call self%dynamics%factor(terms%mass, split%null_space, stat)
                 if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, split%null_space, split%right_inverse, &
                     terms%gamma, terms%force, .not. self%refines, qdd, stat)
             else

@@ -52,6 +52,7 @@ module tandem_tangent_position
         logical, private :: has_learnt = .false., held_has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
+        integer, private :: held_most_corrections = 0
         !> The time that B belongs to and that of the origin. A correction with a B of age t leaves the part `ageing` t of an
         !> error, as was seen of late. How many corrections the last point took.
         real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
@@ -68,6 +69,7 @@ module tandem_tangent_position
         procedure :: start
         procedure :: start_without_basis
         procedure :: start_step
+        procedure :: retry_step
         procedure :: follow
         procedure :: refresh
         procedure :: refine
@@ -186,6 +188,13 @@ contains
             call copy(self%nh, self%correction, self%curvature)
         end if
     end subroutine start_step
+
+    !> Begin a step anew with the u that it started from, not with the one that a longer try has left.
+    subroutine retry_step(self)
+        class(position_type), intent(inout) :: self
+
+        if (self%nh > 0 .and. self%predicts) call copy(self%width, self%u_start, self%u)
+    end subroutine retry_step
 
     !> Let B follow the motion to the point that was restored last, by one refinement (20), if that took many corrections.
     subroutine follow(self, t, height, matrix, counts)
@@ -328,7 +337,10 @@ contains
                 end if
             end if
             call model%evaluate_phi(t, q, counts, stat)
-            if (stat /= status_ok) return
+            if (stat /= status_ok) then
+                self%u = 0.0_wp
+                return
+            end if
             call measure(self%nh, model%terms%phi, self%weight, error, total)
             ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
             if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
@@ -551,6 +563,7 @@ contains
         self%held_b_time = self%b_time
         self%held_b_rest = self%b_rest
         self%held_has_learnt = self%has_learnt
+        self%held_most_corrections = self%most_corrections
         if (self%has_gram) self%held_gram(:, :) = self%gram
         if (self%refines) self%held_b = self%b%inverse
     end subroutine hold
@@ -564,6 +577,7 @@ contains
         self%b_time = self%held_b_time
         self%b_rest = self%held_b_rest
         self%has_learnt = self%held_has_learnt
+        self%most_corrections = self%held_most_corrections
         if (self%has_gram) self%gram(:, :) = self%held_gram
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release

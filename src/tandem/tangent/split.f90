@@ -38,6 +38,7 @@ module tandem_tangent_split
         integer :: failed_row = 0
         !> Most corrections that a refinement of H has taken since the caller set this to zero.
         integer :: most_corrections = 0
+        integer, private :: held_most_corrections = 0
         !> Whether R and D are those of the last `update`.
         logical :: is_complete = .false.
         integer, private :: way = by_elimination
@@ -223,6 +224,7 @@ contains
 
         if (self%way == by_elimination) call self%elimination%hold()
         if (self%way == by_refinement) self%held_h = self%h%inverse
+        self%held_most_corrections = self%most_corrections
     end subroutine hold
 
     !> Go back to what was kept.
@@ -231,6 +233,7 @@ contains
 
         if (self%way == by_elimination) call self%elimination%release()
         if (self%way == by_refinement) self%h%inverse = self%held_h
+        self%most_corrections = self%held_most_corrections
     end subroutine release
 
     !> H = (C X)^-1 by LU.
