@@ -64,13 +64,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type :: case_type
             character(len=10) :: scene, stepper
-            real(wp) :: rtol, step
-            real(wp) :: max_step = 0.0_wp
+            real(wp) :: rtol, step, max_step
         end type case_type
         type(case_type), parameter :: cases(7) = [ &
-            case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp), case_type('disk', 'dopri5', 1.0e-8_wp, 0.0_wp), &
-            case_type('disk', 'rk4', 0.0_wp, 4.0e-3_wp), case_type('vehicle', 'sdirk54', 1.0e-6_wp, 0.0_wp), &
-            case_type('vehicle', 'trapezoid', 0.0_wp, 1.0e-2_wp), case_type('knife_edge', 'dop853', 1.0e-8_wp, 0.0_wp), &
+            case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.0_wp), case_type('disk', 'dopri5', 1.0e-8_wp, 0.0_wp, 0.0_wp), &
+            case_type('disk', 'rk4', 0.0_wp, 4.0e-3_wp, 0.0_wp), case_type('vehicle', 'sdirk54', 1.0e-6_wp, 0.0_wp, 0.0_wp), &
+            case_type('vehicle', 'trapezoid', 0.0_wp, 1.0e-2_wp, 0.0_wp), &
+            case_type('knife_edge', 'dop853', 1.0e-8_wp, 0.0_wp, 0.0_wp), &
             case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.02_wp)]
         type(global_error_type) :: global_error
         type(options_type) :: options

@@ -51,7 +51,7 @@ module tandem_options
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every
-        !> stage adds up, and under error control, within a step, for a thousandth of `rtol` if that is larger.
+        !> stage adds up, and under error control, within a step, for 0.003 `rtol` if that is larger.
         real(wp) :: utol = 0.0_wp
         !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: btol = 0.0_wp

@@ -45,8 +45,8 @@ module tandem_model_verification
 
 contains
 
-    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete; procedures that are wrong or
-    !> could not be evaluated (row 0) are findings.
+    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete; procedures that are wrong
+    !> or could not be evaluated (row 0) are findings.
     subroutine verify_model(model, t, q, qd, n_states, findings, error)
         class(model_type), intent(inout), target :: model
         !> A state that the model can be evaluated at (n); velocities near zero are replaced by random ones of their scale.

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> SDIRK54, Table 1: singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages share
-!> h a_ii = h / 4 and so one Newton matrix, made at the start of the step.
+!> h a_ii = h / 4 and so one Newton matrix, which serves as many steps as it can.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp

@@ -2,8 +2,9 @@
 !> Redundant constraints at a start: which rows repeat others and can be left out, whether they contradict them, and whether the
 !> rows depend on each other only there, in a singular configuration that is no redundancy.
 !>
-!> A row is redundant where it depends on rows before it and still does at neighbouring states, reached along the motions that the
-!> other rows allow. Works on the rows of the model as they are, without a chart. Used only where a chart finds dependent rows.
+!> A row is redundant where it depends on those that are kept (`split_rows` chooses them) and still does at neighbouring states,
+!> reached along the motions that these allow. Works on the rows of the model as they are, without a chart. Used only where a chart
+!> finds dependent rows.
 module tandem_tangent_redundancy
     use tandem_kinds, only: wp
     use tandem_linalg_dependence, only: solve_least_norm, split_rows

@@ -34,7 +34,7 @@ contains
     recursive subroutine observe(self, simulation, occasion, error)
         class(observer_list_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> `at_start`, `at_step` or `at_end`.
+        !> `at_start`, `at_step`, `at_event` or `at_end`.
         integer, intent(in) :: occasion
         type(error_type), allocatable, intent(out) :: error
         type(error_type), allocatable :: another

@@ -105,7 +105,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> The complete scene and the command line, for the file.
         character(len=*), intent(in), optional :: scene, command
-        !> Whether a file may be lost that is no result of tandem.
+        !> Whether a file that exists may be overwritten.
         logical, intent(in), optional :: force
         !> What watches the run too, for the checkpoint; it must outlive the run.
         class(global_error_type), intent(inout), optional, target :: watcher

@@ -276,7 +276,7 @@ contains
         case ('articulated_vehicle')
             text = 'the kinetic energy'
         case ('rolling_disk')
-            text = 'the total energy (the kinetic one varies from 7.5 to 50 J)'
+            text = 'the total energy (the kinetic one varies from 7.5 to 56 J)'
         case default
             text = 'the total energy, on which the steering does work'
         end select
@@ -288,7 +288,7 @@ contains
     subroutine observe(self, simulation, occasion, error)
         class(figures_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> `at_start`, `at_step` or `at_end`.
+        !> `at_start`, `at_step`, `at_event` or `at_end`.
         integer, intent(in) :: occasion
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: kinetic, potential
