@@ -71,6 +71,32 @@ class Case(unittest.TestCase):
 class Doubts(Case):
     """What the report on the terminal warns of, the file warns of too."""
 
+    def test_a_row_that_cannot_be_had_does_not_end_the_run(self):
+        """Steps of a loose tolerance that are right, but too large to look into."""
+        spin = ["--set", "model.mass=1.561", "--set", "model.radius=0.1119", "--set", "model.gravity=0.0", "--set",
+                "initial.tilt=-0.9642", "--set", "initial.omega=[16.387,-0.563,0.892]", "--set", "time.end=2", "--set",
+                "solver.stepper=dop853", "--set", "solver.rtol=0.00163", "--quiet", "--no-error"]
+        done = self.tandem("run", "rolling_disk", *spin, "--set", "output.interval=0.04", "--output", "gaps.h5")
+        self.tandem("run", "rolling_disk", *spin, "--set", "output.every=1", "--output", "steps.h5")
+        with h5py.File(self.folder / "gaps.h5") as gaps, h5py.File(self.folder / "steps.h5") as steps:
+            np.testing.assert_array_equal(gaps["trajectory/q"][-1], steps["trajectory/q"][-1])
+            self.assertLess(len(gaps["trajectory/time"]), 51)
+            self.assertGreater(len(gaps["trajectory/time"]), 20)
+            self.assertLess(np.max(gaps["diagnostics/position_error"]), 1e-12)
+            missing = [text for text in gaps["report"].attrs["warnings"] if "a row is missing" in str(text)]
+            self.assertEqual(len(missing), 1)
+        self.assertIn("a row is missing", done.stdout)
+
+    def test_rounding_keeps_no_row_out(self):
+        """The iteration stands still at 1.6e-14, above its own tolerance, but well within that of the constraints."""
+        self.tandem("run", "rolling_disk", "--set", "solver.stepper=trapezoid", "--set", "solver.rtol=0.00511", "--set",
+                    "solver.chart=adaptive", "--set", "model.mass=0.03736", "--set", "model.radius=9.604", "--set",
+                    "model.gravity=1.0", "--set", "initial.tilt=-1.3467", "--set", "initial.omega=[-12.791,-1.725,-1.869]",
+                    "--set", "time.end=2", "--set", "output.interval=0.054054", "--quiet", "--no-error", "--output", "rows.h5")
+        with h5py.File(self.folder / "rows.h5") as file:
+            self.assertEqual(len(file["trajectory/time"]), 39)
+            self.assertLess(np.max(file["diagnostics/position_error"]), 1e-12)
+
     def test_errors_between_steps_and_at_the_end(self):
         done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--quiet", "--set", "solver.stepper=dop853", "--set",
                            "solver.rtol=1e-7", "--set", "output.interval=0.1")
