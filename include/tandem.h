@@ -98,8 +98,9 @@ tandem_problem *tandem_new(int n, int n_holonomic, int n_nonholonomic, void *use
 /* Give a problem back; NULL is allowed. */
 void tandem_free(tandem_problem *problem);
 
-/* What the last call for this problem had to say, beginning with the name of its status. It belongs to the problem and stays
- * until the next call. */
+/* What the last call for this problem had to say, beginning with the name of its status; 2047 characters at most. The text
+ * belongs to the problem and is always at the same place, which the next call overwrites: copy it to keep it. NULL has a
+ * message, too. */
 const char *tandem_message(const tandem_problem *problem);
 
 /* --- the model: give functions by name, NULL takes one back. After a change the run must be started anew. -------------- */

@@ -519,6 +519,28 @@ static void test_mass_blocks(void)
     tandem_free(q);
 }
 
+/* The address may be handed over before the call that the text is of, as in printf("%d %s", call, tandem_message(p)). */
+static void test_message(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    const char *told = tandem_message(p);
+    char name[256], row[40];
+
+    check("the-message-of-a-new-problem-is-ok", strncmp(told, "ok", 2) == 0, told);
+    memset(name, 'x', sizeof name);
+    name[sizeof name - 1] = 0;
+    tandem_set_real(p, name, 1);
+    check("a-long-message-is-at-the-same-place", tandem_message(p) == told && strstr(told, "rtol") != NULL, told);
+    tandem_set_row_name(p, 0, "bowl");
+    check("a-short-one-leaves-nothing-of-it", tandem_message(p) == told && strcmp(told, "ok: all went well") == 0, told);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    snprintf(row, sizeof row, "%d %s", tandem_step(p, -1), told);
+    check("and-is-that-of-the-call-beside-it", tandem_message(p) == told && strstr(told, "after the current time") != NULL, row);
+    check("null-has-a-message-at-one-place", tandem_message(NULL) == tandem_message(NULL), tandem_message(NULL));
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -618,6 +640,7 @@ int main(void)
     test_faults();
     test_saved();
     test_mass_blocks();
+    test_message();
     test_misuse();
     return failures > 0;
 }

@@ -71,7 +71,7 @@ contains
         if (problem%release()) deallocate (problem)
     end subroutine c_free
 
-    !> The message of the last call; it stays where it is until the next one.
+    !> The message of the last call, always at the same place.
     type(c_ptr) function c_message(handle) bind(C, name='tandem_message')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem

@@ -68,7 +68,8 @@ end subroutine tdfree
 !> The text of the last IERR.
 subroutine tdtext(h, text)
     use tandem_legacy_handle, only: to_problem
-    use tandem_legacy_problem, only: message_of_no_problem, problem_type
+    use tandem_legacy_problem, only: message_length, message_of_no_problem, problem_type
+    use, intrinsic :: iso_c_binding, only: c_null_char
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(out) :: text
@@ -79,7 +80,8 @@ subroutine tdtext(h, text)
     text = message_of_no_problem
     if (.not. associated(problem)) return
     text = ' '
-    do i = 1, min(len(text), size(problem%message) - 1)
+    do i = 1, min(len(text), message_length)
+        if (problem%message(i) == c_null_char) exit
         text(i:i) = problem%message(i)
     end do
 end subroutine tdtext

@@ -19,12 +19,14 @@ module tandem_legacy_problem
     implicit none (type, external)
     private
 
-    public :: problem_type, message_of_no_problem
+    public :: problem_type, message_of_no_problem, message_length
 
     !> The message where there is no problem to keep one.
     character(len=*), parameter :: message_of_no_problem = &
         'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
     character(len=*), parameter :: message_of_success = 'ok: all went well'
+    !> More characters than any message takes; what is behind them is cut.
+    integer, parameter :: message_length = 2047
     !> Matrices of more rows than this cannot be counted by default integers.
     integer, parameter :: largest_n = 32767
     !> A run keeps about so many matrices of n rows and columns.
@@ -38,8 +40,9 @@ module tandem_legacy_problem
         type(simulation_type) :: simulation
         !> Status of the last operation.
         integer :: stat = status_ok
-        !> Message of the last operation, ended by a NUL.
-        character(kind=c_char), allocatable :: message(:)
+        !> Message of the last operation, ended by a NUL. It never moves: callers of C keep its address, and `printf` may be handed
+        !> the address before the operation that the message is of.
+        character(kind=c_char) :: message(message_length + 1) = c_null_char
         logical, private :: sizes_can_be = .false.
         logical, private :: started = .false.
         !> True while the user's procedures may be called.
@@ -87,7 +90,7 @@ contains
         model%n = n
         model%n_holonomic = n_holonomic
         model%n_nonholonomic = n_nonholonomic
-        self%message = to_c(message_of_success)
+        call set_message(self, message_of_success)
         call check_sizes(model, error)
         self%sizes_can_be = .not. allocated(error)
         call self%conclude(error)
@@ -136,10 +139,10 @@ contains
 
         if (allocated(error)) then
             self%stat = error%stat
-            self%message = to_c(error%message)
+            call set_message(self, error%message)
         else if (self%stat /= status_ok) then
             self%stat = status_ok
-            self%message = to_c(message_of_success)
+            call set_message(self, message_of_success)
         end if
     end subroutine conclude
 
@@ -511,16 +514,16 @@ contains
         call self%conclude(error)
     end subroutine restore_state
 
-    !> A text as C keeps it.
-    pure function to_c(text) result(chars)
+    !> Keep a message as C reads it, as far as there is room.
+    subroutine set_message(self, text)
+        class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: text
-        character(kind=c_char), allocatable :: chars(:)
-        integer :: i
+        integer :: i, length
 
-        allocate (chars(len(text) + 1))
-        do i = 1, len(text)
-            chars(i) = text(i:i)
+        length = min(len(text), message_length)
+        do i = 1, length
+            self%message(i) = text(i:i)
         end do
-        chars(len(text) + 1) = c_null_char
-    end function to_c
+        self%message(length + 1) = c_null_char
+    end subroutine set_message
 end module tandem_legacy_problem
