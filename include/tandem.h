@@ -137,7 +137,7 @@ int tandem_set_vector(tandem_problem *problem, const char *name, int count, cons
 /* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
 int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* Integrate to t_end. On a failure the state is that of the last accepted step. */
+/* Integrate to t_end. Nothing is done where that is the current time; an earlier one is refused. On a failure the state is that of the last accepted step. */
 int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */

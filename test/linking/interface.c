@@ -100,6 +100,35 @@ static void test_steps(void)
     tandem_free(q);
 }
 
+/* A loop over times of output that begins with the start. */
+static void test_output_times(void)
+{
+    struct bowl b = new_bowl(), whole = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&whole);
+    double x[2 * N], y[2 * N], before, after;
+    int status = 0;
+
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_start(q, 0, bowl_q, bowl_qd);
+    for (int i = 0; i < 3 && status == 0; i++) {
+        status = tandem_integrate(p, 0.5 * i);
+        if (i > 0) tandem_integrate(q, 0.5 * i);
+    }
+    expect("output-times-may-begin-with-the-start", p, status, TANDEM_OK, "ok");
+    tandem_get_state(p, NULL, x, x + N, NULL);
+    tandem_get_state(q, NULL, y, y + N, NULL);
+    check("which-changes-nothing", memcmp(x, y, sizeof x) == 0, "another motion");
+    tandem_get_statistic(p, "right_hand_sides", &before);
+    expect("the-current-time-is-reached-already", p, tandem_integrate(p, 1), TANDEM_OK, "ok");
+    tandem_get_statistic(p, "right_hand_sides", &after);
+    check("and-costs-nothing", after == before && before > 0, "evaluations");
+    tandem_integrate(p, 0.5);
+    expect("to-be-there-clears-the-message", p, tandem_integrate(p, 1), TANDEM_OK, "ok");
+    expect("an-earlier-time-is-refused", p, tandem_integrate(p, nextafter(1, 0)), TANDEM_INVALID_OPTION, "after the current time");
+    tandem_free(p);
+    tandem_free(q);
+}
+
 static void test_derivatives(void)
 {
     struct bowl b = new_bowl(), plain = new_bowl();
@@ -631,6 +660,7 @@ int main(void)
 {
     test_run();
     test_steps();
+    test_output_times();
     test_derivatives();
     test_breakpoints();
     test_driven();

@@ -69,6 +69,10 @@ C
       CALL START (Q2, QD2)
       CALL TDSTRT (JH, T2, Q2, QD2, RPAR, IPAR, IERR)
       CALL OK ('several-procedures-start', JH, IERR)
+      CALL TDINTG (JH, T2, Q2, QD2, T2, RPAR, IPAR, IERR)
+      CALL OK ('output-times-may-begin-with-the-start', JH, IERR)
+      CALL TOLD ('and-the-state-is-the-start', ABS(T2) .LE. 0.0D0 .AND.
+     &           ABS(QD2(3) - 1.5D0) .LE. 0.0D0)
       CALL TDENER (JH, EKIN, EPOT, RPAR, IPAR, IERR)
       E0 = EKIN + EPOT
       IPAR(1) = 0

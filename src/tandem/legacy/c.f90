@@ -273,7 +273,7 @@ contains
         c_start = problem%stat
     end function c_start
 
-    !> Integrate to t_end.
+    !> Integrate to t_end, which may be the current time.
     integer(c_int) function c_integrate(handle, t_end) bind(C, name='tandem_integrate')
         type(c_ptr), value :: handle
         real(c_double), value :: t_end

@@ -314,7 +314,8 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdstrt
 
-!> Integrate to TEND. T, Q(N), QD(N) are then the state reached, also after a failure on the way.
+!> Integrate to TEND; where that is the current time, nothing is done. T, Q(N), QD(N) are then the state reached, also after a
+!> failure on the way.
 subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
