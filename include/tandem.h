@@ -109,7 +109,8 @@ int tandem_set_position_function(tandem_problem *problem, const char *name, tand
 int tandem_set_motion_function(tandem_problem *problem, const char *name, tandem_motion_function function);
 int tandem_set_direction_function(tandem_problem *problem, const char *name, tandem_direction_function function);
 
-/* `provides`: the sum of the constants of the terms that the function gives. They precede the functions by name. */
+/* `provides`: the sum of the constants of the terms that the function gives. They precede the functions by name. NULL takes the
+ * function back, with any sum. */
 int tandem_set_evaluate(tandem_problem *problem, tandem_evaluate_function function, int provides);
 
 /* Name a constraint row (from 0, holonomic rows first) for messages; up to 32 characters. */
@@ -129,7 +130,7 @@ int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). */
+ * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */

@@ -215,6 +215,12 @@ static void test_breakpoints(void)
     tandem_integrate(p, 1);
     tandem_get_state(p, NULL, &q, &qd, NULL);
     check("segments-switch-at-the-breakpoint", fabs(q - 0.25) < 1e-14 && fabs(qd - 1) < 1e-14, tandem_message(p));
+    tandem_set_vector(p, "nu_jumps", 1, &at);
+    tandem_set_vector(p, "breakpoints", 0, NULL);
+    expect("jumps-without-breakpoints-are-refused", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_MODEL, "nu_jumps");
+    tandem_set_vector(p, "breakpoints", 1, &at);
+    tandem_set_vector(p, "nu_jumps", 0, NULL);
+    expect("jumps-are-taken-back-alone", p, tandem_start(p, 0, &q, &qd), TANDEM_OK, "ok");
     tandem_set_vector(p, "breakpoints", 2, twice);
     expect("breakpoints-that-do-not-ascend-are-refused", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_MODEL, "ascend");
     tandem_set_vector(p, "breakpoints", 0, NULL);
@@ -610,6 +616,9 @@ static void test_misuse(void)
     expect("unknown-function", p, tandem_set_position_function(p, "phi", bowl_phi), TANDEM_INVALID_OPTION, "holonomic");
     expect("function-of-another-kind", p, tandem_set_position_function(p, "applied_force", bowl_phi), TANDEM_INVALID_OPTION,
            "(t, q)");
+    tandem_set_evaluate(p, bowl_evaluate, TANDEM_MASS);
+    expect("null-takes-a-function-of-all-back", p, tandem_set_evaluate(p, NULL, 0), TANDEM_OK, "ok");
+    expect("provides-must-be-given-with-a-function", p, tandem_set_evaluate(p, bowl_evaluate, 0), TANDEM_INVALID_OPTION, "provides");
     expect("impossible-provides", p, tandem_set_evaluate(p, bowl_evaluate, 64), TANDEM_INVALID_OPTION, "64");
     expect("no-such-row", p, tandem_set_row_name(p, 2, "row"), TANDEM_INVALID_OPTION, "row");
 
@@ -628,6 +637,8 @@ static void test_misuse(void)
     tandem_set_real(p, "step", 1e-2);
     tandem_set_vector(p, "coordinate_scale", 2, x);
     expect("scale-of-a-wrong-length", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "coordinate_scale");
+    expect("a-scale-is-taken-back", p, tandem_set_vector(p, "coordinate_scale", 0, NULL), TANDEM_OK, "ok");
+    expect("and-is-one-again", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
     for (int i = 0; i < N; i++) x[i] = 1;
     tandem_set_vector(p, "coordinate_scale", N, x);
     expect("a-start-can-be-made-good", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");

@@ -152,7 +152,7 @@ contains
         call find(handle, problem)
         c_set_evaluate = status_invalid_option
         if (.not. associated(problem)) return
-        if (problem%check_provides(provides)) then
+        if (problem%check_provides(provides, c_associated(function_))) then
             select type (model => problem%model)
             class is (c_model_type)
                 call model%set_evaluate(function_, provides)

@@ -165,12 +165,13 @@ subroutine tddir(h, name, sub, ierr)
 end subroutine tddir
 
 !> Give a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE;
-!> IPROV is the sum of the constants of those that it gives.
+!> IPROV is the sum of the constants of those that it gives, and anything with TDNONE.
 subroutine tdeval(h, sub, iprov, ierr)
-    use tandem_legacy_f77_model, only: f77_evaluate, f77_model_type
+    use tandem_legacy_f77_model, only: f77_evaluate, f77_model_type, is_none
     use tandem_legacy_handle, only: to_problem
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
     procedure(f77_evaluate) :: sub
@@ -181,7 +182,7 @@ subroutine tdeval(h, sub, iprov, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    if (problem%check_provides(iprov)) then
+    if (problem%check_provides(iprov, .not. is_none(c_funloc(sub)))) then
         select type (model => problem%model)
         class is (f77_model_type)
             call model%set_evaluate(sub, iprov)

@@ -11,7 +11,7 @@ module tandem_legacy_f77_model
     implicit none (type, external)
     private
 
-    public :: f77_model_type, lend_to, f77_position, f77_motion, f77_direction, f77_evaluate
+    public :: f77_model_type, is_none, lend_to, f77_position, f77_motion, f77_direction, f77_evaluate
 
     abstract interface
         !> A term of time and position.
@@ -113,6 +113,7 @@ contains
 
     !> Whether a procedure is the one that stands for none.
     logical function is_none(address)
+        !> Address of a procedure.
         type(c_funptr), intent(in) :: address
         procedure(f77_position) :: tdnone
 

@@ -208,16 +208,18 @@ contains
         end if
     end function find_callback
 
-    !> Whether `provides` can be that of a fused procedure.
-    logical function check_provides(self, provides)
+    !> Whether `provides` can be that of a fused procedure. Where one is taken back, it may be anything.
+    logical function check_provides(self, provides, has)
         class(problem_type), intent(inout) :: self
         !> A sum of need bits.
         integer, intent(in) :: provides
+        !> Whether a procedure is given.
+        logical, intent(in) :: has
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
         check_provides = self%changes_model()
         if (.not. check_provides) return
-        check_provides = provides > 0 .and. iand(provides, not(all_terms)) == 0
+        check_provides = .not. has .or. (provides > 0 .and. iand(provides, not(all_terms)) == 0)
         if (check_provides) then
             call succeed(self)
         else
@@ -274,7 +276,7 @@ contains
     end subroutine set_text
 
     !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps), mass_blocks (sizes
-    !> of the diagonal blocks of M; none of them takes the list back).
+    !> of the diagonal blocks of M). No numbers take the list back.
     subroutine set_vector(self, name, values)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -284,11 +286,13 @@ contains
         if (.not. self%changes_model()) return
         select case (lower_case(name))
         case ('coordinate_scale')
-            self%model%coordinate_scale = values
+            if (allocated(self%model%coordinate_scale)) deallocate (self%model%coordinate_scale)
+            if (size(values) > 0) self%model%coordinate_scale = values
         case ('breakpoints')
             self%model%breakpoints = values
         case ('nu_jumps')
-            self%model%nu_jumps = abs(values) > 0.0_wp
+            if (allocated(self%model%nu_jumps)) deallocate (self%model%nu_jumps)
+            if (size(values) > 0) self%model%nu_jumps = abs(values) > 0.0_wp
         case ('mass_blocks')
             if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
                 call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
