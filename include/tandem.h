@@ -22,7 +22,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1003
+#define TANDEM_INTERFACE_VERSION 1004
 
 /* Outcomes. */
 enum {
@@ -116,6 +116,12 @@ int tandem_set_evaluate(tandem_problem *problem, tandem_evaluate_function functi
 /* Name a constraint row (from 0, holonomic rows first) for messages; up to 32 characters. */
 int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
 
+/* Compare every function with differences of another one at ten random states near (t, q, qd), which need not satisfy the
+ * constraints: Phi_q and Phi_t with Phi, gamma with C and nu, derivatives with what they are derived from, M with its transpose.
+ * TANDEM_INVALID_MODEL where one is wrong: the message names it, the entry (value[row][column]) and both values. E, e, M and the
+ * forces have nothing to be compared with. It takes some 80 n evaluations of the model; a run does not notice. */
+int tandem_check(tandem_problem *problem, double t, const double *q, const double *qd);
+
 /* --- options: they are checked and count from the next tandem_start on ------------------------------------------------ */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
@@ -138,7 +144,8 @@ int tandem_set_vector(tandem_problem *problem, const char *name, int count, cons
 /* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
 int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* Integrate to t_end. Nothing is done where that is the current time; an earlier one is refused. On a failure the state is that of the last accepted step. */
+/* Integrate to t_end. Nothing is done where that is the current time; an earlier one is refused. On a failure the state is that of
+ * the last accepted step. */
 int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */

@@ -6,7 +6,7 @@ module test_verification
     use model_skater, only: single_names, skater_type
     use subjects, only: new_subject, subject_names
     use tandem, only: derivative_name, failure_type => error_type, finding_type, model_type, n_derivatives, rolling_disk_type, &
-        verify_model, wp
+        status_name, verify_model, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -25,8 +25,9 @@ contains
             new_unittest('verification-names-a-wrong-fused-derivative', test_verify_derivatives), &
             new_unittest('verification-names-a-wrong-term', test_verify_terms), &
             new_unittest('verification-names-a-wrong-single-procedure', test_verify_single), &
-            new_unittest('verification-lets-nothing-pass-that-is-no-number', test_verify_nan), &
-            new_unittest('verification-names-a-procedure-that-fails', test_verify_failure), &
+            new_unittest('verification-names-a-procedure-that-fails', test_verify_failing), &
+            new_unittest('verification-finds-the-nan', test_verify_nan), &
+            new_unittest('verification-blames-no-derivative-of-a-missing-gamma', test_verify_no_gamma), &
             new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint)]
     end subroutine collect_verification
 
@@ -131,48 +132,6 @@ contains
         call check_text(error, findings(findloc(findings%passed, .false., dim=1))%name, 'mass_matrix (symmetry)')
     end subroutine test_verify_terms
 
-    !> nu is NaN, and so is what differences say of gamma, which is right.
-    subroutine test_verify_nan(error)
-        type(error_type), allocatable, intent(out) :: error
-        class(model_type), allocatable, target :: inner
-        type(perturbed_type), target :: model
-        type(finding_type), allocatable :: findings(:)
-        type(failure_type), allocatable :: failure
-        real(wp), allocatable :: q(:), qd(:)
-        integer :: i
-
-        call new_subject('motorcycle', inner, q, qd)
-        call model%wrap(inner)
-        model%amount = ieee_value(1.0_wp, ieee_quiet_nan)
-        model%term = 3
-        model%row = 4
-        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
-        call check_no_failure(error, failure)
-        do i = 1, size(findings)
-            if (findings(i)%name == 'constraint_acceleration') call check_true(error, .not. findings(i)%passed, 'gamma')
-            if (findings(i)%name == 'holonomic_rate') call check_true(error, .not. findings(i)%passed, 'nu')
-        end do
-    end subroutine test_verify_nan
-
-    !> The one that has failed, not the last that was evaluated before.
-    subroutine test_verify_failure(error)
-        type(error_type), allocatable, intent(out) :: error
-        class(model_type), allocatable, target :: inner
-        type(perturbed_type), target :: model
-        type(finding_type), allocatable :: findings(:)
-        type(failure_type), allocatable :: failure
-        real(wp), allocatable :: q(:), qd(:)
-
-        call new_subject('motorcycle', inner, q, qd)
-        call model%wrap(inner)
-        model%fault_stat = 1
-        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
-        call check_no_failure(error, failure)
-        call check_count(error, count(.not. findings%passed), 1, 'findings that fail')
-        if (allocated(error)) return
-        call check_text(error, findings(findloc(findings%passed, .false., dim=1))%name, 'evaluation of evaluate_derivatives')
-    end subroutine test_verify_failure
-
     subroutine test_verify_single(error)
         type(error_type), allocatable, intent(out) :: error
         type(skater_type), target :: model
@@ -196,6 +155,98 @@ contains
         call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
         call check_findings(findings, 'constraint_acceleration', 1, 0, 0.125_wp, error)
     end subroutine test_verify_single
+
+    !> A derivative that asks to stop or to try elsewhere is named, with the status that says so.
+    subroutine test_verify_failing(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skater_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(4), qd(4)
+        integer :: i
+
+        call model%define()
+        call model%start(q, qd)
+        model%gamma_qd => stops
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        i = findloc(findings%passed, .false., dim=1)
+        call check_text(error, findings(i)%name, 'evaluation of gamma_qd')
+        call check_text(error, status_name(findings(i)%stat), 'callback_failed')
+        model%gamma_q => fails
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        i = findloc(findings%passed, .false., dim=1)
+        call check_text(error, findings(i)%name, 'evaluation of gamma_q')
+        call check_text(error, status_name(findings(i)%stat), 'not_evaluable')
+    end subroutine test_verify_failing
+
+    !> A NaN is where the finding says, not in the first entry.
+    subroutine test_verify_nan(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skater_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(4), qd(4)
+        integer :: i
+
+        call model%define()
+        call model%start(q, qd)
+        model%gamma_qd => has_nan
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        i = findloc(findings%passed, .false., dim=1)
+        call check_text(error, findings(i)%name, 'gamma_qd')
+        call check_count(error, findings(i)%row, 2, 'row of the NaN')
+        call check_count(error, findings(i)%column, 3, 'column of the NaN')
+    end subroutine test_verify_nan
+
+    !> Without a gamma there is nothing that its derivatives could be compared with.
+    subroutine test_verify_no_gamma(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skater_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(4), qd(4)
+
+        call model%define()
+        call model%start(q, qd)
+        model%constraint_acceleration => null()
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, all(findings%passed), 'all that can be compared is right')
+        call check_count(error, size(findings), 9, 'findings')
+    end subroutine test_verify_no_gamma
+
+    subroutine stops(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        value = 0.0_wp*(t + q(1) + qd(1) + self%n)
+        stat = -1
+    end subroutine stops
+
+    subroutine fails(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call stops(self, t, q, qd, value, stat)
+        stat = 1
+    end subroutine fails
+
+    subroutine has_nan(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        call stops(self, t, q, qd, value, stat)
+        value(2, 3) = ieee_value(t, ieee_quiet_nan)
+        stat = 0
+    end subroutine has_nan
 
     !> (69) as printed: wrong in the lower block of gamma_qd and nowhere else.
     subroutine test_verify_misprint(error)

@@ -94,6 +94,7 @@ int main(void)
     check(tandem_set_motion_function(problem, "applied_force", weight), problem);
     check(tandem_set_text(problem, "stepper", "sdirk54"), problem);
     check(tandem_set_real(problem, "step", 1e-3), problem);
+    check(tandem_check(problem, 0, q, qd), problem); /* names a wrong sign or entry, which the run may not notice */
     check(tandem_start(problem, 0, q, qd), problem);
     check(tandem_integrate(problem, t), problem);
     check(tandem_get_state(problem, &t, q, qd, NULL), problem);

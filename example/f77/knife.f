@@ -25,7 +25,6 @@ C     Mass, moment of inertia, downhill component of gravity.
       GX = 9.81D0*SIN(0.3D0)
 C     RPAR and IPAR are yours: here IPAR counts calls of FORCE.
       RPAR(1) = 0.0D0
-      IPAR(1) = 0
 C
 C     The model: sizes and procedures by name.
       CALL TDNEW (IH, N, 0, 1, IERR)
@@ -53,6 +52,10 @@ C     The method, the tolerance, and the start: from rest, turning.
    10 CONTINUE
       W = 1.5D0
       QD(3) = W
+C     A wrong sign or entry, which the run may not notice.
+      CALL TDCHCK (IH, T, Q, QD, RPAR, IPAR, IERR)
+      IF (IERR .NE. 0) GO TO 900
+      IPAR(1) = 0
       CALL TDSTRT (IH, T, Q, QD, RPAR, IPAR, IERR)
       IF (IERR .NE. 0) GO TO 900
 C

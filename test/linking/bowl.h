@@ -17,7 +17,7 @@
 
 enum { N = 4, NH = 1, ND = 1, NC = NH + ND };
 
-enum fault { NONE, RETRY, STOP, GIVE_NAN, GIVE_INFINITY, CALL_BACK, FREE };
+enum fault { NONE, RETRY, STOP, GIVE_NAN, GIVE_INFINITY, CALL_BACK, FREE, NEGATE, OFF };
 
 struct bowl {
     double k, m, inertia, g;
@@ -26,6 +26,8 @@ struct bowl {
     const char *faulty;
     double fault_at, last_t;
     tandem_problem *problem;
+    /* Which entry of its value is wrong. */
+    int entry;
     int calls, status_of_call_back, eager;
 };
 
@@ -47,8 +49,10 @@ static int bowl_end(struct bowl *b, const char *name, double t, double *value)
     switch (b->fault) {
     case RETRY: return 1;
     case STOP: return -1;
-    case GIVE_NAN: value[0] = NAN; return 0;
-    case GIVE_INFINITY: value[0] = INFINITY; return 0;
+    case GIVE_NAN: value[b->entry] = NAN; return 0;
+    case GIVE_INFINITY: value[b->entry] = INFINITY; return 0;
+    case NEGATE: value[b->entry] = -value[b->entry]; return 0;
+    case OFF: value[b->entry] += 0.125; return 0;
     case CALL_BACK: b->status_of_call_back = tandem_start(b->problem, 0, q, q); return 0;
     case FREE: tandem_free(b->problem); return 0;
     default: return 0;
@@ -120,7 +124,7 @@ static int bowl_evaluate(int need, double t, const double *q, const double *qd, 
 {
     struct bowl *b = user_data, quiet = *b;
     (void)nu;
-    quiet.faulty = NULL;
+    if (b->fault < NEGATE) quiet.faulty = NULL; /* its own fault comes at the end */
     if (b->eager) need = TANDEM_PHI | TANDEM_JACOBIAN | TANDEM_GAMMA | TANDEM_MASS | TANDEM_FORCE;
     if (need & TANDEM_PHI) bowl_phi(t, q, phi, &quiet);
     if (need & TANDEM_JACOBIAN) bowl_phi_q(t, q, jacobian, &quiet), bowl_e(t, q, jacobian + N, &quiet);

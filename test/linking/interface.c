@@ -345,6 +345,11 @@ static void test_driven(void)
     tandem_set_text(p, "chart", "adaptive");
     tandem_set_text(p, "refresh", "factor");
     tandem_set_text(p, "basis", "svd");
+    expect("functions-of-time-pass-the-check", p, tandem_check(p, 0.3, q, qd), TANDEM_OK, "ok");
+    tandem_set_position_function(p, "holonomic_rate", NULL);
+    expect("the-check-misses-a-rate", p, tandem_check(p, 0.3, q, qd), TANDEM_INVALID_MODEL, "holonomic_rate is missing");
+    tandem_set_position_function(p, "holonomic_rate", bead_phi_t);
+    memset(calls, 0, sizeof calls);
     tandem_set_real(p, "rtol", 1e-10);
     before = qd[0] * qd[0] / 2 - bead_w * bead_w * pow(q[0], 4) / 4;
     tandem_start(p, 0, q, qd);
@@ -361,6 +366,99 @@ static void test_driven(void)
     tandem_get_energies(p, &by_mass, NULL);
     check("a-kinetic-energy-is-that-of-the-mass-matrix", fabs(kinetic - by_mass) < 1e-12, "another energy");
     tandem_free(p);
+}
+
+/* Every function that differences can be compared with, wrong in one entry. */
+static void test_check(void)
+{
+    static const struct {
+        const char *function, *word, *place;
+        enum fault fault;
+        int entry;
+    } wrong[] = {{"holonomic", "holonomic_jacobian is wrong", "", NEGATE, 0},
+                 {"holonomic_jacobian", "holonomic_jacobian is wrong by 0.1", "[0][2] (constraint \"bowl\") is 0.1250000,", OFF, 2},
+                 {"nonholonomic_jacobian", "constraint_acceleration is wrong", "[1] (constraint \"nonholonomic 1\")", NEGATE, 1},
+                 {"constraint_acceleration", "constraint_acceleration is wrong", "[0] (constraint \"bowl\")", NEGATE, 0},
+                 {"constraint_acceleration", "constraint_acceleration is wrong by NaN", "[1] (constraint", GIVE_NAN, 1},
+                 {"mass_matrix", "mass_matrix is not symmetric", "[1] is 0", OFF, 6},
+                 {"jacobian_derivative", "jacobian_derivative is wrong", "[1][3] (constraint", OFF, N + 3},
+                 {"reaction_derivative", "reaction_derivative is wrong", "[1][0] is", OFF, N},
+                 {"gamma_q", "gamma_q is wrong", "[0][1] (constraint", OFF, 1},
+                 {"gamma_qd", "gamma_qd is wrong", "[1][0] (constraint", OFF, N},
+                 {"force_q", "force_q is wrong", "[0][3] is 0.1250000, differences of the forces give", OFF, 3}};
+    char name[100];
+    double zero[N] = {0}, x[2 * N], y[2 * N], at = 0.25, value;
+
+    for (unsigned i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        struct bowl b = new_bowl();
+        tandem_problem *p = bowl_problem(&b);
+        bowl_derivatives(p);
+        tandem_set_row_name(p, 0, "bowl");
+        if (i == 0) expect("right-functions-pass-the-check", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+        if (i == 0) expect("at-rest-too", p, tandem_check(p, 0, bowl_q, zero), TANDEM_OK, "ok");
+        b.faulty = wrong[i].function;
+        b.fault = wrong[i].fault;
+        b.entry = wrong[i].entry;
+        snprintf(name, sizeof name, "the-check-finds-a-wrong-%s", wrong[i].function);
+        expect(name, p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, wrong[i].word);
+        snprintf(name, sizeof name, "and-where-in-%s", wrong[i].function);
+        check(name, strstr(tandem_message(p), wrong[i].place) != NULL, tandem_message(p));
+        tandem_free(p);
+    }
+
+    /* What the check is for: a run does not notice the sign of gamma, and says that its constraints hold. */
+    struct bowl b = new_bowl(), plain = new_bowl();
+    tandem_problem *p = bowl_problem_at_once(&b), *q;
+    expect("a-function-of-all-terms-passes", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    b.faulty = "constraint_acceleration";
+    b.fault = NEGATE;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-run-does-not-see-the-sign-of-gamma", p, tandem_integrate(p, 1), TANDEM_OK, "ok");
+    expect("the-check-does", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL,
+           "constraint_acceleration is wrong by 2.");
+    tandem_free(p);
+
+    b = new_bowl();
+    p = bowl_problem(&b);
+    b.faulty = "applied_force";
+    b.fault = RETRY;
+    expect("what-cannot-be-evaluated-cannot-be-checked", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_NOT_EVALUABLE, "of force");
+    b.fault = STOP;
+    expect("nor-what-stops", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_CALLBACK_FAILED, "of force");
+    bowl_derivatives(p);
+    b.faulty = "gamma_q";
+    expect("a-derivative-that-stops-is-named", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_CALLBACK_FAILED, "of gamma_q");
+    b.faulty = NULL;
+    expect("no-state-to-check", p, tandem_check(p, 0, bowl_q, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("nan-is-no-state", p, tandem_check(p, NAN, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "not finite");
+    expect("a-check-is-no-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
+    tandem_set_position_function(p, "mass_matrix", NULL);
+    expect("the-check-names-what-is-missing", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "mass_matrix");
+    tandem_free(p);
+    p = tandem_new(4, 3, 2, NULL);
+    expect("impossible-sizes-cannot-be-checked", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "at most");
+    tandem_free(p);
+
+    /* In the middle of a run, which is in its second segment. */
+    b = new_bowl();
+    p = bowl_problem(&b);
+    q = bowl_problem(&plain);
+    tandem_set_vector(p, "breakpoints", 1, &at);
+    tandem_set_vector(q, "breakpoints", 1, &at);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_start(q, 0, bowl_q, bowl_qd);
+    tandem_integrate(p, 0.5);
+    tandem_integrate(q, 0.5);
+    expect("a-run-may-be-checked", p, tandem_check(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    check("and-keeps-its-segment", tandem_get_segment(p) == 2, "another one");
+    tandem_integrate(p, 1);
+    tandem_integrate(q, 1);
+    tandem_get_state(p, NULL, x, x + N, NULL);
+    tandem_get_state(q, NULL, y, y + N, NULL);
+    tandem_get_statistic(p, "steps", &value);
+    check("and-goes-on-as-if-nothing-had-been", memcmp(x, y, sizeof x) == 0 && value > 90, tandem_message(p));
+    tandem_free(p);
+    tandem_free(q);
 }
 
 static void test_missing(void)
@@ -589,11 +687,11 @@ static void test_misuse(void)
                  tandem_set_direction_function(NULL, "mass_derivative", NULL) + tandem_set_evaluate(NULL, NULL, 1) +
                  tandem_set_row_name(NULL, 0, "row") + tandem_set_real(NULL, "step", 1) + tandem_set_integer(NULL, "max_steps", 1) +
                  tandem_set_text(NULL, "stepper", "rk4") + tandem_set_vector(NULL, "breakpoints", 0, NULL) +
-                 tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
+                 tandem_check(NULL, 0, x, x) + tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
                  tandem_get_state(NULL, x, x, x, x) + tandem_get_state_at(NULL, 0, x, x, x) + tandem_get_multipliers(NULL, 0, x) +
                  tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x) + tandem_save_state(NULL, 0, NULL, NULL) +
                  tandem_restore_state(NULL, 0, NULL);
-    check("null-is-refused-everywhere", status == 19 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+    check("null-is-refused-everywhere", status == 20 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
 
     expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
@@ -618,7 +716,8 @@ static void test_misuse(void)
            "(t, q)");
     tandem_set_evaluate(p, bowl_evaluate, TANDEM_MASS);
     expect("null-takes-a-function-of-all-back", p, tandem_set_evaluate(p, NULL, 0), TANDEM_OK, "ok");
-    expect("provides-must-be-given-with-a-function", p, tandem_set_evaluate(p, bowl_evaluate, 0), TANDEM_INVALID_OPTION, "provides");
+    expect("provides-must-be-given-with-a-function", p, tandem_set_evaluate(p, bowl_evaluate, 0), TANDEM_INVALID_OPTION,
+           "provides");
     expect("impossible-provides", p, tandem_set_evaluate(p, bowl_evaluate, 64), TANDEM_INVALID_OPTION, "64");
     expect("no-such-row", p, tandem_set_row_name(p, 2, "row"), TANDEM_INVALID_OPTION, "row");
 
@@ -676,6 +775,7 @@ int main(void)
     test_breakpoints();
     test_driven();
     test_names();
+    test_check();
     test_missing();
     test_sizes();
     test_faults();

@@ -42,6 +42,25 @@ C     One problem by a single procedure, one by several.
       CALL TDSETR (IH, 'step', 2.0D-3, IERR)
       CALL TDSETR (JH, 'step', 2.0D-3, IERR)
 C
+C     The check of the model, before anything runs.
+      T = 0.0D0
+      CALL START (Q, QD)
+      CALL TDCHCK (IH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL OK ('one-procedure-passes-the-check', IH, IERR)
+      CALL TDCHCK (JH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL OK ('several-procedures-pass-the-check', JH, IERR)
+      IPAR(2) = 3
+      CALL BAD ('the-check-finds-the-sign-of-gamma', JH, TDEMOD,
+     &          'constraint_acceleration is wrong by 2.')
+      CALL TDCHCK (JH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL WAS (JH, IERR)
+      IPAR(2) = 4
+      CALL BAD ('and-where-the-mass-is-not-symmetric', JH, TDEMOD,
+     &          'entry (2,1) is')
+      CALL TDCHCK (JH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL WAS (JH, IERR)
+      IPAR(2) = 0
+C
       T = 0.0D0
       CALL START (Q, QD)
       CALL TDSTRT (IH, T, Q, QD, RPAR, IPAR, IERR)
@@ -227,6 +246,9 @@ C     Handles.
       CALL BAD ('and-used', IH, TDEOPT, 'TDNEW')
       CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
       CALL WAS (IH, IERR)
+      CALL BAD ('and-checked', IH, TDEOPT, 'TDNEW')
+      CALL TDCHCK (IH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL WAS (IH, IERR)
       DO 20 I = 1, TDHLEN
         IH(I) = 12345
    20 CONTINUE
@@ -322,6 +344,7 @@ C
       IMPLICIT DOUBLE PRECISION (A-H,O-Z)
       DIMENSION Q(N), QD(N), G(M), RPAR(*), IPAR(*)
       G(1) = QD(3)*(COS(Q(3))*QD(1) + SIN(Q(3))*QD(2))
+      IF (IPAR(2) .EQ. 3) G(1) = -G(1)
       END
 C
       SUBROUTINE AMASS (N, M, T, Q, A, RPAR, IPAR, ISTAT)
@@ -335,6 +358,7 @@ C
       A(1,1) = RPAR(1)
       A(2,2) = RPAR(1)
       A(3,3) = RPAR(2)
+      IF (IPAR(2) .EQ. 4) A(2,1) = 0.5D0
       END
 C
       SUBROUTINE FORCE (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)

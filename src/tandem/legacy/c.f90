@@ -18,7 +18,7 @@ module tandem_legacy_c
     public :: c_interface_version, c_new, c_free, c_message
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
-    public :: c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
+    public :: c_check, c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
@@ -253,6 +253,25 @@ contains
         call problem%set_row_name(row + 1, text)
         c_set_row_name = problem%stat
     end function c_set_row_name
+
+    !> Compare the functions of the model with differences of each other.
+    integer(c_int) function c_check(handle, t, q, qd) bind(C, name='tandem_check')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(in), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+
+        call find(handle, problem)
+        c_check = status_invalid_option
+        if (.not. associated(problem)) return
+        if (present(q) .and. present(qd)) then
+            call problem%check(t, q, qd)
+        else
+            call problem%refuse('q or qd is NULL', 'give a state near which to compare')
+        end if
+        c_check = problem%stat
+    end function c_check
 
     !> Start a run.
     integer(c_int) function c_start(handle, t, q, qd) bind(C, name='tandem_start')

@@ -292,6 +292,29 @@ subroutine tdrow(h, i, name, ierr)
     ierr = problem%stat
 end subroutine tdrow
 
+!> Compare the procedures of the model with differences of each other near T, Q(N), QD(N).
+subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
+    use tandem_kinds, only: wp
+    use tandem_legacy_f77_model, only: lend_to
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t, q(*), qd(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call lend_to(problem%model, rpar, ipar)
+    call problem%check(t, q, qd)
+    ierr = problem%stat
+end subroutine tdchck
+
 !> Start a run at T, Q(N), QD(N).
 subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     use tandem_kinds, only: wp

@@ -5,6 +5,7 @@ module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
     use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_comparison, only: compare_procedures
     use tandem_legacy_figures, only: get_figure
     use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
     use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
@@ -58,6 +59,7 @@ module tandem_legacy_problem
         procedure :: set_text
         procedure :: set_vector
         procedure :: set_row_name
+        procedure :: check
         procedure :: start
         procedure :: integrate
         procedure :: step
@@ -335,6 +337,24 @@ contains
         end associate
         call succeed(self)
     end subroutine set_row_name
+
+    !> Compare the procedures with differences of each other near (t, q, qd). A run that is under way does not notice.
+    subroutine check(self, t, q, qd)
+        class(problem_type), intent(inout) :: self
+        !> Time, coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(*), qd(*)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            self%busy = .true.
+            call compare_procedures(self%model, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+        end if
+        call self%conclude(error)
+    end subroutine check
 
     !> Start a run at (t, q, qd) with the options of now.
     subroutine start(self, t, q, qd)

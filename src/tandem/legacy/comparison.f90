@@ -1,0 +1,157 @@
+! SPDX-License-Identifier: MIT
+!> The comparison of a caller's procedures with differences, in the words of the language that they are written in: the first that
+!> is wrong, the entry, and both values.
+module tandem_legacy_comparison
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_model, only: label_length
+    use tandem_model_terms, only: need_nu
+    use tandem_model_verification, only: finding_type, verify_model
+    use tandem_status, only: status_invalid_model, status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: compare_procedures
+
+    !> Random states near the given one: as many as `tandem check` looks at.
+    integer, parameter :: n_states = 10
+    !> Room for what is said of an entry.
+    integer, parameter :: place_length = label_length + 48
+
+contains
+
+    !> Compare every procedure of a model with differences of another one near (t, q, qd). What runs with the model does not
+    !> notice.
+    subroutine compare_procedures(model, t, q, qd, error)
+        class(callback_model_type), intent(inout), target :: model
+        !> Time, coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> invalid_option where t, q or qd is not finite, invalid_model where something is missing or wrong, and else the status of
+        !> a procedure that could not be evaluated.
+        type(error_type), allocatable, intent(out) :: error
+        type(finding_type), allocatable :: findings(:)
+        integer :: segment
+
+        if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
+            call set_error(error, status_invalid_option, 'the time, q or qd is not finite', 'give finite numbers')
+            return
+        end if
+        segment = model%segment
+        model%segment = 1
+        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        call verify_model(model, t, q, qd, n_states, findings, error)
+        model%segment = segment
+        if (.not. allocated(error)) call tell_first(model, t, findings, error)
+    end subroutine compare_procedures
+
+    !> The first procedure that is wrong, since those that are compared later may be off for that reason alone; how many they are.
+    subroutine tell_first(model, t, findings, error)
+        class(callback_model_type), intent(in) :: model
+        real(wp), intent(in) :: t
+        type(finding_type), intent(in) :: findings(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=60) :: others
+        integer :: first
+
+        first = findloc(findings%passed, .false., dim=1)
+        if (first == 0) return
+        associate (finding => findings(first))
+            if (finding%stat /= 0) then
+                call set_error(error, finding%stat, 'the '//trim(finding%name)//' near t = '//to_text(t), &
+                    'give a state from which q may move by a tenth of coordinate_scale, and qd by all of it')
+                return
+            end if
+            others = ''
+            if (count(.not. findings%passed) > 1) others = '; '//to_text(count(.not. findings%passed) - 1)// &
+                ' more are off, perhaps for that reason'
+            call set_error(error, status_invalid_model, trim(subject(model, finding))//' by '// &
+                to_text(finding%error)//' of its largest entry: '//trim(place(model, finding))//' is '// &
+                to_text(finding%value)//', '//trim(source(model, finding))//' '//to_text(finding%expected)//trim(others), &
+                'correct it, or what it is compared with')
+        end associate
+    end subroutine tell_first
+
+    !> What is wrong.
+    pure function subject(model, finding) result(text)
+        class(callback_model_type), intent(in) :: model
+        type(finding_type), intent(in) :: finding
+        character(len=80) :: text
+
+        select case (finding%name)
+        case ('mass_matrix (symmetry)')
+            text = 'mass_matrix is not symmetric,'
+        case ('mass_blocks')
+            text = 'mass_matrix is not zero outside of mass_blocks,'
+        case ('holonomic_rate')
+            text = 'holonomic_rate is wrong'
+            if (.not. associated(model%holonomic_rate) .and. iand(model%provides, need_nu) == 0) then
+                text = 'holonomic depends on the time, and holonomic_rate is missing: off'
+            end if
+        case default
+            text = trim(finding%name)//' is wrong'
+        end select
+    end function subject
+
+    !> An entry as the caller's language writes it, and the constraint that it belongs to.
+    pure function place(model, finding) result(text)
+        class(callback_model_type), intent(in) :: model
+        type(finding_type), intent(in) :: finding
+        character(len=place_length) :: text
+
+        text = entry_text(model%by_rows, finding%row, finding%column)
+        select case (finding%name)
+        case ('holonomic_jacobian', 'holonomic_rate', 'constraint_acceleration', 'jacobian_derivative', 'nu_derivative', &
+            'gamma_q', 'gamma_qd')
+            text = trim(text)//' (constraint "'//model%row_name(finding%row)//'")'
+        case default ! rows of the others are coordinates
+        end select
+    end function place
+
+    !> Indices of an entry: [0][2] in C, (1,3) in Fortran.
+    pure function entry_text(by_rows, row, column) result(text)
+        logical, intent(in) :: by_rows
+        !> From 1 on; column 0 for a vector.
+        integer, intent(in) :: row, column
+        character(len=32) :: text
+
+        if (by_rows) then
+            text = '['//to_text(row - 1)//']'
+            if (column > 0) text = trim(text)//'['//to_text(column - 1)//']'
+        else
+            text = '('//to_text(row)
+            if (column > 0) text = trim(text)//','//to_text(column)
+            text = trim(text)//')'
+        end if
+        text = 'entry '//text
+    end function entry_text
+
+    !> What an entry is compared with.
+    pure function source(model, finding) result(text)
+        class(callback_model_type), intent(in) :: model
+        type(finding_type), intent(in) :: finding
+        character(len=64) :: text
+
+        select case (finding%name)
+        case ('holonomic_jacobian', 'holonomic_rate')
+            text = 'differences of holonomic give'
+        case ('constraint_acceleration')
+            text = 'differences of the Jacobians and right sides give'
+        case ('jacobian_derivative', 'reaction_derivative')
+            text = 'differences of the Jacobians give'
+        case ('nu_derivative')
+            text = 'differences of holonomic_rate and nonholonomic_rhs give'
+        case ('gamma_q', 'gamma_qd')
+            text = 'differences of constraint_acceleration give'
+        case ('force_q', 'force_qd')
+            text = 'differences of the forces give'
+        case ('mass_derivative')
+            text = 'differences of mass_matrix give'
+        case ('mass_matrix (symmetry)')
+            text = trim(entry_text(model%by_rows, finding%column, finding%row))//' is'
+        case default
+            text = 'it should be'
+        end select
+    end function source
+end module tandem_legacy_comparison
