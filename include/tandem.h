@@ -22,7 +22,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1004
+#define TANDEM_INTERFACE_VERSION 1005
 
 /* Outcomes. */
 enum {
@@ -163,9 +163,15 @@ int tandem_get_multipliers(tandem_problem *problem, double t, double *lambda);
 /* Energies of the current state; the potential one is 0 where the model has none; pointers may be NULL. */
 int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potential);
 
-/* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, wall_seconds, ...;
- * the message of an unknown name lists them all. */
+/* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, local_error_sum,
+ * n_redundant, is_stiff (1 or 0), wall_seconds, ...: doc/linking.md explains them; the message of an unknown name lists all. */
 int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
+
+/* Warnings of the run so far: redundant rows that were left out, errors that are large, ... Ask when a run has ended. */
+int tandem_count_warnings(tandem_problem *problem, int *count);
+
+/* The text of one of them, index from 0, cut to capacity characters with the NUL. */
+int tandem_get_warning(tandem_problem *problem, int index, int capacity, char *text);
 
 /* All that the run remembers, as a row of words; *count tells how many. words == NULL: only count them; the number may grow in
  * a run. Your own data of the model are not among them. The row serves the same version of the library on the same machine. */

@@ -84,6 +84,17 @@ def read_names(root):
     return names + [f"list {name}" for name in lists]
 
 
+def read_statistics(root):
+    """The scalar components of the types that hold the figures of a run."""
+    names = set()
+    for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("tangent/counts.f90", "counts_type")):
+        text = (root / "src/tandem" / file).read_text()
+        body = re.search(rf"^ *type\b[^\n]*:: {type_}\n(.*?)^ *contains", text, re.M | re.S)[1]
+        for components in re.findall(r"^ *(?:integer|real|logical)\S* :: (.*)$", body, re.M):
+            names.update(re.findall(r"(\w+) = ", components))
+    return names
+
+
 def read_all(root):
     """The version and all entries of the interfaces."""
     version = int(re.search(r"interface_version = (\d+)", (root / "src/tandem/legacy/version.f90").read_text())[1])
@@ -119,6 +130,8 @@ def disagreements(root, modules):
             problems.append(f"{name} is {c_constants.get(name)} in tandem.h, {expected.get(name)} in the Fortran sources")
     if sorted(v for k, v in f77_constants.items() if k != "TDHLEN") != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
+    listed = {entry.split()[1] for entry in read_names(root) if entry.startswith("statistic ")}
+    problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - listed)]
     if modules:
         written = subprocess.run(
             ["gfortran", "-fc-prototypes", "-fsyntax-only", f"-I{modules}", str(root / "src/tandem/legacy/c.f90")],

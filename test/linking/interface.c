@@ -159,7 +159,7 @@ static void test_derivatives(void)
 /* The message of an unknown name lists the known ones: each must be taken. What is taken is the default of most. */
 static int takes_all(tandem_problem *p, int kind)
 {
-    char list[1000], *name;
+    char list[2000], *name;
     double value;
     int taken = 0;
     if (kind == 0) tandem_set_real(p, "?", 0);
@@ -180,9 +180,78 @@ static void test_names(void)
     struct bowl b = new_bowl();
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
-    check("every-statistic-is-known", takes_all(p, 2) == 30, tandem_message(p));
+    check("every-statistic-is-known", takes_all(p, 2) == 45, tandem_message(p));
     check("every-real-option-is-known", takes_all(p, 0) == 16, tandem_message(p));
     check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
+    tandem_free(p);
+}
+
+/* The bowl twice over: one of the rows is redundant. */
+static int twice_phi(double t, const double *q, double *value, void *user_data)
+{
+    int status = bowl_phi(t, q, value, user_data);
+    value[1] = value[0];
+    return status;
+}
+
+static int twice_phi_q(double t, const double *q, double *value, void *user_data)
+{
+    int status = bowl_phi_q(t, q, value, user_data);
+    memcpy(value + N, value, N * sizeof *value);
+    return status;
+}
+
+static void test_warnings(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double value, sum, largest, stiff;
+    char text[400], cut[5] = {1, 1, 1, 1, 1};
+    int count = -1;
+
+    expect("no-warnings-before-the-start", p, tandem_count_warnings(p, &count), TANDEM_INVALID_OPTION, "tandem_start");
+    check("and-they-are-none", count == 0, "some");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_integrate(p, 2);
+    expect("a-good-run-has-no-warning", p, tandem_count_warnings(p, &count), TANDEM_OK, "ok");
+    check("not-one", count == 0, "some");
+    expect("there-is-no-first", p, tandem_get_warning(p, 0, sizeof text, text), TANDEM_INVALID_OPTION, "the run has 0");
+    check("its-text-is-empty", text[0] == 0, text);
+    tandem_get_statistic(p, "local_error_sum", &sum);
+    tandem_get_statistic(p, "local_error", &largest);
+    tandem_get_statistic(p, "is_stiff", &stiff);
+    /* RK4 with h = 0.01 leaves some 1e-10 a step. */
+    check("the-errors-of-steps-are-told", sum > 1e-12 && sum < 1e-5 && largest > 0 && largest < sum, tandem_message(p));
+    check("and-that-nothing-is-stiff", stiff == 0, "stiff");
+
+    tandem_set_real(p, "step", 0.25);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_integrate(p, 10);
+    expect("a-wrong-run-has-a-warning", p, tandem_count_warnings(p, &count), TANDEM_OK, "ok");
+    expect("which-is-given", p, tandem_get_warning(p, 0, sizeof text, text), TANDEM_OK, "ok");
+    check("and-says-what-to-do", count > 0 && strstr(text, "take smaller steps") != NULL, text);
+    expect("a-long-warning-is-cut", p, tandem_get_warning(p, 0, sizeof cut - 1, cut), TANDEM_OK, "ok");
+    check("where-its-room-ends", strlen(cut) == 3 && strncmp(cut, text, 3) == 0 && cut[4] == 1, cut);
+    expect("there-is-none-behind-the-last", p, tandem_get_warning(p, count, sizeof text, text), TANDEM_INVALID_OPTION, "no such");
+    expect("nor-before-the-first", p, tandem_get_warning(p, -1, sizeof text, text), TANDEM_INVALID_OPTION, "no such");
+    expect("nor-at-the-largest-integer", p, tandem_get_warning(p, INT_MAX, sizeof text, text), TANDEM_INVALID_OPTION, "no such");
+    expect("a-warning-needs-a-place", p, tandem_get_warning(p, 0, 10, NULL), TANDEM_INVALID_OPTION, "NULL");
+    expect("and-room", p, tandem_get_warning(p, 0, 0, text), TANDEM_INVALID_OPTION, "room");
+    tandem_free(p);
+
+    b = new_bowl();
+    p = tandem_new(N, 2, 0, &b);
+    tandem_set_position_function(p, "holonomic", twice_phi);
+    tandem_set_position_function(p, "holonomic_jacobian", twice_phi_q);
+    tandem_set_position_function(p, "mass_matrix", bowl_mass);
+    tandem_set_motion_function(p, "applied_force", bowl_force);
+    tandem_set_row_name(p, 1, "bowl again");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_get_statistic(p, "n_redundant", &value);
+    check("redundant-rows-are-counted", value == 1, tandem_message(p));
+    tandem_count_warnings(p, &count);
+    tandem_get_warning(p, 0, sizeof text, text);
+    check("and-named-by-a-warning", count == 1 && strstr(text, "\"bowl again\"") != NULL, text);
     tandem_free(p);
 }
 
@@ -690,8 +759,8 @@ static void test_misuse(void)
                  tandem_check(NULL, 0, x, x) + tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
                  tandem_get_state(NULL, x, x, x, x) + tandem_get_state_at(NULL, 0, x, x, x) + tandem_get_multipliers(NULL, 0, x) +
                  tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x) + tandem_save_state(NULL, 0, NULL, NULL) +
-                 tandem_restore_state(NULL, 0, NULL);
-    check("null-is-refused-everywhere", status == 20 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+                 tandem_restore_state(NULL, 0, NULL) + tandem_count_warnings(NULL, NULL) + tandem_get_warning(NULL, 0, 0, NULL);
+    check("null-is-refused-everywhere", status == 22 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
 
     expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
@@ -775,6 +844,7 @@ int main(void)
     test_breakpoints();
     test_driven();
     test_names();
+    test_warnings();
     test_check();
     test_missing();
     test_sizes();

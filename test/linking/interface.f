@@ -12,6 +12,7 @@ C
       DIMENSION IH(TDHLEN), JH(TDHLEN), KH(TDHLEN), ALAM(1)
       PARAMETER (MSAVE = 20000)
       DIMENSION ISAVE(MSAVE)
+      CHARACTER*300 WARN
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
       EXTERNAL AMDER
       COMMON /COUNT/ NFAIL
@@ -112,6 +113,31 @@ C
       CALL BAD ('but-not-before-the-step', JH, TDEOPT, 'last step')
       CALL TDDENS (JH, 1.0D0, Q, QD, QDD, RPAR, IPAR, IERR)
       CALL WAS (JH, IERR)
+C
+C     Warnings: none here; one where the steps are far too large.
+      CALL TDNWRN (JH, NWARN, IERR)
+      CALL OK ('warnings-are-counted', JH, IERR)
+      CALL TOLD ('a-good-run-has-none', NWARN .EQ. 0)
+      CALL BAD ('there-is-no-first-warning', JH, TDEOPT, 'has 0')
+      CALL TDWARN (JH, 1, WARN, IERR)
+      CALL WAS (JH, IERR)
+      CALL TDSTAT (JH, 'LOCAL_ERROR_SUM', ESUM, IERR)
+      CALL OK ('the-error-of-steps-is-told', JH, IERR)
+      CALL TOLD ('and-is-small', ESUM .GT. 0.0D0 .AND.
+     &           ESUM .LT. 1.0D-8)
+      CALL TDNEW (KH, 3, 0, 1, IERR)
+      CALL TDEVAL (KH, EVAL, TDJAC+TDGAM+TDMASS+TDFORC, IERR)
+      CALL TDSETR (KH, 'step', 0.5D0, IERR)
+      CALL START (Q, QD)
+      CALL TDSTRT (KH, 0.0D0, Q, QD, RPAR, IPAR, IERR)
+      CALL TDINTG (KH, T, Q, QD, 10.0D0, RPAR, IPAR, IERR)
+      CALL TDNWRN (KH, NWARN, IERR)
+      CALL TOLD ('a-wrong-run-has-a-warning', NWARN .GT. 0)
+      CALL TDWARN (KH, 1, WARN, IERR)
+      CALL OK ('which-is-given', KH, IERR)
+      CALL TOLD ('and-says-what-to-do',
+     &           INDEX(WARN, 'take smaller steps') .GT. 0)
+      CALL TDFREE (KH, IERR)
 C
 C     A run that is saved goes on in another problem, from another start.
       CALL TDSAVE (JH, 0, ISAVE, NEED, IERR)

@@ -19,7 +19,7 @@ module tandem_legacy_c
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
     public :: c_check, c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
-    public :: c_get_segment, c_save_state, c_restore_state
+    public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
     integer, parameter :: longest_text = 256
@@ -397,6 +397,48 @@ contains
         if (present(value)) value = figure
         c_get_statistic = problem%stat
     end function c_get_statistic
+
+    !> How many warnings the run has.
+    integer(c_int) function c_count_warnings(handle, count) bind(C, name='tandem_count_warnings')
+        type(c_ptr), value :: handle
+        integer(c_int), intent(out), optional :: count
+        type(problem_type), pointer :: problem
+        integer :: n
+
+        call find(handle, problem)
+        c_count_warnings = status_invalid_option
+        if (present(count)) count = 0
+        if (.not. associated(problem)) return
+        call problem%count_warnings(n)
+        if (present(count)) count = n
+        c_count_warnings = problem%stat
+    end function c_count_warnings
+
+    !> One of them, as far as there is room.
+    integer(c_int) function c_get_warning(handle, index, capacity, text) bind(C, name='tandem_get_warning')
+        type(c_ptr), value :: handle
+        !> From 0 on; for how many characters there is room, the NUL among them.
+        integer(c_int), value :: index, capacity
+        character(kind=c_char), intent(inout), optional :: text(*)
+        type(problem_type), pointer :: problem
+        character(len=:), allocatable :: warning
+        integer :: i, length
+
+        call find(handle, problem)
+        c_get_warning = status_invalid_option
+        if (.not. associated(problem)) return
+        if (present(text) .and. capacity > 0) then
+            call problem%get_warning(min(index, huge(index) - 1) + 1, warning)
+            length = min(len(warning), capacity - 1)
+            do i = 1, length
+                text(i) = warning(i:i)
+            end do
+            text(length + 1) = c_null_char
+        else
+            call problem%refuse('text is NULL, or there is no room in it', 'give an array and how many characters it has')
+        end if
+        c_get_warning = problem%stat
+    end function c_get_warning
 
     !> Save the run. Without words, only their number is given.
     integer(c_int) function c_save_state(handle, capacity, words, count) bind(C, name='tandem_save_state')

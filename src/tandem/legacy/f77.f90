@@ -483,6 +483,46 @@ subroutine tdstat(h, name, value, ierr)
     ierr = problem%stat
 end subroutine tdstat
 
+!> How many warnings the run has.
+subroutine tdnwrn(h, nwarn, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: nwarn, ierr
+    type(problem_type), pointer :: problem
+
+    nwarn = 0
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%count_warnings(nwarn)
+    ierr = problem%stat
+end subroutine tdnwrn
+
+!> The text of warning I, from 1 on; what is longer than TEXT is cut.
+subroutine tdwarn(h, i, text, ierr)
+    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(in) :: i
+    character(len=*), intent(out) :: text
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+    character(len=:), allocatable :: warning
+
+    text = ' '
+    ierr = status_invalid_option
+    call to_problem(h, problem)
+    if (.not. associated(problem)) return
+    call problem%get_warning(i, warning)
+    text = warning
+    ierr = problem%stat
+end subroutine tdwarn
+
 !> Save the run in the integers ISAVE(NSAVE), of which N are used; with NSAVE = 0, N alone is given.
 subroutine tdsave(h, nsave, isave, n, ierr)
     use tandem_error, only: to_text

@@ -6,12 +6,13 @@ module tandem_legacy_problem
     use tandem_kinds, only: long, wp
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
-    use tandem_legacy_figures, only: get_figure
+    use tandem_legacy_figures, only: find_warnings, get_figure
     use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
     use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
     use tandem_model, only: label_length
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_options, only: options_type
+    use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_invalid_option, status_not_evaluable, &
         status_not_finite, status_ok
@@ -69,6 +70,8 @@ module tandem_legacy_problem
         procedure :: get_multipliers
         procedure :: get_energies
         procedure :: get_statistic
+        procedure :: count_warnings
+        procedure :: get_warning
         procedure :: save_state
         procedure :: restore_state
         procedure, private :: conclude
@@ -514,9 +517,42 @@ contains
 
         value = 0.0_wp
         if (.not. self%is_running()) return
-        call get_figure(self%simulation%statistics(), name, value, error)
+        call get_figure(self%simulation, name, value, error)
         call self%conclude(error)
     end subroutine get_statistic
+
+    !> How many warnings the run has so far; 0 where there is no run.
+    subroutine count_warnings(self, n)
+        class(problem_type), intent(inout) :: self
+        integer, intent(out) :: n
+        type(warning_type), allocatable :: warnings(:)
+
+        n = 0
+        if (.not. self%is_running()) return
+        call find_warnings(self%simulation, warnings)
+        n = size(warnings)
+        call succeed(self)
+    end subroutine count_warnings
+
+    !> One of the warnings.
+    subroutine get_warning(self, i, text)
+        class(problem_type), intent(inout) :: self
+        !> Its number, from 1 on.
+        integer, intent(in) :: i
+        !> Empty where there is no such warning.
+        character(len=:), allocatable, intent(out) :: text
+        type(warning_type), allocatable :: warnings(:)
+
+        text = ''
+        if (.not. self%is_running()) return
+        call find_warnings(self%simulation, warnings)
+        if (i < 1 .or. i > size(warnings)) then
+            call self%refuse('there is no such warning', 'the run has '//to_text(size(warnings)))
+            return
+        end if
+        text = warnings(i)%text
+        call succeed(self)
+    end subroutine get_warning
 
     !> All that the run remembers, as a row of numbers.
     subroutine save_state(self, words)
