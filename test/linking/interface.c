@@ -743,6 +743,47 @@ static void test_message(void)
     tandem_free(p);
 }
 
+/* Which calls end a run that is under way, and which do not. */
+static void test_changes(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double one = 1, half = 0.5;
+
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_set_real(p, "step", 1e-3);
+    tandem_set_integer(p, "max_steps", 5);
+    tandem_set_text(p, "stepper", "trapezoid");
+    tandem_set_row_name(p, 0, "bowl");
+    tandem_check(p, 0, bowl_q, bowl_qd);
+    expect("options-and-names-end-no-run", p, tandem_integrate(p, 1), TANDEM_OK, "ok");
+    tandem_get_statistic(p, "steps", &one);
+    check("and-count-from-the-next-start", one == 100, "other steps");
+    tandem_set_position_function(p, "phi", bowl_phi);
+    tandem_set_motion_function(p, "gamma", bowl_gamma);
+    tandem_set_direction_function(p, "gamma", bowl_c2);
+    tandem_set_evaluate(p, bowl_evaluate, 64);
+    tandem_set_integer(p, "constant_masses", 1);
+    tandem_set_vector(p, "scale", 1, &one);
+    tandem_set_vector(p, "breakpoints", 1, NULL);
+    tandem_set_vector(p, "mass_blocks", 1, &half);
+    expect("a-change-that-is-refused-ends-no-run", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
+
+    tandem_set_integer(p, "max_steps", 1000);
+    for (int i = 0; i < 4; i++) {
+        static const char *const names[] = {"a-list", "constant-mass", "a-potential-energy", "an-evaluate"};
+        char name[60];
+        tandem_start(p, 0, bowl_q, bowl_qd);
+        if (i == 0) tandem_set_vector(p, "breakpoints", 1, &one);
+        if (i == 1) tandem_set_integer(p, "constant_mass", 1);
+        if (i == 2) tandem_set_position_function(p, "potential_energy", bowl_potential);
+        if (i == 3) tandem_set_evaluate(p, NULL, 0);
+        snprintf(name, sizeof name, "%s-ends-a-run", names[i]);
+        expect(name, p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "made or changed");
+    }
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -852,6 +893,7 @@ int main(void)
     test_saved();
     test_mass_blocks();
     test_message();
+    test_changes();
     test_misuse();
     return failures > 0;
 }

@@ -75,7 +75,7 @@ module tandem_legacy_problem
         procedure :: save_state
         procedure :: restore_state
         procedure, private :: conclude
-        procedure, private :: changes_model
+        procedure, private :: change_model
         procedure, private :: is_free
         procedure, private :: is_running
     end type problem_type
@@ -182,13 +182,13 @@ contains
             'call tandem_start or TDSTRT first')
     end function is_running
 
-    !> Whether the model may be changed now; it must then be started anew.
-    logical function changes_model(self)
+    !> The model is changed: what runs with it has ended, and must be started anew.
+    subroutine change_model(self)
         class(problem_type), intent(inout) :: self
 
-        changes_model = self%is_free()
-        if (changes_model) self%started = .false.
-    end function changes_model
+        self%started = .false.
+        call succeed(self)
+    end subroutine change_model
 
     !> The number of a procedure that the user is about to give; 0, with a status, where that cannot be.
     integer function find_callback(self, name, kind) result(term)
@@ -200,7 +200,7 @@ contains
         character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
 
         term = 0
-        if (.not. self%changes_model()) return
+        if (.not. self%is_free()) return
         term = find_term(lower_case(name))
         if (term > 0) then
             if (terms(term)%kind /= kind) term = 0
@@ -209,7 +209,7 @@ contains
             call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
                 'there are '//trim(names_of_kind(kind)))
         else
-            call succeed(self)
+            call self%change_model()
         end if
     end function find_callback
 
@@ -222,11 +222,11 @@ contains
         logical, intent(in) :: has
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
-        check_provides = self%changes_model()
+        check_provides = self%is_free()
         if (.not. check_provides) return
         check_provides = .not. has .or. (provides > 0 .and. iand(provides, not(all_terms)) == 0)
         if (check_provides) then
-            call succeed(self)
+            call self%change_model()
         else
             call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
                 'add the constants of the terms that it gives')
@@ -259,14 +259,14 @@ contains
         integer, intent(in) :: value
         type(error_type), allocatable :: error
 
+        if (.not. self%is_free()) return
         if (lower_case(name) == 'constant_mass') then
-            if (.not. self%changes_model()) return
             self%model%constant_mass = value /= 0
+            call self%change_model()
         else
-            if (.not. self%is_free()) return
             call set_integer_option(self%options, name, value, error)
+            call self%conclude(error)
         end if
-        call self%conclude(error)
     end subroutine set_integer
 
     !> Set an option that is a word.
@@ -288,7 +288,7 @@ contains
         !> Checked when a run starts.
         real(wp), intent(in) :: values(:)
 
-        if (.not. self%changes_model()) return
+        if (.not. self%is_free()) return
         select case (lower_case(name))
         case ('coordinate_scale')
             if (allocated(self%model%coordinate_scale)) deallocate (self%model%coordinate_scale)
@@ -310,7 +310,7 @@ contains
                 'there are coordinate_scale, breakpoints, nu_jumps, mass_blocks')
             return
         end select
-        call succeed(self)
+        call self%change_model()
     end subroutine set_vector
 
     !> Name a constraint row, for messages.
