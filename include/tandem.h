@@ -9,6 +9,7 @@
  *     M(q) qdd + C' lambda = S(q, qd) + Q_A(t, q, qd)
  *
  * Functions return a status: 0 or one of the negative TANDEM_ constants; tandem_message() says what is wrong and what to do.
+ * Events, and the assembly of a start that violates the constraints, are for Fortran only.
  * Two problems share nothing: threads may work on different problems at the same time, but not on the same one.
  */
 #ifndef TANDEM_H
@@ -103,7 +104,8 @@ void tandem_free(tandem_problem *problem);
  * message, too. */
 const char *tandem_message(const tandem_problem *problem);
 
-/* --- the model: give functions by name, NULL takes one back. After a change the run must be started anew. -------------- */
+/* --- the model: give functions by name, NULL takes one back. Each change, of an energy too, ends a run that is under way: it must
+ * be started anew. ----------------------------------------------------------------------------------------------------- */
 
 int tandem_set_position_function(tandem_problem *problem, const char *name, tandem_position_function function);
 int tandem_set_motion_function(tandem_problem *problem, const char *name, tandem_motion_function function);
@@ -122,13 +124,14 @@ int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
  * forces have nothing to be compared with. It takes some 80 n evaluations of the model; a run does not notice. */
 int tandem_check(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* --- options: they are checked and count from the next tandem_start on ------------------------------------------------ */
+/* --- options: they are checked and count from the next tandem_start on; a run that is under way does not notice --------- */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
  * secant_limit, start_tolerance, max_seconds. rtol = 0 means fixed steps. */
 int tandem_set_real(tandem_problem *problem, const char *name, double value);
 
-/* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once). */
+/* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once), which
+ * belongs to the model: it ends a run that is under way. */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
 /* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis,
@@ -136,7 +139,8 @@ int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back. */
+ * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back.
+ * They belong to the model: each ends a run that is under way. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */
