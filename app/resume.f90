@@ -89,25 +89,35 @@ contains
             call set_error(error, status_invalid_checkpoint, 'cannot go on from '//arguments%scene//': its checkpoint is damaged')
             return
         end if
-        if (snapshot%is_complete) call check_end(arguments%scene, scene, simulation, error)
+        call check_end(arguments%scene, scene, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
         call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
 
-    !> Refuse to go on with a run that is complete, unless it has got a later end.
-    subroutine check_end(path, scene, simulation, error)
+    !> Refuse to go on with a run that is complete, unless it has got a later end, and to end a run before the time that it has
+    !> reached. One that was killed between its end and its report is there too, and has the end that it was saved with.
+    subroutine check_end(path, scene, snapshot, simulation, error)
         character(len=*), intent(in) :: path
         type(scene_type), intent(in) :: scene
+        type(snapshot_type), intent(in) :: snapshot
         type(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
+        character(len=1) :: no_settings(0)
+        type(scene_type), target :: saved
 
-        if (simulation%is_stopped) then
+        call read_scene('the scene in '//path, no_settings, saved, error, snapshot%scene)
+        if (allocated(error)) return
+        if (snapshot%is_complete .and. simulation%is_stopped) then
             call set_error(error, status_invalid_option, 'the run in '//path//' is complete: "'//trim(simulation%stopped_by)// &
                 '" has stopped it at t = '//to_text(simulation%state%t), 'there is nothing to go on with')
-        else if (simulation%state%t >= scene%t_end) then
+        else if (snapshot%is_complete .and. simulation%state%t >= scene%t_end) then
             call set_error(error, status_invalid_option, 'the run in '//path//' is complete: t = '// &
                 to_text(simulation%state%t), 'give it a later end by --set time.end=TIME')
+        else if (simulation%state%t >= scene%t_end .and. scene%t_end < saved%t_end) then
+            call set_error(error, status_invalid_option, 'the run in '//path//' is at t = '//to_text(simulation%state%t)// &
+                ' already, which is not before the end '//to_text(scene%t_end), &
+                'give it a later end by --set time.end=TIME; its end was to be '//to_text(saved%t_end))
         end if
     end subroutine check_end
 

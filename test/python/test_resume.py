@@ -424,6 +424,25 @@ class Refused(Resume):
         change(lambda file: [place.resize(0, axis=0) for place in file["checkpoint"].values()])
         self.check("it is empty or cut off")
 
+    def test_an_end_before_the_state(self):
+        """A run that has failed or was interrupted, whose rows already go further."""
+        self.tandem("run", "rolling_disk", *settings(["solver.step=0.02", "solver.max_steps=300", "output.every=1"]), "--no-error",
+                    "--output", "run.h5", code=1)
+        for end in ("3", "6", "5.9999"):
+            self.check("is at t = 6.0", "run.h5", "--set", f"time.end={end}")
+            self.check("--set time.end=TIME", "run.h5", "--set", f"time.end={end}", "--error")
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            file.attrs["status"] = "running"
+        self.check("its end was to be 40.0", "run.h5", "--set", "time.end=3")
+        self.tandem("resume", "run.h5", *settings(["time.end=6.5", "solver.max_steps=1000"]), "--no-error")
+        # What was killed between its end and its report is at its own end, and goes on to the report.
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            file.attrs["status"] = "running"
+        self.check("is at t = 6.5", "run.h5", "--set", "time.end=6")
+        self.tandem("resume", "run.h5", "--no-error")
+        with h5py.File(self.folder / "run.h5") as file:
+            self.assertEqual((file.attrs["status"], file["trajectory/time"][-1]), ("complete", 6.5))
+
     def test_what_another_version_has_saved(self):
         """Only the same version knows what the state of a run means; the rows remain a result for everybody."""
         self.tandem("run", "rolling_disk", "--set", "time.end=0.2", "--set", "solver.max_steps=150", "--output", "run.h5", code=1)
