@@ -12,7 +12,7 @@ module tandem_app_run
     use tandem_app_progress, only: progress_type
     use tandem_app_report, only: print_report
     use tandem_app_rescue, only: save_last_state
-    use tandem_io, only: find_scene, observer_list_type, read_scene, scene_type, trajectory_type
+    use tandem_io, only: find_scene, is_same_file, observer_list_type, read_scene, scene_type, trajectory_type
     use tandem_status, only: status_interrupted
     implicit none (type, external)
     private
@@ -121,9 +121,9 @@ contains
         if (allocated(error)) return
         call set_up(scene, simulation, global_error, error, profiling)
         if (allocated(error)) return
-        if (scene%output%file == path) then
+        if (is_same_file(scene%output%file, path)) then
             allocate (error)
-            error%message = 'the result file '//path//' is the scene itself; choose another'
+            error%message = 'the result file '//scene%output%file//' is the scene itself; choose another'
             return
         end if
         if (present(profiling)) then

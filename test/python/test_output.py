@@ -572,7 +572,14 @@ class Target(Case):
                 self.assertEqual(file["trajectory/time"][-1], 0.05)
 
     def test_the_scene_itself_is_not(self):
-        self.refused("run", self.disk(), "--output", "scene.toml", "--force", says="is the scene itself")
+        scene = self.disk()
+        (self.folder / "sub").mkdir()
+        (self.folder / "symbolic.h5").symlink_to("scene.toml")
+        (self.folder / "hard.h5").hardlink_to(self.folder / scene)
+        for name in (scene, "./scene.toml", "sub/../scene.toml", str(self.folder / scene), "symbolic.h5", "hard.h5"):
+            with self.subTest(name):
+                self.refused("run", scene, "--output", name, "--force", says=f"{name} is the scene itself")
+        self.refused("run", "./symbolic.h5", "--output", scene, "--force", says=f"{scene} is the scene itself")
 
     def test_no_such_folder(self):
         self.refused("run", "rolling_disk", "--output", "no/such/a.h5", says="there is no folder no/such/")

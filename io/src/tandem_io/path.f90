@@ -1,0 +1,69 @@
+! SPDX-License-Identifier: MIT
+!> What a path leads to, without opening it: to open a pipe may wait for ever. The work is done in path.c.
+module tandem_io_path
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: is_same_file, is_regular, is_pipe, is_dangling
+
+    interface
+        function c_is_same(one, other) result(answer) bind(c, name='tandem_path_is_same')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: one(*), other(*)
+            integer(c_int) :: answer
+        end function c_is_same
+
+        function c_is_regular(path) result(answer) bind(c, name='tandem_path_is_regular')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: answer
+        end function c_is_regular
+
+        function c_is_pipe(path) result(answer) bind(c, name='tandem_path_is_pipe')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: answer
+        end function c_is_pipe
+
+        function c_is_dangling(path) result(answer) bind(c, name='tandem_path_is_dangling')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: answer
+        end function c_is_dangling
+    end interface
+
+contains
+
+    !> Whether two paths lead to one file, however they are spelled: by links too. False where one leads to nothing.
+    logical function is_same_file(one, other)
+        character(len=*), intent(in) :: one, other
+
+        is_same_file = c_is_same(one//c_null_char, other//c_null_char) /= 0
+    end function is_same_file
+
+    !> Whether a path leads to a regular file: no folder, pipe, socket or device.
+    logical function is_regular(path)
+        character(len=*), intent(in) :: path
+
+        is_regular = c_is_regular(path//c_null_char) /= 0
+    end function is_regular
+
+    !> Whether a path leads to a pipe, named or not.
+    logical function is_pipe(path)
+        character(len=*), intent(in) :: path
+
+        is_pipe = c_is_pipe(path//c_null_char) /= 0
+    end function is_pipe
+
+    !> Whether a path is a symbolic link that leads to nothing.
+    logical function is_dangling(path)
+        character(len=*), intent(in) :: path
+
+        is_dangling = c_is_dangling(path//c_null_char) /= 0
+    end function is_dangling
+end module tandem_io_path
