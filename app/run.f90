@@ -33,7 +33,6 @@ contains
         type(profiling_type), allocatable, target :: profiling
         type(error_type), allocatable :: error
 
-        call watch_signals()
         call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--profile', '--quiet', &
             '--force', '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
@@ -119,6 +118,8 @@ contains
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error)
         if (allocated(error)) return
+        ! Not before, so that a signal ends the program at once while it waits for a scene that comes through a pipe.
+        call watch_signals()
         call set_up(scene, simulation, global_error, error, profiling)
         if (allocated(error)) return
         if (is_same_file(scene%output%file, path)) then

@@ -7,6 +7,7 @@ Runs build/tandem, or what the environment variable TANDEM names.
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -581,6 +582,11 @@ class Target(Case):
                 self.refused("run", scene, "--output", name, "--force", says=f"{name} is the scene itself")
         self.refused("run", "./symbolic.h5", "--output", scene, "--force", says=f"{scene} is the scene itself")
 
+    def test_no_regular_file(self):
+        os.mkfifo(self.folder / "pipe")
+        for name in ("pipe", "/dev/null", "/dev/stdin"):
+            self.refused("run", "rolling_disk", *SHORT, "--output", name, "--force", input="", says=[f"cannot write {name}", "a pipe or a device"])
+
     def test_no_such_folder(self):
         self.refused("run", "rolling_disk", "--output", "no/such/a.h5", says="there is no folder no/such/")
 
@@ -771,7 +777,23 @@ class SceneErrors(Case):
 
     def test_a_scene_may_come_through_a_pipe(self):
         text = self.tandem("show", "rolling_disk").stdout
-        self.assertEqual(self.tandem("show", "/dev/stdin", input=text).stdout, text)
+        for path in ("/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"):
+            self.assertEqual(self.tandem("show", path, input=text).stdout, text)
+
+    def test_a_pipe_with_a_name_is_not_waited_for(self):
+        os.mkfifo(self.folder / "scene.toml")
+        for command in ("show", "check", "run"):
+            self.refused(command, "scene.toml", says=["cannot read the scene scene.toml: it is a pipe", "/dev/stdin"])
+
+    def test_a_signal_ends_a_program_that_waits_for_its_scene(self):
+        with subprocess.Popen([TANDEM, "run", "/dev/stdin"], cwd=self.folder, stdin=subprocess.PIPE) as process:
+            try:
+                with self.assertRaises(subprocess.TimeoutExpired):
+                    process.wait(0.5)
+                process.terminate()
+                self.assertEqual(process.wait(10), -signal.SIGTERM)
+            finally:
+                process.kill()
 
 
 class CommandLine(Case):

@@ -379,6 +379,9 @@ class Refused(Resume):
         done = self.tandem("resume", code=2)
         self.assertIn("needs a FILE", done.stderr)
         self.check("there is no such file", "none.h5")
+        os.mkfifo(self.folder / "pipe.h5")
+        for path in ("pipe.h5", "/dev/null", str(self.folder)):
+            self.check("it is no regular file", path)
         (self.folder / "run.h5").write_text("[scene]")
         self.check("it is no result of tandem, which is HDF5")
         with h5py.File(self.folder / "run.h5", "w") as file:

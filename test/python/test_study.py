@@ -196,6 +196,13 @@ class Precision(Case):
         self.assertIn("--budget", self.precision("--help").stdout)
         self.assertEqual(list(self.folder.iterdir()), [])
 
+    def test_a_pipe_is_not_waited_for(self):
+        os.mkfifo(self.folder / "pipe")
+        self.precision("rolling_disk", "--reference", "pipe", code=2, says="the reference pipe cannot be read: ")
+        (self.folder / "study").mkdir()
+        os.mkfifo(self.folder / "study/precision_rolling_disk.h5")
+        self.precision("rolling_disk", "--force", code=2, says="it is no regular file")
+
     def test_strange_files_are_spared(self):
         (self.folder / "study").mkdir()
         path = self.folder / "study/precision_rolling_disk.csv"

@@ -6,6 +6,7 @@ module tandem_io_output_target
     use tandem_status, only: status_invalid_checkpoint, status_output_failed
     use tandem_io_output_guard, only: guard_type, is_taken
     use tandem_io_output_hdf5, only: start_library
+    use tandem_io_path, only: is_regular
     use, intrinsic :: iso_c_binding, only: c_int64_t
     implicit none (type, external)
     private
@@ -45,6 +46,11 @@ contains
             return
         end if
         inquire (file=path, exist=exists)
+        if (exists .and. .not. is_regular(path)) then
+            call set_error(error, status_output_failed, 'cannot write '//path//': it is no regular file but a pipe or a device', &
+                'choose a file')
+            return
+        end if
         if (exists) call check_existing(path, force, error)
         if (allocated(error)) return
         ! The system says in its own words what stands in the way.
@@ -87,6 +93,10 @@ contains
         inquire (file=path, exist=exists)
         if (.not. exists) then
             call refuse('there is no such file')
+            return
+        end if
+        if (.not. is_regular(path)) then
+            call refuse('it is no regular file but a folder, a pipe or a device')
             return
         end if
         if (is_taken(path)) then
@@ -160,12 +170,14 @@ contains
         call h5fclose_f(file, stat)
     end function is_result
 
-    !> Whether a file is there and is HDF5.
+    !> Whether a regular file is there and is HDF5.
     logical function is_hdf5(path)
         character(len=*), intent(in) :: path
         integer :: stat
 
         is_hdf5 = .false.
+        ! HDF5 would wait for who writes to a pipe.
+        if (.not. is_regular(path)) return
         call start_library(stat)
         if (stat /= 0) return
         call h5fis_hdf5_f(path, is_hdf5, stat)

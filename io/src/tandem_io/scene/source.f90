@@ -4,6 +4,7 @@
 module tandem_io_scene_source
     use tandem, only: error_type
     use tandem_status, only: status_invalid_option
+    use tandem_io_path, only: is_pipe
     use tandem_io_scene_lexer, only: scene_lexer_type
     use tandem_io_scene_text, only: to_toml
     use tomlf, only: toml_context, toml_error, toml_parser_config, toml_table
@@ -134,7 +135,7 @@ contains
         end do
     end subroutine set_input_error
 
-    !> The whole file as text. A pipe will do, so the size is not asked for.
+    !> The whole file as text. A pipe of the shell will do (/dev/stdin, /dev/fd/63), so the size is not asked for.
     subroutine read_text(path, text, error)
         character(len=*), intent(in) :: path
         character(len=:), allocatable, intent(out) :: text
@@ -143,6 +144,12 @@ contains
         character :: letter
         integer :: unit, stat, length
 
+        ! Others may wait for ever for somebody who writes to them.
+        if (is_pipe(path) .and. index(path, '/dev/') /= 1 .and. index(path, '/proc/') /= 1) then
+            call set_input_error(error, 'cannot read the scene '//path//': it is a pipe; give a file, or let the shell connect '// &
+                'the pipe to /dev/stdin')
+            return
+        end if
         message = ''
         open (newunit=unit, file=path, status='old', action='read', access='stream', form='unformatted', iostat=stat, &
             iomsg=message)

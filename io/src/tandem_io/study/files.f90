@@ -3,6 +3,7 @@
 !> whole file.
 module tandem_io_study_files
     use tandem, only: error_type, set_error, status_output_failed
+    use tandem_io_path, only: is_regular
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
     implicit none (type, external)
     private
@@ -45,12 +46,13 @@ contains
             'choose a folder whose own folder exists and that no file stands in the place of')
     end subroutine make_folder
 
-    !> The whole of a file; not allocated where it cannot be read.
+    !> The whole of a regular file; not allocated where it cannot be read.
     subroutine read_whole(path, text)
         character(len=*), intent(in) :: path
         character(len=:), allocatable, intent(out) :: text
         integer :: unit, stat, length
 
+        if (.not. is_regular(path)) return
         open (newunit=unit, file=path, status='old', action='read', access='stream', iostat=stat)
         if (stat /= 0) return
         inquire (unit=unit, size=length)

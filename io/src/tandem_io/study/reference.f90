@@ -4,6 +4,7 @@ module tandem_io_study_reference
     use tandem, only: error_type, set_error, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_target, only: is_hdf5
+    use tandem_io_path, only: is_regular
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_files, only: write_whole
     use tandem_status, only: status_invalid_option
@@ -42,6 +43,11 @@ contains
         logical :: from_hdf5
 
         reference%origin = path
+        if (.not. is_regular(path)) then
+            call set_error(error, status_invalid_option, 'the reference '//path// &
+                ' cannot be read: there is no such file, or it is a folder, a pipe or a device', 'choose another file')
+            return
+        end if
         from_hdf5 = is_hdf5(path)
         if (from_hdf5) then
             call read_result(path, reference, error)
