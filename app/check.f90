@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
 module tandem_app_check
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_messages, only: complain, done, input_wrong, padded, run_failed, say
     use tandem_app_moves, only: moves_text
     use tandem_app_report, only: print_warnings
     use tandem_io, only: find_scene, read_scene, scene_type
@@ -16,6 +15,8 @@ module tandem_app_check
 
     !> States at which procedures are compared.
     integer, parameter :: n_states = 10
+    !> Columns of the names of procedures.
+    integer, parameter :: name_width = 43
 
 contains
 
@@ -45,9 +46,9 @@ contains
             return
         end if
         associate (model => scene%model)
-            write (output_unit, '(a)') scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
+            call say(scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
                 ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints, '// &
-                to_text(model%n - model%n_constraints())//' degrees of freedom'
+                to_text(model%n - model%n_constraints())//' degrees of freedom')
         end associate
         call print_findings(scene, findings)
         call print_start(scene, start_error)
@@ -64,11 +65,11 @@ contains
         character(len=:), allocatable :: place
         integer :: i
 
-        write (output_unit, '(a)') 'procedures against differences at '//to_text(n_states)//' random states:'
+        call say('procedures against differences at '//to_text(n_states)//' random states:')
         do i = 1, size(findings)
             associate (finding => findings(i))
                 if (finding%passed) then
-                    write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'right, within '//brief(finding%error)
+                    call say(padded('  '//trim(finding%name), name_width)//'right, within '//brief(finding%error))
                     cycle
                 end if
                 if (finding%row == 0) then
@@ -78,9 +79,9 @@ contains
                 place = 'row '//to_text(finding%row)
                 if (finding%column > 0) place = place//', column '//to_text(finding%column)// &
                     ' ('//scene%model%coordinate_label(finding%column)//')'
-                write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'WRONG by '//brief(finding%error)// &
+                call say(padded('  '//trim(finding%name), name_width)//'WRONG by '//brief(finding%error)// &
                     ' of its largest entry: '//place//' is '//to_text(finding%value)//', differences give '// &
-                    to_text(finding%expected)
+                    to_text(finding%expected))
             end associate
         end do
     end subroutine print_findings
@@ -94,13 +95,13 @@ contains
 
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
-        if (allocated(scene%assembly)) write (output_unit, '(a)') 'start assembled: '//moves_text(scene%model, scene%assembly)
+        if (allocated(scene%assembly)) call say('start assembled: '//moves_text(scene%model, scene%assembly))
         rank = 'full rank '//to_text(scene%model%n_constraints())
         if (simulation%n_redundant > 0) rank = 'rank '//to_text(scene%model%n_constraints() - simulation%n_redundant)// &
             ' of '//to_text(scene%model%n_constraints())
-        write (output_unit, '(a)') 'start: C has '//rank//', the errors of position, velocity and acceleration are '// &
+        call say('start: C has '//rank//', the errors of position, velocity and acceleration are '// &
             brief(simulation%errors(1))//', '// &
-            brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales'
+            brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales')
         call print_warnings(simulation)
     end subroutine print_start
 

@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem help: what the program can do.
 module tandem_app_help
-    use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_app_messages, only: complain, done, input_wrong, say
     use tandem_io, only: nearest_name
     implicit none (type, external)
     private
@@ -70,7 +69,7 @@ contains
         integer :: i
 
         do i = 1, size(text)
-            write (output_unit, '(a)') trim(text(i))
+            call say(trim(text(i)))
         end do
         code = done
     end subroutine help

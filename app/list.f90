@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem list: the scenes that can be run by name, and the steppers.
 module tandem_app_list
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, new_stepper, properties_type, stepper_names, to_text
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_app_messages, only: complain, done, input_wrong, say
     use tandem_io, only: path_length, read_scene, scene_type, shipped_scenes
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
@@ -30,7 +29,7 @@ contains
             call help(code)
         else
             call list_scenes()
-            write (output_unit, '()')
+            call say('')
             call list_steppers()
             code = done
         end if
@@ -45,16 +44,16 @@ contains
 
         allocate (paths, source=shipped_scenes())
         if (size(paths) == 0) then
-            write (output_unit, '(a)') 'No scenes were found; set TANDEM_SCENES to the folder that holds them.'
+            call say('No scenes were found; set TANDEM_SCENES to the folder that holds them.')
             return
         end if
-        write (output_unit, '(a)') row('scene', 'model', 'description')
+        call say(row('scene', 'model', 'description'))
         do i = 1, size(paths)
             call read_scene(trim(paths(i)), [character(len=1) ::], scene, error)
             if (allocated(error)) then
-                write (output_unit, '(a)') row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i)))
+                call say(row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i))))
             else
-                write (output_unit, '(a)') row(file_name(trim(paths(i))), trim(scene%model_name), scene%description)
+                call say(row(file_name(trim(paths(i))), trim(scene%model_name), scene%description))
             end if
         end do
     end subroutine list_scenes
@@ -65,13 +64,13 @@ contains
         type(properties_type) :: properties
         integer :: i
 
-        write (output_unit, '(a)') row('stepper', 'order, stages', 'kind, stability')
+        call say(row('stepper', 'order, stages', 'kind, stability'))
         do i = 1, size(stepper_names)
             call new_stepper(stepper_names(i), stepper)
             properties = stepper%properties()
-            write (output_unit, '(a)') row(trim(properties%name), to_text(properties%order)//', '// &
+            call say(row(trim(properties%name), to_text(properties%order)//', '// &
                 to_text(properties%stages), trim(merge('implicit', 'explicit', properties%implicit))//', '// &
-                trim(properties%stability))
+                trim(properties%stability)))
         end do
     end subroutine list_steppers
 

@@ -2,11 +2,11 @@
 !> tandem on the command line: finds the subcommand and leaves the rest to it.
 !> Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n signal n has ended the run.
 program tandem_program
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem_app_arguments, only: arguments_type, read_arguments
     use tandem_app_check, only: check
     use tandem_app_help, only: help, refuse_command
     use tandem_app_list, only: list
+    use tandem_app_messages, only: done, finish_output, say
     use tandem_app_resume, only: resume
     use tandem_app_run, only: run
     use tandem_app_show, only: show
@@ -24,8 +24,8 @@ program tandem_program
     case ('', 'help', '--help', '-h')
         call help(code)
     case ('--version', 'version')
-        write (output_unit, '(a)') 'tandem '//tandem_version
-        code = 0
+        call say('tandem '//tandem_version)
+        code = done
     case ('list')
         call list(arguments, code)
     case ('show')
@@ -47,5 +47,6 @@ program tandem_program
     case default
         call refuse_command(arguments%command, code)
     end select
+    call finish_output(code)
     stop code, quiet=.true.
 end program tandem_program

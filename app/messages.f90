@@ -1,16 +1,61 @@
 ! SPDX-License-Identifier: MIT
-!> How the program speaks on stderr, and its exit codes.
+!> How the program speaks on stdout and stderr, and its exit codes.
 module tandem_app_messages
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_size_t
     use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
     private
 
-    public :: complain, done, run_failed, input_wrong, signalled
+    public :: say, finish_output, complain, padded, done, run_failed, input_wrong, signalled
 
     !> Exit codes; where a signal has ended the run, its number is added to `signalled`, as shells do.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
 
+    interface
+        !> Write a text to stdout (stdout.c).
+        subroutine c_say(text, length) bind(c, name='tandem_say')
+            import :: c_char, c_size_t
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: text(*)
+            integer(c_size_t), value :: length
+        end subroutine c_say
+
+        !> Bring all of it to where it goes; the length of the reason why some of it is lost.
+        function c_finish_output(text, size) result(length) bind(c, name='tandem_finish_output')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(inout) :: text(*)
+            integer(c_int), value :: size
+            integer(c_int) :: length
+        end function c_finish_output
+    end interface
+
 contains
+
+    !> Say a line on stdout. All that goes there goes through here, since a write of gfortran does not tell when it has failed.
+    subroutine say(line)
+        character(len=*), intent(in) :: line
+
+        call c_say(line//new_line('a'), len(line, c_size_t) + 1)
+    end subroutine say
+
+    !> Bring to stdout what was said, and complain where some of it is lost.
+    subroutine finish_output(code)
+        !> Exit code; `run_failed` in the place of `done` where something is lost.
+        integer, intent(inout) :: code
+        character(kind=c_char) :: letters(80)
+        character(len=size(letters)) :: reason
+        integer :: i
+
+        reason = ''
+        do i = 1, int(c_finish_output(letters, size(letters, kind=c_int)))
+            reason(i:i) = letters(i)
+        end do
+        if (reason == '') return
+        call complain('what belongs on stdout could not all be written: '//trim(reason)// &
+            '; send it elsewhere. Result files are not affected')
+        if (code == done) code = run_failed
+    end subroutine finish_output
 
     !> Say on stderr what is wrong.
     subroutine complain(message)
@@ -18,4 +63,13 @@ contains
 
         write (error_unit, '(a)') 'tandem: '//message
     end subroutine complain
+
+    !> A text with blanks behind it up to a width; a longer one as it is.
+    pure function padded(text, width) result(wide)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: width
+        character(len=max(len(text), width)) :: wide
+
+        wide = text
+    end function padded
 end module tandem_app_messages

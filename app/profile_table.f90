@@ -1,16 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> Shows where the time of a run went: a table of its parts, what the file costs, and what is uncertain.
 module tandem_app_profile_table
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: long, n_part_groups, n_parts, part_group, part_group_name, part_name, profile_type, wp
+    use tandem_app_messages, only: padded, say
     use tandem_app_report, only: count_text, print_line, short
     implicit none (type, external)
     private
 
     public :: print_profile
 
-    !> Columns of the names, and of the line.
-    integer, parameter :: name_width = 44
+    !> Columns of the names, and of a whole line.
+    integer, parameter :: name_width = 44, line_width = 96
     !> Others have disturbed a run that had less of the processor's time.
     real(wp), parameter :: disturbed = 0.9_wp
     character(len=*), parameter :: row = '(2x, a44, a12, f13.6, f9.1, a15)'
@@ -21,9 +21,11 @@ contains
     subroutine print_profile(profile)
         type(profile_type), intent(in) :: profile
         integer :: parts(n_parts), i, group, n
+        character(len=line_width) :: line
 
-        write (output_unit, '(2x, a44, a12, a13, a9, a15)') 'where the time went'//repeat(' ', name_width), 'calls', 'seconds', &
-            'share', 'ns a call'
+        write (line, '(2x, a44, a12, a13, a9, a15)') padded('where the time went', name_width), 'calls', 'seconds', 'share', &
+            'ns a call'
+        call say(trim(line))
         do group = 1, n_part_groups
             n = 0
             do i = 1, n_parts
@@ -40,7 +42,8 @@ contains
                 call print_row(profile, '  '//part_name(parts(i)), parts(i:i))
             end do
         end do
-        write (output_unit, row) 'all without the clock'//repeat(' ', name_width), '', profile%total(), 100.0_wp, ''
+        write (line, row) padded('all without the clock', name_width), '', profile%total(), 100.0_wp, ''
+        call say(trim(line))
         associate (bare => profile%bare_seconds(), output => profile%output_seconds())
             call print_line('output', short(100*output/bare, 2)//' % of the '//short(bare, 3)//' s without it, '// &
                 'whatever the model and the chart did for it included')
@@ -67,6 +70,7 @@ contains
         integer, intent(in) :: parts(:)
         character(len=12) :: calls_text
         character(len=15) :: each
+        character(len=line_width) :: line
         real(wp) :: seconds
         integer(long) :: calls
         integer :: i
@@ -84,7 +88,8 @@ contains
             each(15:) = ''
             each = adjustr(each)
         end if
-        write (output_unit, row) name//repeat(' ', name_width), calls_text, seconds, 100*seconds/profile%total(), each
+        write (line, row) padded(name, name_width), calls_text, seconds, 100*seconds/profile%total(), each
+        call say(trim(line))
     end subroutine print_row
 
     !> Seconds as whole nanoseconds.

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_app_report
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: derivative_name, error_type, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, &
         new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
         status_output_failed, term_name, warning_type, wp
+    use tandem_app_messages, only: say
     use tandem_app_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
@@ -41,7 +41,7 @@ contains
         character(len=:), allocatable :: steps
 
         s = simulation%statistics()
-        write (output_unit, '(a)') scene%name//': '//scene%description
+        call say(scene%name//': '//scene%description)
         associate (options => scene%options)
             steps = 'h = '//to_toml(options%step)//' s'
             if (options%is_adaptive()) steps = tolerances(options, scene%model%n)
@@ -363,7 +363,7 @@ contains
             last = len(rest)
             if (last > width - indent) last = index(rest(:width - indent), ', ', back=.true.)
             if (last == 0) last = len(rest)
-            write (output_unit, '(a)') head//rest(:last)
+            call say(head//rest(:last))
             if (last == len(rest)) return
             rest = rest(last + 2:)
             head = repeat(' ', indent)

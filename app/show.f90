@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem show: the complete scene as TOML that `tandem run` accepts.
 module tandem_app_show
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_app_messages, only: complain, done, input_wrong, say
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -35,7 +34,8 @@ contains
             code = input_wrong
             return
         end if
-        write (output_unit, '(a)', advance='no') scene%text
+        ! Its last line has an end of its own.
+        call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show
 end module tandem_app_show

@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem statuses: every outcome of a run, from the library's table, as the table of doc/statuses.md.
 module tandem_app_statuses
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, to_text
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong
+    use tandem_app_messages, only: complain, done, input_wrong, say
     use tandem_status, only: last_status, status_of, status_ok, status_type
     implicit none (type, external)
     private
@@ -34,11 +33,12 @@ contains
             call help(code)
             return
         end if
-        write (output_unit, '(a)') '| name | code | meaning | what to do |', '|---|---|---|---|'
+        call say('| name | code | meaning | what to do |')
+        call say('|---|---|---|---|')
         do stat = status_ok, last_status, -1
             row = status_of(stat)
-            write (output_unit, '(a)') '| `'//trim(row%name)//'` | '//to_text(stat)//' | '//trim(row%meaning)//' | '// &
-                trim(row%advice)//' |'
+            call say('| `'//trim(row%name)//'` | '//to_text(stat)//' | '//trim(row%meaning)//' | '// &
+                trim(row%advice)//' |')
         end do
     end subroutine statuses
 end module tandem_app_statuses

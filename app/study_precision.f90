@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study precision: error against run time of every stepper, over step sizes and tolerances.
 module tandem_app_study_precision
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
         read_scene, reference_type, scene_type, settle_scene, table_type, to_toml, write_reference
@@ -48,7 +47,7 @@ contains
         code = input_wrong
         if (.not. allocated(error)) then
             do i = 1, size(scenes)
-                if (i > 1) write (output_unit, '()')
+                if (i > 1) call say('')
                 call study_scene(arguments, request, scenes(i), code, error)
                 if (allocated(error)) exit
             end do
@@ -259,27 +258,27 @@ contains
             call table%put(table%cells(:, row), 'error_q', '<'//brief(study%floor_q()))
             table%cells(table%index_of('order'), row) = ''
         end do
-        write (output_unit, '(a)') scene%name//': '//scene%description
-        write (output_unit, '(a)') about(study)
-        write (output_unit, '(a)') table%header()
+        call say(scene%name//': '//scene%description)
+        call say(about(study))
+        call say(table%header())
         do row = 1, table%rows()
             if (row > 1) then
                 if (table%text_at(row, 'stepper')//table%text_at(row, 'control') /= &
-                    table%text_at(row - 1, 'stepper')//table%text_at(row - 1, 'control')) write (output_unit, '()')
+                    table%text_at(row - 1, 'stepper')//table%text_at(row - 1, 'control')) call say('')
             end if
-            write (output_unit, '(a)') table%line(row)
+            call say(table%line(row))
         end do
-        write (output_unit, '(a)') 'constraint errors of all runs, on natural scales: position '//brief(worst(1))// &
-            ', velocity '//brief(worst(2))//', acceleration '//brief(worst(3))
+        call say('constraint errors of all runs, on natural scales: position '//brief(worst(1))// &
+            ', velocity '//brief(worst(2))//', acceleration '//brief(worst(3)))
         do i = 2, 12, 2
             if (10.0_wp**(-i) < study%floor_q()) exit
             row = study%cheapest(10.0_wp**(-i))
             if (row == 0) exit
             text = '1e-'//to_text(i)//': '//table%text_at(row, 'stepper')//', '//table%text_at(row, 'control')//' '// &
                 table%text_at(row, 'value')//', '//brief(table%real_at(row, 'cpu_seconds'))//' s'
-            write (output_unit, '(a)') 'the shortest run with an error q of at most '//text
+            call say('the shortest run with an error q of at most '//text)
         end do
-        write (output_unit, '(a)') 'files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
-            study%journal%path//'.h5 '//study%journal%path//'.png'
+        call say('files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
+            study%journal%path//'.h5 '//study%journal%path//'.png')
     end subroutine print_study
 end module tandem_app_study_precision

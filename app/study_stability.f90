@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study stability: a verdict for every stiff and extreme case with every stepper.
 module tandem_app_study_stability
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, case_names, nearest_name, select_cases, stability_columns, stability_type
     implicit none (type, external)
@@ -123,31 +122,31 @@ contains
             do j = 1, size(stepper_names)
                 line = line//fitted(trim(stepper_names(j)), wide)
             end do
-            write (output_unit, '(a)') trim(line)
+            call say(trim(line))
             do i = 1, size(stability%cases)
                 line = fitted(trim(stability%cases(i)), first)
                 do j = 1, size(stepper_names)
                     line = line//fitted(cell(stability, trim(stability%cases(i)), trim(stepper_names(j)), controls(k)), wide)
                 end do
-                if (len_trim(line) > first) write (output_unit, '(a)') trim(line)
+                if (len_trim(line) > first) call say(trim(line))
             end do
-            write (output_unit, '()')
+            call say('')
         end do
-        write (output_unit, '(a)') 'h held, with its error; d degraded: off by more than is allowed, and warned of; '// &
-            'r refused; f failed; W wrong'
-        write (output_unit, '(a)') to_text(stability%count_of('held'))//' held, '//to_text(stability%count_of('degraded'))// &
+        call say('h held, with its error; d degraded: off by more than is allowed, and warned of; '// &
+            'r refused; f failed; W wrong')
+        call say(to_text(stability%count_of('held'))//' held, '//to_text(stability%count_of('degraded'))// &
             ' degraded, '//to_text(stability%count_of('refused'))//' refused, '//to_text(stability%count_of('failed'))// &
-            ' failed, '//to_text(stability%count_of('wrong'))//' wrong'
+            ' failed, '//to_text(stability%count_of('wrong'))//' wrong')
         do i = 1, stability%journal%table%rows()
             associate (table => stability%journal%table)
                 if (.not. any(stability%cases == table%text_at(i, 'case')) .or. table%text_at(i, 'verdict') /= 'wrong') cycle
-                write (output_unit, '(a)') 'wrong: '//table%text_at(i, 'case')//', '//table%text_at(i, 'stepper')//', '// &
+                call say('wrong: '//table%text_at(i, 'case')//', '//table%text_at(i, 'stepper')//', '// &
                     table%text_at(i, 'control')//': error '//brief(table%real_at(i, 'error'))//', allowed '// &
-                    brief(table%real_at(i, 'allowed'))//'; '//table%text_at(i, 'remark')
+                    brief(table%real_at(i, 'allowed'))//'; '//table%text_at(i, 'remark'))
             end associate
         end do
-        write (output_unit, '(a)') 'files: '//stability%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
-            stability%journal%path//'.h5 '//stability%journal%path//'.png'
+        call say('files: '//stability%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
+            stability%journal%path//'.h5 '//stability%journal%path//'.png')
     end subroutine print_matrix
 
     !> What the matrix shows of a run; empty where there is none.

@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study tables: the tables and figures of the paper beside ours.
 module tandem_app_study_tables
-    use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, is_input_error, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed
+    use tandem_app_messages, only: complain, done, input_wrong, padded, run_failed, say
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, paper_columns, paper_type
     implicit none (type, external)
@@ -81,14 +80,14 @@ contains
             do row = 1, table%rows()
                 heading = table%text_at(row, 'place')//', '//table%text_at(row, 'scene')//', '//table%text_at(row, 'stepper')// &
                     ', h = '//table%text_at(row, 'step')//' s, Tol = '//table%text_at(row, 'tolerance')
-                if (heading /= last) write (output_unit, '(a)') heading
+                if (heading /= last) call say(heading)
                 last = heading
                 ours = table%text_at(row, 'ours')
                 if (len(ours) > 4) ours = brief(table%real_at(row, 'ours'))
-                write (output_unit, '(2x, a, t22, a, t38, a, t52, a)') table%text_at(row, 'quantity'), &
-                    'paper '//table%text_at(row, 'paper'), 'ours '//ours, table%text_at(row, 'difference')
+                call say(padded('  '//table%text_at(row, 'quantity'), 21)//padded('paper '//table%text_at(row, 'paper'), 16)// &
+                    padded('ours '//ours, 14)//table%text_at(row, 'difference'))
             end do
         end associate
-        write (output_unit, '(a)') 'files: '//study%journal%path//'.csv, .h5'
+        call say('files: '//study%journal%path//'.csv, .h5')
     end subroutine print_tables
 end module tandem_app_study_tables

@@ -824,6 +824,23 @@ class CommandLine(Case):
             self.assertIn(f"TANDEM_{name.upper()} = {code}", header)
             self.assertTrue(meaning and advice)
 
+    @unittest.skipUnless(os.path.exists("/dev/full"), "wants a device that is always full")
+    def test_a_stdout_that_is_full(self):
+        # The last one says more than any buffer holds.
+        many = "".join(f'[[event]]\nname = "e{i}"\nwatch = "rz"\n' for i in range(300))
+        for words in (["help"], ["--version"], ["list"], ["statuses"], ["show", "rolling_disk"], ["check", "rolling_disk"],
+                      ["run", "rolling_disk", *SHORT, "--profile", "--output", "a.h5"], ["show", self.disk(output="every = 1\n" + many)]):
+            with self.subTest(words), open("/dev/full", "w", encoding="utf-8") as full:
+                done = subprocess.run([TANDEM, *words], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+                self.assertEqual(done.returncode, 1, done.stderr)
+                self.assertIn("stdout could not all be written: No space left on device; ", done.stderr)
+                # What is wrong with the input is worse.
+                self.assertEqual(subprocess.run([TANDEM, "show", "nothing"], stdout=full, stderr=subprocess.PIPE).returncode, 2)
+        with h5py.File(self.folder / "a.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+            self.assertIn("profile", file["report"])
+            self.assertIn("global_error_q", file["report"].attrs)
+
     def test_words_that_do_not_exist(self):
         self.refused("runn", "rolling_disk", says=['no subcommand "runn"', 'Did you mean "run"?'])
         self.refused("run", "rolling_disk", "--quite", says=["no option --quite", "did you mean --quiet?"])
