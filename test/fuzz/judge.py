@@ -34,12 +34,16 @@ def below_a_right_angle(value):
     return abs(value) < math.pi / 2
 
 
+def zero_or_normal(value):
+    return value == 0 or abs(value) >= 1e-300
+
+
 # The ranges that the complete scene promises: a key's, whatever the model; all numbers of a list are meant.
 RANGES = {
     "model": dict.fromkeys(
         "mass inertia radius half_length stiffness wheel_radius rear_length half_track fork_forward fork_height".split(), positive
     )
-    | {"damping": not_negative, "free_length": not_negative, "fork_angle": below_a_right_angle},
+    | {"damping": not_negative, "free_length": not_negative, "fork_angle": below_a_right_angle, "frequency": zero_or_normal},
     "initial": {
         "tilt": below_a_right_angle,
         "weights": positive,

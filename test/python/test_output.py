@@ -686,6 +686,13 @@ class SceneErrors(Case):
         self.refused_file("name must be letters", 3, scene='model = "rolling_disk"\nname = "../x"')
         self.refused_file('did you mean "rolling_disk"?', 2, scene='model = "rolling_disc"')
 
+    def test_a_frequency_whose_period_is_infinite(self):
+        for model in "motorcycle", "articulated_vehicle":
+            for value in "1e-320", "-1e-301":
+                self.refused("show", model, "--set", f"model.frequency={value}", says="frequency must be 0, or at least 1e-300 in size")
+            for value in "0", "1e-300", "-1e-300":
+                self.tandem("run", model, *SHORT, "--set", f"model.frequency={value}", "--output", "a.h5", "--force", "--no-error")
+
     def test_parameters_without_an_equilibrium(self):
         self.scene('[scene]\nmodel = "motorcycle"\n[model]\ngravity = 9.6e4\n[time]\nend = 1\n')
         self.refused("run", "scene.toml", says=["needs an equilibrium", "scene.toml"])

@@ -8,6 +8,9 @@ module tandem_io_scene_articulated_vehicle
 
     public :: build_articulated_vehicle
 
+    !> Least steering frequency but none, rad/s: less would have a period that is no finite number.
+    real(wp), parameter :: slowest = 1.0e-300_wp
+
 contains
 
     !> The model with its parameters, and its start.
@@ -26,6 +29,9 @@ contains
         call reader%get('half_length', vehicle%half_length, positive, 'm', 'from a centre to its axle and to the joint')
         call reader%get('amplitude', vehicle%amplitude, unit='rad', help='of the steering amplitude sin(frequency t)')
         call reader%get('frequency', vehicle%frequency, unit='rad/s', help='of the steering, for one period; 0 for none')
+        if (abs(vehicle%frequency) > 0.0_wp .and. abs(vehicle%frequency) < slowest) then
+            call reader%refuse('frequency', 'must be 0, or at least 1e-300 in size')
+        end if
         call reader%close_table()
         if (reader%failed()) return
         call vehicle%define()

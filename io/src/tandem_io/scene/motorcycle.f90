@@ -8,6 +8,9 @@ module tandem_io_scene_motorcycle
 
     public :: build_motorcycle
 
+    !> Least steering frequency but none, rad/s: less would have a period that is no finite number.
+    real(wp), parameter :: slowest = 1.0e-300_wp
+
 contains
 
     !> The model with its parameters, and its start.
@@ -33,6 +36,9 @@ contains
             call reader%get('damping', m%damping, not_negative, 'N s/m', 'of the front suspension')
             call reader%get('amplitude', m%amplitude, unit='rad', help='of the steering -amplitude sin(frequency t)')
             call reader%get('frequency', m%frequency, unit='rad/s', help='of the steering, for one period; 0 for none')
+            if (abs(m%frequency) > 0.0_wp .and. abs(m%frequency) < slowest) then
+                call reader%refuse('frequency', 'must be 0, or at least 1e-300 in size')
+            end if
             call reader%get('driving_force', m%driving_force, unit='N', help="along the chassis' y'")
             call reader%get('wheel_radius', m%wheel_radius, positive, 'm')
             call reader%get('rear_length', m%rear_length, positive, 'm', 'from the centre back to the rear axle')
