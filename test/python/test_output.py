@@ -763,6 +763,16 @@ class SceneErrors(Case):
         (self.folder / "scene.toml").write_bytes(b'[scene]\r\nmodel = "rolling_disk"\r\n[time]\r\nend = -1\r\n')
         self.assertNotIn("\r", self.refused("show", "scene.toml", says="--> scene.toml:4:").stderr)
 
+    def test_a_byte_order_mark_is_skipped(self):
+        text = self.tandem("show", "rolling_disk").stdout
+        (self.folder / "scene.toml").write_bytes(b"\xef\xbb\xbf" + text.encode())
+        self.assertEqual(self.tandem("show", "scene.toml").stdout, text)
+        # Only at the start, and lines are shown without it.
+        (self.folder / "scene.toml").write_bytes(b"\xef\xbb\xbfx = 1\n")
+        self.assertIn("x = 1", self.refused("show", "scene.toml", says="scene.toml:1:").stderr)
+        (self.folder / "scene.toml").write_bytes(b"\n\xef\xbb\xbf" + text.encode())
+        self.refused("show", "scene.toml", says="scene.toml:2:")
+
     def test_more_steps_or_rows_than_can_be(self):
         for tables, line in [
             ({"solver": "step = 1e-300"}, 6), ({"output": "interval = 1e-12"}, 6), ({"time": "end = 1e300"}, 4),

@@ -21,6 +21,9 @@ module tandem_io_scene_source
     !> keys and of the length of a text, and messages show whole lines.
     integer, parameter :: most_lines = 10000, most_bytes = 32768, most_dots = 1000, most_brackets = 5000, most_values = 10000
 
+    !> What some editors put before UTF-8.
+    character(len=*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
+
     type :: source_type
         !> The parsed text.
         type(toml_table), allocatable :: root
@@ -169,8 +172,10 @@ contains
         if (stat /= 0 .and. .not. is_iostat_end(stat)) then
             call set_input_error(error, 'cannot read the scene '//path//': '//trim(message))
         else
-            call check_text(path, text(:length), error)
             text = text(:length)
+            ! Some editors begin UTF-8 with a mark of the order of bytes, which has none and says nothing.
+            if (index(text, byte_order_mark) == 1) text = text(len(byte_order_mark) + 1:)
+            call check_text(path, text, error)
         end if
     end subroutine read_text
 
