@@ -595,6 +595,12 @@ class Target(Case):
         self.refused("run", "rolling_disk", "--output", "sub", says="it is a folder")
         self.refused("run", "rolling_disk", "--output", "sub/", says="it is a folder")
 
+    def test_a_link_to_nothing(self):
+        (self.folder / "a.h5").symlink_to("no/such.h5")
+        for more in [], ["--force"]:
+            self.refused("run", "rolling_disk", *SHORT, "--output", "a.h5", *more, says="cannot write a.h5: it is a symbolic link to nothing; remove")
+        self.assertTrue((self.folder / "a.h5").is_symlink())
+
     def test_nobody_may_write_there(self):
         self.refused("run", "rolling_disk", "--output", "/proc/a.h5", says=["/proc/a.h5", "may write"])
 

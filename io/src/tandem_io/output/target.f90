@@ -6,7 +6,7 @@ module tandem_io_output_target
     use tandem_status, only: status_invalid_checkpoint, status_output_failed
     use tandem_io_output_guard, only: guard_type, is_taken
     use tandem_io_output_hdf5, only: start_library
-    use tandem_io_path, only: is_regular
+    use tandem_io_path, only: is_dangling, is_regular
     use, intrinsic :: iso_c_binding, only: c_int64_t
     implicit none (type, external)
     private
@@ -49,6 +49,11 @@ contains
         if (exists .and. .not. is_regular(path)) then
             call set_error(error, status_output_failed, 'cannot write '//path//': it is no regular file but a pipe or a device', &
                 'choose a file')
+            return
+        end if
+        if (is_dangling(path)) then
+            call set_error(error, status_output_failed, 'cannot write '//path//': it is a symbolic link to nothing', &
+                'remove the link or choose another file')
             return
         end if
         if (exists) call check_existing(path, force, error)
