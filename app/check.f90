@@ -4,7 +4,7 @@ module tandem_app_check
     use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, padded, run_failed, say
+    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_app_moves, only: moves_text
     use tandem_app_report, only: print_warnings
     use tandem_io, only: find_scene, read_scene, scene_type
@@ -54,7 +54,7 @@ contains
         call print_start(scene, start_error)
         code = merge(done, run_failed, all(findings%passed))
         if (.not. allocated(start_error)) return
-        call complain(start_error%message)
+        call complain(in_scene_words(start_error))
         code = input_wrong
     end subroutine check
 

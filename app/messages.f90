@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> How the program speaks on stdout and stderr, and its exit codes.
 module tandem_app_messages
+    use tandem, only: error_type
+    use tandem_status, only: status_inconsistent_start
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_size_t
     use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
     private
 
-    public :: say, finish_output, complain, padded, done, run_failed, input_wrong, signalled
+    public :: say, finish_output, complain, in_scene_words, padded, done, run_failed, input_wrong, signalled
 
     !> Exit codes; where a signal has ended the run, its number is added to `signalled`, as shells do.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
@@ -63,6 +65,16 @@ contains
 
         write (error_unit, '(a)') 'tandem: '//message
     end subroutine complain
+
+    !> The message of an error; of one about the start, which the library calls as its callers do, with the keys of a scene.
+    pure function in_scene_words(error) result(text)
+        type(error_type), intent(in) :: error
+        character(len=:), allocatable :: text
+
+        text = error%message
+        if (error%stat == status_inconsistent_start) text = text//new_line('a')// &
+            'In a scene, q0 and qd0 are the keys q and qd of [initial], and assemble = true there lets the start be assembled.'
+    end function in_scene_words
 
     !> A text with blanks behind it up to a width; a longer one as it is.
     pure function padded(text, width) result(wide)

@@ -6,7 +6,7 @@ module tandem_app_run
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed, signalled
+    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, run_failed, signalled
     use tandem_app_profile_table, only: print_profile
     use tandem_app_profiling, only: profiling_type
     use tandem_app_progress, only: progress_type
@@ -42,7 +42,7 @@ contains
         if (arguments%profile) allocate (profiling)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         if (allocated(error)) then
-            call complain(error%message)
+            call complain(in_scene_words(error))
             code = input_wrong
             return
         end if

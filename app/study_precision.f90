@@ -4,7 +4,7 @@ module tandem_app_study_precision
     use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
     use tandem_app_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
         read_scene, reference_type, scene_type, settle_scene, table_type, to_toml, write_reference
@@ -53,7 +53,7 @@ contains
             end do
         end if
         if (allocated(error)) then
-            call complain(error%message)
+            call complain(in_scene_words(error))
         else
             code = done
         end if

@@ -491,7 +491,7 @@ end = 0.1
 """
 
     def test_the_printed_start_runs_only_assembled(self):
-        self.refused("run", self.scene(self.PRINTED), says=["inconsistent_start", "let the start be assembled"])
+        self.refused("run", self.scene(self.PRINTED), says=["inconsistent_start", "let the start be assembled", "keys q and qd of [initial], and assemble = true"])
         done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true")
         self.assertRegex(done.stdout, r'assembled +position moved e1 by 3\.0E-03, s by -7\.8E-04, a1 by 6\.5E-04,')
         for row in "front contact height", "no slip front":
@@ -510,7 +510,7 @@ end = 0.1
         done = self.tandem("check", self.scene(self.PRINTED), "--set", "initial.assemble=true")
         self.assertIn("start assembled: position moved e1 by", done.stdout)
         self.assertIn("C has full rank 8", done.stdout)
-        self.tandem("check", "scene.toml", code=2)
+        self.assertIn("keys q and qd of [initial], and assemble = true", self.tandem("check", "scene.toml", code=2).stderr)
 
     def test_a_consistent_start_does_not_move(self):
         with_it = self.tandem("run", "motorcycle", *SHORT, "--set", "initial.assemble=true", "--output", "a.h5")
@@ -550,7 +550,7 @@ end = 0.1
         assemble = ["run", "scene.toml", "--set", "initial.assemble=true", "--set"]
         self.refused(*assemble, "initial.largest_move=1e-3",
                      says=['coordinate "e1" would move by 0.29', 'most of it for "front contact height"'])
-        self.refused(*assemble, 'initial.fixed=["rz", "e0"]', says=["no consistent position near", "with fixed rz, e0"])
+        self.refused(*assemble, 'initial.fixed=["rz", "e0"]', says=["no consistent position near", "with fixed rz, e0", "q0 and qd0 are the keys q and qd of [initial]"])
 
 
 class Target(Case):
