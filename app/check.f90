@@ -73,7 +73,7 @@ contains
                     cycle
                 end if
                 if (finding%row == 0) then
-                    write (output_unit, '(2x, a, t44, a)') trim(finding%name), 'FAILED: the procedure could not be evaluated'
+                    call say(padded('  '//trim(finding%name), name_width)//'FAILED: the procedure could not be evaluated')
                     cycle
                 end if
                 place = 'row '//to_text(finding%row)
