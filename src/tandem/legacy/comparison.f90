@@ -114,17 +114,16 @@ contains
         logical, intent(in) :: by_rows
         !> From 1 on; column 0 for a vector.
         integer, intent(in) :: row, column
-        character(len=32) :: text
+        character(len=40) :: text
 
         if (by_rows) then
-            text = '['//to_text(row - 1)//']'
+            text = 'entry ['//to_text(row - 1)//']'
             if (column > 0) text = trim(text)//'['//to_text(column - 1)//']'
         else
-            text = '('//to_text(row)
+            text = 'entry ('//to_text(row)
             if (column > 0) text = trim(text)//','//to_text(column)
             text = trim(text)//')'
         end if
-        text = 'entry '//text
     end function entry_text
 
     !> What an entry is compared with.
