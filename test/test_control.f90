@@ -368,9 +368,9 @@ contains
         if (allocated(error)) return
         call check_true(error, statistics%right_hand_sides <= 1900, 'right-hand sides for 1e-6')
         if (allocated(error)) return
-        call roll(tolerance('dop853', 1.0e-12_wp), largest, statistics, error)
+        call roll(tolerance('dop853', 3.0e-12_wp), largest, statistics, error)
         if (allocated(error)) return
-        call check_below(error, largest, 1.0e-8_wp, 'error at 1e-12')
+        call check_below(error, largest, 1.0e-8_wp, 'error at 3e-12')
         if (allocated(error)) return
         call check_true(error, statistics%right_hand_sides <= 2900, 'right-hand sides for 1e-8')
     end subroutine test_disk_budget

@@ -26,7 +26,11 @@ module tandem_simulate_step_control
         !> rtol and atol s for q and for qd (n).
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
         real(wp), private :: max_step = huge(1.0_wp)
-        real(wp), private :: exponent = 0.2_wp, integral = 0.0_wp, last_norm = 1.0e-4_wp
+        real(wp), private :: exponent = 0.2_wp, last_norm = 1.0e-4_wp
+        !> A step is this part of the one whose error norm would be 1, and the norm that it aims at.
+        real(wp), private :: safety = 0.8_wp, aim = 0.8_wp**5
+        !> Weight of the last error, and h |lambda| from which on it counts in full.
+        real(wp), private :: integral = 0.0_wp, damped_from = 0.0_wp
         !> Whether the last step was at the limit of stability: nearly there, or not followed by a larger one for that reason.
         logical :: is_at_limit = .false.
         !> h |lambda| at the limit, 0 where there is none; the largest |lambda| of the last steps, 0 where none is known.
@@ -45,8 +49,8 @@ module tandem_simulate_step_control
         procedure, private :: round_down
     end type step_control_type
 
-    !> The next step aims at this part of the tolerance's step, and changes by no more than these factors.
-    real(wp), parameter :: safety = 0.8_wp, least_factor = 0.2_wp, largest_factor = 6.0_wp
+    !> A step changes by no more than these factors.
+    real(wp), parameter :: least_factor = 0.2_wp, largest_factor = 6.0_wp
     !> Estimates of h |lambda| up to this say nothing of lambda: a motion that the steps resolve has one of about 1, however small
     !> they are.
     real(wp), parameter :: resolved = 2.0_wp
@@ -69,9 +73,17 @@ contains
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%first_step = min(options%first_step, self%max_step)
         self%exponent = 1.0_wp/real(method%estimate_order + 1, wp)
-        self%integral = 0.0_wp
         ! Implicit steppers have no integral part: their errors jump with Newton's.
-        if (.not. method%implicit .and. method%estimate_order < 7) self%integral = 0.04_wp
+        self%safety = 0.8_wp
+        self%integral = 0.0_wp
+        if (.not. method%implicit) then
+            self%safety = 0.7_wp
+            self%integral = 0.04_wp
+        end if
+        ! The long steps of a method of high order see another motion each time: their last error tells of the next one near the
+        ! limit of stability alone, where it keeps steps from swinging.
+        self%damped_from = merge(0.25_wp*method%stability_limit, 0.0_wp, method%estimate_order >= 7)
+        self%aim = self%safety**(1.0_wp/self%exponent)
         self%stability_limit = method%stability_limit
         self%weight_q = scale
         self%weight_qd = scale
@@ -105,9 +117,11 @@ contains
         real(wp), intent(in) :: h, norm, stiffness
         !> True where the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
         logical, intent(in) :: was_cut
-        real(wp) :: factor, wanted
+        real(wp) :: factor, integral, wanted
 
-        factor = safety*max(norm, tiny(1.0_wp))**(0.75_wp*self%integral - self%exponent)*self%last_norm**self%integral
+        integral = self%integral
+        if (self%damped_from > 0.0_wp) integral = integral*min(1.0_wp, (stiffness/self%damped_from)**2)
+        factor = (max(norm, tiny(1.0_wp))/self%aim)**(0.75_wp*integral - self%exponent)*(self%last_norm/self%aim)**integral
         factor = min(largest_factor, max(least_factor, factor))
         if (self%was_rejected) factor = min(1.0_wp, factor)
         wanted = factor*h
@@ -133,7 +147,7 @@ contains
         real(wp) :: factor
 
         factor = least_factor
-        if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, safety*norm**(-self%exponent)))
+        if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, self%safety*norm**(-self%exponent)))
         self%h = self%round_down(factor*h)
         self%was_rejected = .true.
     end subroutine reject
@@ -180,7 +194,7 @@ contains
     pure subroutine restart(self)
         class(step_control_type), intent(inout) :: self
 
-        self%last_norm = 1.0e-4_wp
+        self%last_norm = self%aim
         self%lambda = 0.0_wp
         self%is_at_limit = .false.
         self%was_rejected = .false.

@@ -57,13 +57,21 @@ contains
             self%errors = last_errors
             self%grid_steps = last_grid_steps
             self%on_grid = was_on_grid
-            ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better.
-            if (self%chart%n_dropped == 0 .or. self%chart_is_current .or. error%stat /= status_constraints_not_held) return
+            ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
+            ! else a shorter step.
+            if (self%chart%n_dropped == 0 .or. error%stat /= status_constraints_not_held) return
+            if (self%chart_is_current) then
+                if (.not. self%options%is_adaptive()) return
+                call self%control%fail(self%next%t - self%state%t)
+                self%tally%failed = self%tally%failed + 1
+                self%hindrance = error%stat
+                if (.not. self%control%h > 4.0_wp*spacing(abs(self%state%t))) return
+            end if
             deallocate (error)
             self%tally%position_error = largest_errors(1)
             self%tally%velocity_error = largest_errors(2)
             self%tally%acceleration_error = largest_errors(3)
-            self%renewal = by_failure
+            if (.not. self%chart_is_current) self%renewal = by_failure
         end do
         self%last_step = self%state%t - self%start%t
         if (self%method%stability_limit > 0.0_wp) then
