@@ -40,6 +40,7 @@ module tandem_app_arguments
         procedure :: parse
         procedure :: value_of
         procedure :: number_of
+        procedure :: count_of
         procedure, private :: take
     end type arguments_type
 
@@ -197,6 +198,27 @@ contains
         call set_usage_error(error, self%command, 'needs a number of at least '//to_text(least)//' after '//name// &
             ', not "'//text//'"')
     end subroutine number_of
+
+    !> The value of an option that counts something.
+    subroutine count_of(self, name, most, value, error)
+        class(arguments_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        !> The most that it may be, so that a slip costs no hours.
+        integer, intent(in) :: most
+        !> The default before, the value after, from 1 on.
+        integer, intent(inout) :: value
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: text
+        integer :: stat
+
+        text = self%value_of(name, '')
+        if (text == '') return
+        stat = 1
+        if (verify(text, '0123456789') == 0) read (text, *, iostat=stat) value
+        if (stat == 0 .and. value >= 1 .and. value <= most) return
+        call set_usage_error(error, self%command, 'needs a whole number from 1 to '//to_text(most)//' after '//name// &
+            ', not "'//text//'"')
+    end subroutine count_of
 
     !> Add a text after the others.
     subroutine add_text(texts, text)

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
 module tandem_app_check
-    use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model, wp
+    use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model
     use tandem_app_arguments, only: arguments_type
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_app_moves, only: moves_text
     use tandem_app_report, only: print_warnings
-    use tandem_io, only: find_scene, read_scene, scene_type
+    use tandem_io, only: brief, find_scene, read_scene, scene_type
     implicit none (type, external)
     private
 
@@ -104,14 +104,4 @@ contains
             brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales')
         call print_warnings(simulation)
     end subroutine print_start
-
-    !> A number with two digits.
-    pure function brief(value) result(text)
-        real(wp), intent(in) :: value
-        character(len=:), allocatable :: text
-        character(len=12) :: buffer
-
-        write (buffer, '(es8.1)') value
-        text = trim(adjustl(buffer))
-    end function brief
 end module tandem_app_check

@@ -30,10 +30,12 @@ module tandem_app_help
         'SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are', &
         'looked for in the folder that TANDEM_SCENES names, in ./scenes, and in the checkout.', &
         '', &
-        'Options of run, show, check and study:', &
+        'Options of run, show, check and study precision:', &
         '  --set table.key=value   override a key of the scene, as often as you like', &
+        'Options of run, show and study:', &
         '  --output FILE           the result file, as --set output.file=FILE; a study: its folder (study)', &
-        'resume takes --set for time.end and the limits solver.max_steps, max_evaluations, max_seconds, max_events only.', &
+        'Options of resume:', &
+        '  --set table.key=value   only time.end and solver.max_steps, max_evaluations, max_seconds, max_events', &
         'Options of run and resume:', &
         '  --error                 estimate the error at the end by a second, more accurate run, however long it takes', &
         '  --no-error              never do that (default: where the run took at most 2 s)', &
@@ -41,12 +43,13 @@ module tandem_app_help
         '  --profile               where the time goes, part by part; clocks make the run slower, which is taken off', &
         'Options of run, resume and study:', &
         '  --quiet                 no progress on stderr', &
+        'Options of run and study:', &
         '  --force                 overwrite a file that exists; a study: start anew', &
         'Options of study precision:', &
         '  --steppers NAME,NAME    only these steppers', &
         '  --reference FILE        the true motion: a result file or a text table (default: it makes its own)', &
-        '  --samples N             times at which a motion is compared with its own reference (default 40)', &
-        '  --repeats N             least runs of which the time is the median (default 3)', &
+        '  --samples N             times at which a motion is compared with its own reference (default 40, at most 10000)', &
+        '  --repeats N             least runs of which the time is the median (default 3, at most 1000)', &
         '  --budget SECONDS        for all runs of a row; finer rows are left out (default 5)', &
         '  --quick                 --repeats 1 --budget 0.5', &
         'CASE of study stability is a case or a group of them: stiff, disk, vehicle, masses, units, steps, parallel, kinks,', &

@@ -2,6 +2,7 @@
 !> What the assembly of a start did, in words.
 module tandem_app_moves
     use tandem, only: assembly_type, model_type, to_text, wp
+    use tandem_io, only: brief
     implicit none (type, external)
     private
 
@@ -47,14 +48,4 @@ contains
         if (any(left)) text = text//', others less'
         text = text//' (most of it for "'//model%row_name(row)//'")'
     end function level
-
-    !> A number with two digits.
-    pure function brief(value) result(text)
-        real(wp), intent(in) :: value
-        character(len=:), allocatable :: text
-        character(len=12) :: buffer
-
-        write (buffer, '(es9.1)') value
-        text = trim(adjustl(buffer))
-    end function brief
 end module tandem_app_moves

@@ -64,7 +64,6 @@ contains
         type(arguments_type), intent(in) :: arguments
         type(request_type), intent(inout) :: request
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: samples, repeats
         character(len=:), allocatable :: names, name
         integer :: comma
 
@@ -74,14 +73,10 @@ contains
         end if
         request%folder = arguments%value_of('--output', 'study')
         request%reference = arguments%value_of('--reference', '')
-        samples = real(request%samples, wp)
-        repeats = real(request%repeats, wp)
-        call arguments%number_of('--samples', 1.0_wp, samples, error)
-        if (.not. allocated(error)) call arguments%number_of('--repeats', 1.0_wp, repeats, error)
+        call arguments%count_of('--samples', 10000, request%samples, error)
+        if (.not. allocated(error)) call arguments%count_of('--repeats', 1000, request%repeats, error)
         if (.not. allocated(error)) call arguments%number_of('--budget', 1.0e-3_wp, request%budget, error)
         if (allocated(error)) return
-        request%samples = nint(samples)
-        request%repeats = nint(repeats)
         names = arguments%value_of('--steppers', '')
         if (names == '') then
             request%steppers = stepper_names

@@ -493,7 +493,7 @@ end = 0.1
     def test_the_printed_start_runs_only_assembled(self):
         self.refused("run", self.scene(self.PRINTED), says=["inconsistent_start", "let the start be assembled", "keys q and qd of [initial], and assemble = true"])
         done = self.tandem("run", "scene.toml", "--set", "initial.assemble=true")
-        self.assertRegex(done.stdout, r'assembled +position moved e1 by 3\.0E-03, s by -7\.8E-04, a1 by 6\.5E-04,')
+        self.assertRegex(done.stdout, r'assembled +position moved e1 by 3\.0e-3, s by -7\.8e-4, a1 by 6\.5e-4,')
         for row in "front contact height", "no slip front":
             self.assertIn(f'most of it for "{row}"', done.stdout)
         with h5py.File(self.folder / "scene.h5") as file:
@@ -825,6 +825,30 @@ class CommandLine(Case):
             done = self.tandem(*words)
             self.assertIn("tandem run SCENE", done.stdout)
             self.assertEqual(done.stderr, "")
+
+    def test_help_lists_the_options_that_each_command_has(self):
+        listed = {}
+        commands = []
+        studies = ["study precision", "study stability", "study tables"]
+        for line in self.tandem("help").stdout.splitlines():
+            if line.startswith("Options of "):
+                names = re.split(r", | and ", line.removeprefix("Options of ").removesuffix(":"))
+                commands = [command for name in names for command in (studies if name == "study" else [name])]
+            elif match := re.match(r"  (--[a-z-]+)( [A-Za-z])?", line):
+                for command in commands:
+                    listed.setdefault(command, {})[match[1]] = match[2] is not None
+        options = {name: value for command in listed.values() for name, value in command.items()}
+        self.assertEqual(len(options), 13)
+        for command in ["run", "show", "check", "resume", "list", "statuses", *studies]:
+            for option, value in options.items():
+                # That resume cannot profile is told in words of its own.
+                if (command, option) == ("resume", "--profile"):
+                    continue
+                words = [*command.split(), option, *(["1"] if value else []), "--help"]
+                if option in listed.get(command, {}):
+                    self.tandem(*words)
+                else:
+                    self.refused(*words, says=f"has no option {option}")
 
     def test_version(self):
         self.assertRegex(self.tandem("--version").stdout, r"^tandem \d+\.\d+\.\d+\n$")

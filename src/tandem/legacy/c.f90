@@ -250,7 +250,7 @@ contains
         c_set_row_name = status_invalid_option
         if (.not. associated(problem)) return
         call get_text(name, text)
-        call problem%set_row_name(row + 1, text)
+        call problem%set_row_name(min(row, huge(row) - 1) + 1, text)
         c_set_row_name = problem%stat
     end function c_set_row_name
 
