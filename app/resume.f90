@@ -89,35 +89,39 @@ contains
             call set_error(error, status_invalid_checkpoint, 'cannot go on from '//arguments%scene//': its checkpoint is damaged')
             return
         end if
-        call check_end(arguments%scene, scene, snapshot, simulation, error)
+        call check_end(arguments, scene, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
         call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
 
     !> Refuse to go on with a run that is complete, unless it has got a later end, and to end a run before the time that it has
-    !> reached. One that was killed between its end and its report is there too, and has the end that it was saved with.
-    subroutine check_end(path, scene, snapshot, simulation, error)
-        character(len=*), intent(in) :: path
+    !> reached. One that was killed between its end and its report is there too, and has the end that it was saved with. A
+    !> complete run takes no step, but its error may be asked for.
+    subroutine check_end(arguments, scene, snapshot, simulation, error)
+        type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(snapshot_type), intent(in) :: snapshot
         type(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
         character(len=1) :: no_settings(0)
+        character(len=:), allocatable :: run, here
         type(scene_type), target :: saved
 
-        call read_scene('the scene in '//path, no_settings, saved, error, snapshot%scene)
+        call read_scene('the scene in '//arguments%scene, no_settings, saved, error, snapshot%scene)
         if (allocated(error)) return
+        run = 'the run in '//arguments%scene//' is '
+        here = to_text(simulation%state%t)
         if (snapshot%is_complete .and. simulation%is_stopped) then
-            call set_error(error, status_invalid_option, 'the run in '//path//' is complete: "'//trim(simulation%stopped_by)// &
-                '" has stopped it at t = '//to_text(simulation%state%t), 'there is nothing to go on with')
-        else if (snapshot%is_complete .and. simulation%state%t >= scene%t_end) then
-            call set_error(error, status_invalid_option, 'the run in '//path//' is complete: t = '// &
-                to_text(simulation%state%t), 'give it a later end by --set time.end=TIME')
+            if (.not. arguments%error) call set_error(error, status_invalid_option, run//'complete: "'// &
+                trim(simulation%stopped_by)//'" has stopped it at t = '//here, &
+                'there is nothing to go on with; --error estimates its error')
         else if (simulation%state%t >= scene%t_end .and. scene%t_end < saved%t_end) then
-            call set_error(error, status_invalid_option, 'the run in '//path//' is at t = '//to_text(simulation%state%t)// &
-                ' already, which is not before the end '//to_text(scene%t_end), &
-                'give it a later end by --set time.end=TIME; its end was to be '//to_text(saved%t_end))
+            call set_error(error, status_invalid_option, run//'at t = '//here//' already, which is not before the end '// &
+                to_text(scene%t_end), 'give it a later end by --set time.end=TIME; its end was to be '//to_text(saved%t_end))
+        else if (snapshot%is_complete .and. simulation%state%t >= scene%t_end .and. .not. arguments%error) then
+            call set_error(error, status_invalid_option, run//'complete: t = '//here, &
+                'give it a later end by --set time.end=TIME; --error estimates its error')
         end if
     end subroutine check_end
 

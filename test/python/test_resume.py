@@ -329,6 +329,30 @@ class Complete(Resume):
         self.assertLessEqual(differing, {"report@global_error_time", "report@global_error_largest"})
         self.assertEqual(one.keys(), whole.keys())
 
+    def test_the_error_of_a_complete_run(self):
+        # No step is taken: the rows stay as they are, and the error is that which the run would have estimated itself. Of a
+        # run that goes on from its own end the observer sees no step.
+        for end in ("1", "2"):
+            self.tandem("run", "articulated_vehicle", "--set", f"time.end={end}", "--output", f"whole{end}.h5", "--error")
+        self.tandem("run", "articulated_vehicle", "--set", "time.end=1", "--output", "one.h5", "--no-error")
+        before = contents(self.folder / "one.h5")
+        self.assertNotIn("report@global_error_largest", before)
+        done = self.tandem("resume", "one.h5", code=2)
+        self.assertIn("--error estimates its error", done.stderr)
+        self.tandem("resume", "one.h5", "--error")
+        after = contents(self.folder / "one.h5")
+        self.assertEqual([], [name for name in before if name.startswith("trajectory") and before[name] != after[name]])
+        self.error_at_end_is_that_of("whole1.h5")
+        self.tandem("resume", "one.h5", "--set", "time.end=2", "--no-error")
+        self.tandem("resume", "one.h5", "--error")
+        self.error_at_end_is_that_of("whole2.h5")
+
+    def error_at_end_is_that_of(self, path):
+        with h5py.File(self.folder / "one.h5") as one, h5py.File(self.folder / path) as whole:
+            self.assertEqual("complete", one.attrs["status"])
+            for name in ("global_error", "global_error_q", "global_error_qd"):
+                self.assertEqual(one["report"].attrs[name], whole["report"].attrs[name], name)
+
     def test_limits(self):
         self.tandem("run", "rolling_disk", "--set", "solver.max_steps=200", "--set", "time.end=1", "--output", "one.h5", code=1)
         done = self.tandem("resume", "one.h5", code=1)

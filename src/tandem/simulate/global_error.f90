@@ -11,7 +11,7 @@ module tandem_simulate_global_error
     use tandem_pack, only: pack_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulation, only: at_event, at_step, observer_type, simulation_type
+    use tandem_simulation, only: at_end, at_event, at_step, observer_type, simulation_type
     use tandem_status, only: status_invalid_option
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper
@@ -96,12 +96,15 @@ contains
         type(error_type), allocatable :: failure
         type(statistics_type) :: statistics
         real(wp) :: t_step, hundredth
+        logical :: is_missing
 
         if (occasion == at_event) self%is_changed = .true.
         self%is_stopped = simulation%is_stopped
         t_step = simulation%state%t
         if (.not. self%is_second) then
-            if (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end)) return
+            ! Of a run that has gone on from its very end nobody sees the last step.
+            is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
+            if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
             statistics = simulation%statistics()
             self%work = statistics%right_hand_sides
             ! The last place is for the end.
