@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of breakpoints: steps end there, segments change there, and where nu jumps qd jumps with it in the mass metric.
 module test_breakpoints
-    use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use extrapolation, only: extrapolate
     use kkt, only: kkt_type, solve_independently
     use model_pendulum, only: pendulum_type
@@ -64,6 +64,7 @@ contains
             new_unittest('a-step-across-the-kink-loses-the-order', test_unaware), &
             new_unittest('motorcycle-jumps-in-the-mass-metric-with-all-steppers', test_motorcycle), &
             new_unittest('implicit-steps-cross-the-jump-of-the-sleigh', test_sleigh_implicit), &
+            new_unittest('a-jump-that-nobody-declared-is-not-crossed', test_undeclared), &
             new_unittest('two-calls-of-integrate-are-as-good-as-one', test_two_calls)]
     end subroutine collect_breakpoints
 
@@ -467,6 +468,42 @@ contains
         call check_below(error, large, 4.0e-3_wp, 'error of the trapezoid at h = 0.04')
         call check_below(error, small/large, 2.0_wp**(-1.85_wp), 'ratio of the errors of the trapezoid')
     end subroutine test_sleigh_implicit
+
+    !> However often it is called, the run stays before the jump, in a state that holds the constraints, until the jump is declared.
+    subroutine test_undeclared(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(sleigh_type), target :: model
+        type(simulation_type) :: once, simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(3), qd(3)
+        integer :: i, k
+
+        do k = 1, size(stepper_names)
+            call model%define(jump_at)
+            model%segment = 1
+            call model%motion(0.0_wp, sleigh_start, q, qd)
+            call run(once, model, choose(step=0.01_wp, stepper=trim(stepper_names(k))), 0.0_wp, q, qd, 1.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            model%nu_jumps = [.false.]
+            call run(simulation, model, choose(step=0.01_wp, stepper=trim(stepper_names(k))), 0.0_wp, q, qd, 1.0_wp, failure)
+            do i = 1, 2
+                call check_failure(error, failure, 'constraints_not_held', 'velocity constraint')
+                call check_count(error, model%segment, 1, 'segment')
+                associate (state => simulation%state)
+                    call check_below(error, abs(sin(state%q(3))*state%qd(1) - cos(state%q(3))*state%qd(2) &
+                        - model%arm*state%qd(3) - model%slip(state%t, state%q(2))), 1.0e-11_wp, 'velocity constraint')
+                end associate
+                if (allocated(error)) return
+                call simulation%integrate(1.0_wp, failure)
+            end do
+            model%nu_jumps = [.true.]
+            call simulation%integrate(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, simulation%state%q, once%state%q, 1.0e-12_wp, trim(stepper_names(k))//': q')
+            if (allocated(error)) return
+        end do
+    end subroutine test_undeclared
 
     !> Where the first call ends on the grid the runs are the same to the last bit; where it ends off the grid, the next steps
     !> return to it.

@@ -46,6 +46,8 @@ contains
             new_unittest('a-jump-too-hard-to-cross-ends-in-a-named-status', test_blow_up), &
             new_unittest('the-largest-step-is-respected', test_max_step), &
             new_unittest('a-run-may-end-right-behind-a-breakpoint', test_sliver), &
+            new_unittest('a-run-may-begin-with-a-rounding', test_first_sliver), &
+            new_unittest('single-steps-need-no-end-that-is-ever-reached', test_no_end), &
             new_unittest('steps-that-get-nowhere-end-the-run', test_no_progress), &
             new_unittest('a-run-goes-on-when-its-model-is-mended', test_mended)]
     end subroutine collect_control
@@ -75,6 +77,47 @@ contains
             end do
         end do
     end subroutine test_sliver
+
+    !> A first end that is one to eight roundings behind the start, from which the run goes on as if there had been none.
+    subroutine test_first_sliver(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(faulty_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: i, k
+
+        call model%define()
+        call model%start(0.6_wp, 0.0_wp, q, qd)
+        do k = 1, size(steppers)
+            do i = 1, 8
+                call run(simulation, model, tolerance(trim(steppers(k)), 1.0e-6_wp), 1.0_wp, q, qd, &
+                    1.0_wp + i*spacing(1.0_wp), failure)
+                call check_no_failure(error, failure)
+                if (.not. allocated(error)) call simulation%integrate(1.1_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_first_sliver
+
+    !> Who takes single steps may give an end far beyond all that is ever reached.
+    subroutine test_no_end(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(faulty_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2), qd(2)
+        integer :: i
+
+        call model%define()
+        call model%start(0.6_wp, 0.0_wp, q, qd)
+        call simulation%initialize(model, tolerance('dopri5', 1.0e-3_wp), 0.0_wp, q, qd, failure)
+        do i = 1, 100001
+            if (.not. allocated(failure)) call simulation%step(1.0e30_wp, failure)
+        end do
+        call check_no_failure(error, failure)
+    end subroutine test_no_end
 
     !> With a wrong Jacobian tiny steps succeed, but for no others, so that a run would take years.
     subroutine test_no_progress(error)

@@ -5,6 +5,7 @@ module test_singular
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
     use model_bricard, only: bricard_type
     use model_crank_pair, only: crank_pair_type
+    use model_crossing, only: crossing_type
     use model_four_bar, only: crank_rocker, four_bar_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use ranks, only: bricard_angle
@@ -32,6 +33,7 @@ contains
             new_unittest('four-bar-stops-at-its-flat-position-in-one-chart', test_through_flat_in_one_chart), &
             new_unittest('four-bar-stops-where-a-run-ends-flat', test_end_flat), &
             new_unittest('crank-pairs-stop-neither-late-nor-early', test_crank_pairs), &
+            new_unittest('a-bead-does-not-turn-off-where-its-curves-cross', test_crossing), &
             new_unittest('crank-rocker-runs-through', test_crank_rocker), &
             new_unittest('bricard-runs-with-one-redundant-row', test_bricard), &
             new_unittest('bricard-stops-where-a-missing-row-was-needed', test_missing_row)]
@@ -88,6 +90,40 @@ contains
             end do
         end do
     end subroutine test_crank_pairs
+
+    !> A bead runs on the circle towards the line that crosses it. Short steps near the crossing find the line as well as the
+    !> circle: a run may find neither, but never go on along the line and say that all went well.
+    subroutine test_crossing(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crossing_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: angle
+        integer :: i, k, n_named
+
+        n_named = 0
+        do k = 1, 2
+            options = choose(stepper=merge('dopri5', 'dop853', k == 1))
+            do i = 0, 59
+                angle = 0.4_wp + 0.012_wp*i
+                options%rtol = 10.0_wp**(-3.0_wp - 0.05_wp*i)
+                options%atol = options%rtol
+                model%k = 0.02_wp + 0.004_wp*i
+                call model%define()
+                call run(simulation, model, options, 0.0_wp, [cos(angle), sin(angle)], [sin(angle), -cos(angle)], angle + model%k &
+                    + 0.8_wp, failure)
+                if (allocated(failure)) then
+                    if (index(failure%message, 'rank_deficient') > 0) n_named = n_named + 1
+                    call check_close(error, simulation%state%q(2:), [-model%k], 1.0e-2_wp, 'y of the end')
+                else
+                    call check_close(error, [norm2(simulation%state%q)], [1.0_wp], 1.0e-9_wp, 'radius')
+                end if
+                if (allocated(error)) return
+            end do
+        end do
+        call check_true(error, n_named > 60, 'most runs say why they end')
+    end subroutine test_crossing
 
     !> Run a parallelogram without gravity, at 1 rad/s, until it should stop: in the flat position, which is `ahead` of its start.
     subroutine check_through_flat(options, ahead, t_end, error)

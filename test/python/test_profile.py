@@ -121,7 +121,7 @@ class Profile(Case):
         """What a chart can be asked for is timed, or known to be of no account; so is every procedure of a model."""
         # The parts of `restore_motion` are timed one by one.
         untimed = {"restore_motion", "initialize", "remainder", "start_step", "retry_step", "forget", "forget_model", "hold", "release",
-                   "matrix_cost", "pack_state"}
+                   "matrix_cost", "pack_state", "relative_change"}
         source = ROOT / "src" / "tandem"
         asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "tangent" / "chart.f90").read_text()))
         timed = set(re.findall(r"call self%profile%enter.*\n.*self%dense_chart_type%(\w+)",

@@ -100,6 +100,10 @@ module tandem_simulation
         real(wp), private :: room = huge(1.0_wp)
         !> Why the last step had to be smaller, ok where no try of it has failed.
         integer, private :: hindrance = status_ok
+        !> A controlled step was given up for this reason, a loss of rank or what may hide one, and until this time that may still
+        !> lie ahead or close behind.
+        integer, private :: loss = status_ok
+        real(wp), private :: loss_until = -huge(1.0_wp)
         !> Tries of controlled steps since a time.
         integer, private :: tries = 0
         real(wp), private :: tries_from = 0.0_wp
@@ -360,6 +364,8 @@ contains
         self%last_step = 0.0_wp
         self%t_start = t
         self%hindrance = status_ok
+        self%loss = status_ok
+        self%loss_until = -huge(1.0_wp)
         self%tries = 0
         self%tries_from = t
         self%chart_is_current = .false.
@@ -445,6 +451,9 @@ contains
                 ', must be after the current time '//to_text(self%state%t), 'choose a later one')
             return
         end if
+        ! Who takes single steps sees for himself how far they get; the limit need not be one that is ever reached.
+        self%tries = 0
+        self%tries_from = self%state%t
         call self%advance(t_limit, error)
         if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
     end subroutine step

@@ -138,6 +138,34 @@ contains
         end associate
     end subroutine check_rank
 
+    !> Take note of a try that was given up, where it has met a loss of rank or a reason that may hide one.
+    pure subroutine remember_loss(self, h, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        !> The reason.
+        integer, intent(in) :: stat
+
+        if (all(stat /= [status_rank_deficient, status_position_diverged, status_chart_left, status_newton_failed])) return
+        if (self%state%t > self%loss_until .or. self%loss /= status_rank_deficient) self%loss = stat
+        self%loss_until = max(self%loss_until, self%next%t + h)
+    end subroutine remember_loss
+
+    !> Whether the step to the next state, shorter than one that was given up, has turned off there onto another branch: its
+    !> velocity has changed of itself, without an acceleration, and C with it. Where a row of C vanishes, branches cross. Its
+    !> direction, which is what the other measures see, need not come near dependence then, and the orientation may be kept. A
+    !> step that is merely too long changes its velocity less when it is shorter, and a jump of nu leaves C as it is.
+    logical function turns_off(self)
+        class(simulation_type), intent(in) :: self
+        !> Relative to the velocity; what steps that meet usual tolerances leave is far below.
+        real(wp), parameter :: least_gap = 1.0e-3_wp
+        real(wp) :: gap
+
+        turns_off = .false.
+        if (self%state%t > self%loss_until) return
+        gap = self%local_error%gap(self%state, self%next)
+        if (gap > least_gap) turns_off = self%chart%relative_change() > gap
+    end function turns_off
+
     !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
     subroutine look_for_lost_rank(self, h, stat)
         class(simulation_type), intent(inout) :: self
@@ -208,7 +236,7 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm
-        logical :: is_cut, is_short, is_sliver, has_failed
+        logical :: is_cut, is_short, is_first, is_sliver, has_failed
         integer :: stat, reason
 
         call renew_by_policy(self, error)
@@ -228,7 +256,8 @@ contains
                 if (.not. self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)) self%room = huge(1.0_wp)
             end associate
         end if
-        if (.not. self%control%h > 0.0_wp) call choose_first_step(self, stop_at - self%state%t)
+        is_first = .not. self%control%h > 0.0_wp
+        if (is_first) call choose_first_step(self, stop_at - self%state%t)
         has_failed = .false.
         reason = self%hindrance
         do
@@ -247,7 +276,7 @@ contains
             h = self%next%t - self%state%t
             ! What is left before the stop may be as short as it likes: it is one step.
             is_sliver = .not. h > 4.0_wp*spacing(abs(self%state%t))
-            if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. self%control%h > 2*h)) then
+            if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. (is_first .or. self%control%h > 2*h))) then
                 call underflow(self, reason, h, error)
                 return
             end if
@@ -258,6 +287,7 @@ contains
                 if (.not. norm <= 1.0_wp) then
                     self%tally%rejected = self%tally%rejected + 1
                     reason = status_ok
+                    is_first = .false.
                     call self%control%reject(h, norm)
                     call self%chart%retry_step()
                     if (self%work%is_set) call check_work(self, error)
@@ -265,6 +295,7 @@ contains
                     cycle
                 end if
                 call check_rank(self, stat)
+                if (stat == status_ok .and. turns_off(self)) stat = self%loss
                 if (stat == status_ok) exit
             else if (stat /= status_callback_failed) then
                 call look_for_lost_rank(self, h, stat)
@@ -275,18 +306,25 @@ contains
             end if
             self%tally%failed = self%tally%failed + 1
             has_failed = .true.
+            is_first = .false.
             reason = stat
+            call remember_loss(self, h, stat)
             call self%control%fail(h)
-            if (self%work%is_set) call check_work(self, error)
-            if (allocated(error)) return
             call self%chart%retry_step()
             if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
+            if (allocated(error)) return
+            ! Last, so that who goes on with a higher limit finds what this run would have gone on with.
+            if (self%work%is_set) call check_work(self, error)
             if (allocated(error)) return
         end do
         self%hindrance = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, norm)
         ! In a sliver all differences are rounding.
-        if (.not. is_sliver) call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
+        if (.not. is_sliver) then
+            call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
+        else if (is_first) then
+            call self%control%begin()
+        end if
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
@@ -349,7 +387,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years.
         integer, parameter :: many = 100000
-        real(wp), parameter :: hopeless = 1.0e-8_wp
+        real(wp), parameter :: hopeless = 1.0e-7_wp
 
         self%tries = self%tries + 1
         if (self%tries < many) return
@@ -371,7 +409,10 @@ contains
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
 
-        if (reason /= status_ok) then
+        if (self%state%t <= self%loss_until .and. self%loss == status_rank_deficient) then
+            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
+                error)
+        else if (reason /= status_ok) then
             call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
         else
             call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
@@ -531,15 +572,16 @@ contains
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal = by_breakpoint
             self%values_are_stale = .true.
-            if (stat /= status_ok) then
+            if (stat == status_ok) then
+                call self%measure_errors(error)
+            else
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
-                model%segment = model%segment - 1
-                call self%chart%forget()
-                state%qd(:) = qd
-                state%qdd(:) = qdd
-                return
             end if
-            call self%measure_errors(error)
+            if (.not. allocated(error)) return
+            model%segment = model%segment - 1
+            call self%chart%forget()
+            state%qd(:) = qd
+            state%qdd(:) = qdd
         end associate
     end subroutine cross_breakpoint
 end submodule tandem_simulate_stepping

@@ -78,6 +78,7 @@ module tandem_tangent_chart
         procedure(errors_interface), deferred :: constraint_errors
         procedure(rank_interface), deferred :: measure_rank
         procedure(ahead_interface), deferred :: loses_rank_ahead
+        procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
         procedure :: wants_other_rows
@@ -332,6 +333,13 @@ module tandem_tangent_chart
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: h
         end function ahead_interface
+
+        !> How far C has changed from the start of the step to the point of `measure_rank`: rows of unit length, Frobenius norm.
+        real(wp) function change_interface(self)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+        end function change_interface
 
         !> How the chart stands at a point: what the policy watches.
         subroutine health_interface(self, t, q, qd, health, stat)

@@ -117,6 +117,7 @@ module tandem_tangent_dense
         procedure :: constraint_errors
         procedure :: measure_rank
         procedure :: loses_rank_ahead
+        procedure :: relative_change
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure :: pack_state
@@ -280,6 +281,12 @@ module tandem_tangent_dense
             real(wp), intent(in) :: t, h
             real(wp), intent(in), contiguous :: q(:), qd(:)
         end function loses_rank_ahead
+
+        !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
+        module real(wp) function relative_change(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(in) :: self
+        end function relative_change
 
         !> Remember which rows depend on each other at the current point.
         module subroutine blame_dependent(self, row)

@@ -118,7 +118,7 @@ contains
             end if
         end do
         loses_rank_ahead = .not. keeps_until(far)
-        if (loses_rank_ahead) loses_rank_ahead = relative_change() <= largest_change
+        if (loses_rank_ahead) loses_rank_ahead = change_from(self, here) <= largest_change
         if (loses_rank_ahead) call self%blame_dependent(0)
 
     contains
@@ -133,19 +133,29 @@ contains
             if (.not. keeps_until) keeps_until = self%row_space%keeps_orientation(self%m, self%n, here, &
                 self%model%terms%jacobian, self%scale)
         end function keeps_until
-
-        !> The change of C since, rows of unit length, Frobenius norm.
-        real(wp) function relative_change()
-            integer :: i
-
-            relative_change = 0.0_wp
-            do i = 1, self%m
-                relative_change = relative_change + sum(((self%model%terms%jacobian(i, :) - here(i, :))*self%scale)**2)/ &
-                    max(sum((here(i, :)*self%scale)**2), tiny(1.0_wp))
-            end do
-            relative_change = sqrt(relative_change)
-        end function relative_change
     end function loses_rank_ahead
+
+    !> How far C has changed from the start of the step to the current point.
+    module real(wp) function relative_change(self)
+        class(dense_chart_type), intent(in) :: self
+
+        relative_change = change_from(self, self%step_jacobian)
+    end function relative_change
+
+    !> How far C has changed from another to that of the current point: rows of unit length in the other, Frobenius norm.
+    pure real(wp) function change_from(self, other)
+        class(dense_chart_type), intent(in) :: self
+        !> C elsewhere (m, n).
+        real(wp), intent(in) :: other(:, :)
+        integer :: i
+
+        change_from = 0.0_wp
+        do i = 1, self%m
+            change_from = change_from + sum(((self%model%terms%jacobian(i, :) - other(i, :))*self%scale)**2)/ &
+                max(sum((other(i, :)*self%scale)**2), tiny(1.0_wp))
+        end do
+        change_from = sqrt(change_from)
+    end function change_from
 
     !> Remember which rows depend on each other at the current point.
     module subroutine blame_dependent(self, row)
