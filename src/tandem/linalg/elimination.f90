@@ -312,12 +312,24 @@ contains
             !GCC$ UNROLL 1
             do i = 1, short
                 column(b + i) = a(b + i, k)*(inverse - inverse*unit(b + i, k))
-                a(b + i, k) = unit(b + i, k)
+                a(b + i, k) = unit(b + i, k) - column(b + i)
+            end do
+        end do
+        ! The columns of the next pivots first, for which they wait.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 3
+        do j = k + 1, n
+            f = a(k, j)
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                end do
             end do
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 3
-        do j = 1, n
+        do j = 1, k - 1
             f = a(k, j)
             do b = 0, height - short, short
                 !GCC$ UNROLL 1

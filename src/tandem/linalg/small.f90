@@ -7,7 +7,10 @@ module tandem_linalg_small
     implicit none (type, external)
     private
 
-    public :: factor_definite, solve_near_diagonal, substitute
+    public :: factor_definite, smallest_definite_pivot, solve_near_diagonal, substitute
+
+    !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
+    real(wp), parameter :: smallest_definite_pivot = 8.0e-15_wp
 
 contains
 
@@ -37,8 +40,6 @@ contains
         integer, intent(in), value :: k, width
         real(wp), intent(inout) :: a(width, k), inverse(k)
         integer, intent(out) :: stat
-        !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
-        real(wp), parameter :: smallest_pivot = 8.0e-15_wp
         real(wp) :: diagonal, f, least
         integer :: i, j, l
 
@@ -52,7 +53,7 @@ contains
                     a(i, j) = a(i, j) - a(i, l)*f
                 end do
             end do
-            if (.not. a(j, j)*least > smallest_pivot*diagonal) then
+            if (.not. a(j, j)*least > smallest_definite_pivot*diagonal) then
                 stat = j
                 return
             end if

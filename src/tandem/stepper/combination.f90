@@ -5,10 +5,12 @@ module tandem_stepper_combination
     implicit none (type, external)
     private
 
-    public :: combination_type, lane
+    public :: combination_type, lane, short
 
     !> Rates are padded with zeros to a multiple of this, the length of inner loops.
     integer, parameter :: lane = 8
+    !> The length of one vector register.
+    integer, parameter :: short = 4
     !> Columns are added so many at a time.
     integer, parameter :: group = 4
 

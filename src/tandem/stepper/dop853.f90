@@ -155,9 +155,10 @@ contains
             call self%dense_sum(k)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y, self%part)
             self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%part
         end do
-        associate (n => self%n, rate => self%rate)
+        associate (n => self%n, offset => self%offset, rate => self%rate)
             call blend(x, h, self%y(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq)
-            call blend(x, h, self%y(n + 1:2*n), start%dqd, arrived%dqd, rate(n + 1:2*n, 1), rate(n + 1:2*n, 13), dqd)
+            call blend(x, h, self%y(offset + 1:offset + n), start%dqd, arrived%dqd, rate(offset + 1:offset + n, 1), &
+                rate(offset + 1:offset + n, 13), dqd)
         end associate
     end subroutine interpolate
 

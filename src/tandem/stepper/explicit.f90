@@ -11,7 +11,7 @@ module tandem_stepper_explicit
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
     use tandem_stepper, only: stepper_type, weighted_norm
-    use tandem_stepper_combination, only: combination_type, lane
+    use tandem_stepper_combination, only: combination_type, lane, short
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type
     implicit none (type, external)
@@ -26,14 +26,15 @@ module tandem_stepper_explicit
         !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
         !> Rates of the stages and at the end of the step (s + 1), and of the stages that dense output adds: those of the n
-        !> coordinates, then those of the velocities, padded with zeros to a multiple of `lane`.
+        !> coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of `lane`.
         real(wp), allocatable :: rate(:, :)
         !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
         !> Zeros, and work space, ordered alike.
         real(wp), allocatable :: zero(:), part(:)
-        integer :: n = 0
+        !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
+        integer :: n = 0, offset = 0
         !> How many stages dense output adds.
         integer :: n_extra = 0
         !> Whether they are those of the last step.
@@ -78,9 +79,10 @@ contains
         call self%set_tableau()
         s = size(self%b)
         self%n = n
+        self%offset = short*((n + short - 1)/short)
         self%inverse_scale = 1.0_wp/scale
         if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%q, self%defect)
-        allocate (self%rate(lane*((2*n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
+        allocate (self%rate(lane*((self%offset + n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
         associate (height => size(self%rate, 1))
             allocate (self%y(height), self%y_start(height), self%zero(height), self%part(height), source=0.0_wp)
         end associate
@@ -120,7 +122,7 @@ contains
         !GCC$ UNROLL 1
         do i = 1, n
             self%rate(i, 1) = state%qd(i)
-            self%rate(n + i, 1) = state%qdd(i)
+            self%rate(self%offset + i, 1) = state%qdd(i)
         end do
         call chart%start_step(state%qdd)
         call self%take_start(state)
@@ -135,12 +137,12 @@ contains
         end do
         if (stat == 0) then
             ! Always from the increments: here the constraints are restored.
-            if (.not. self%projects_stages) call load(n, state%dq, state%dqd, self%y_start)
+            if (.not. self%projects_stages) call load(n, self%offset, state%dq, state%dqd, self%y_start)
             call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y_start, self%y)
             !GCC$ UNROLL 1
             do i = 1, n
                 next%dq(i) = self%y(i)
-                next%dqd(i) = self%y(n + i)
+                next%dqd(i) = self%y(self%offset + i)
             end do
             chart%defect = h**2*self%defect(s + 1)
             call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
@@ -150,7 +152,7 @@ contains
         !GCC$ UNROLL 1
         do i = 1, n
             self%rate(i, s + 1) = next%qd(i)
-            self%rate(n + i, s + 1) = next%qdd(i)
+            self%rate(self%offset + i, s + 1) = next%qdd(i)
         end do
     end subroutine advance
 
@@ -161,9 +163,9 @@ contains
         type(state_type), intent(in) :: state
 
         if (self%projects_stages) then
-            call load(self%n, state%dq, state%dqd, self%y_start)
+            call load(self%n, self%offset, state%dq, state%dqd, self%y_start)
         else
-            call load(self%n, state%q, state%qd, self%y_start)
+            call load(self%n, self%offset, state%q, state%qd, self%y_start)
         end if
     end subroutine take_start
 
@@ -177,32 +179,33 @@ contains
         integer, intent(in) :: stage
         integer, intent(out) :: stat
 
-        associate (n => self%n, rate => self%rate, y => self%y)
+        associate (n => self%n, offset => self%offset, rate => self%rate, y => self%y)
             chart%is_stage = .true.
             call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
             if (self%projects_stages) then
-                call chart%restore_motion(t, y(:n), y(n + 1:2*n), self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
+                call chart%restore_motion(t, y(:n), y(offset + 1:offset + n), self%q, rate(:n, stage), &
+                    rate(offset + 1:offset + n, stage), stat)
             else
                 ! From the state itself: the chart's origin and its u take no part.
                 self%q(:) = y(:n)
-                rate(:n, stage) = y(n + 1:2*n)
-                call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(n + 1:2*n, stage), stat)
+                rate(:n, stage) = y(offset + 1:offset + n)
+                call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(offset + 1:offset + n, stage), stat)
             end if
             chart%is_stage = .false.
         end associate
     end subroutine set_stage
 
     !> y := the increments of a state, or the state.
-    pure subroutine load(n, dq, dqd, y)
-        integer, intent(in) :: n
+    pure subroutine load(n, offset, dq, dqd, y)
+        integer, intent(in) :: n, offset
         real(wp), intent(in) :: dq(n), dqd(n)
-        real(wp), intent(inout) :: y(2*n)
+        real(wp), intent(inout) :: y(offset + n)
         integer :: i
 
         !GCC$ UNROLL 1
         do i = 1, n
             y(i) = dq(i)
-            y(n + i) = dqd(i)
+            y(offset + i) = dqd(i)
         end do
     end subroutine load
 
@@ -245,7 +248,7 @@ contains
             f = self%inverse_scale(i)
             of_q = of_q + (f*(arrived%q(i) - self%q(i)))**2
             of_qd = of_qd + (f*(arrived%qd(i) - self%rate(i, s)))**2
-            of_qdd = of_qdd + (f*(arrived%qdd(i) - self%rate(self%n + i, s)))**2
+            of_qdd = of_qdd + (f*(arrived%qdd(i) - self%rate(self%offset + i, s)))**2
             largest = max(largest, abs(f*arrived%q(i)), abs(f*h*arrived%qd(i)))
         end do
         of_qd = h**2*of_qd
@@ -262,7 +265,8 @@ contains
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
 
         call self%estimate_sum(number)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%zero, self%y)
-        estimate_norm = weighted_norm(self%y(:self%n), self%y(self%n + 1:2*self%n), weight_q, weight_qd)
+        estimate_norm = weighted_norm(self%y(:self%n), self%y(self%offset + 1:self%offset + self%n), weight_q, &
+            weight_qd)
     end function estimate_norm
 
     !> The stages of the last step, for its dense output.

@@ -9,6 +9,7 @@ module tandem_tangent_reduced
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_singular_mass
+    use tandem_tangent_few_kernels, only: can_be_few, find_few_acceleration, find_few_velocity
     use tandem_tangent_independence, only: find_independence
     use tandem_tangent_large_kernels, only: find_large_acceleration, find_large_independence, find_large_velocity
     use tandem_tangent_reduced_kernels, only: find_acceleration, find_velocity, finish, multiply_mass, scale_columns, set_overlap, &
@@ -33,6 +34,11 @@ module tandem_tangent_reduced
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
         real(wp), allocatable :: z(:), r(:), x(:), work(:)
+        !> The identity, for the rows of D that belong to the free unknowns.
+        real(wp) :: unit(short, short) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+            1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [short, short])
+        !> Whether the loops for two or three degrees of freedom are for this size.
+        logical :: has_few = .false.
         !> Whether LAPACK and BLAS work here, and for them: coordinate scales (n), scaled rows of C (height, n), their Gram matrix
         !> (m, m), the factor of D' M D.
         logical :: is_large = .false.
@@ -72,6 +78,7 @@ contains
                 self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
             call self%overlap_lu%allocate(k)
             self%is_large = max(m, k) > largest_small
+            self%has_few = can_be_few(m, k)
             if (allocated(self%rows)) deallocate (self%scale, self%rows, self%gram)
             if (.not. self%is_large) return
             allocate (self%scale, source=scale)
@@ -86,7 +93,7 @@ contains
         type(elimination_type), intent(in) :: elimination
 
         call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%order, &
-            elimination%choice /= self%choice, elimination%eliminated, self%basis)
+            elimination%choice /= self%choice, self%unit, elimination%eliminated, self%basis)
         self%choice = elimination%choice
     end subroutine load
 
@@ -143,6 +150,10 @@ contains
                 stat = merge(status_ok, status_chart_left, stat == 0)
                 return
             end if
+            stat = 1
+            if (self%has_few .and. .not. polishes) call find_few_velocity(m, n, e%order, e%eliminated, self%basis, self%origin, &
+                has_nu, nu, qd, stat)
+            if (stat == 0) return
             call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
                 has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
             if (stat == 0) return
@@ -178,6 +189,9 @@ contains
             else if (self%k == 1 .and. .not. polishes) then
                 call find_single_acceleration(self%m, self%n, self%height, self%width, e%order, e%eliminated, self%basis, &
                     n_blocks, blocks, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
+            else if (self%has_few .and. .not. polishes) then
+                call find_few_acceleration(self%m, self%n, e%order, e%eliminated, self%basis, n_blocks, blocks, mass, gamma, &
+                    force, self%basis_mass, qdd, stat)
             else
                 call multiply_mass(self%n, self%width, n_blocks, blocks, self%basis, mass, self%basis_mass)
                 call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &

@@ -17,13 +17,15 @@ module tandem_tangent_reduced_kernels
 contains
 
     !> D' from the elimination: -Y in the columns of pivots; the unit matrix in the free ones where they are new.
-    pure subroutine transpose_basis(m, n, k, height, width, order, are_new, a, basis)
+    pure subroutine transpose_basis(m, n, k, height, width, order, are_new, unit, a, basis)
         !> Constraints, coordinates, degrees of freedom, padded lengths; the order of the columns.
         integer, intent(in) :: m, n, k, height, width, order(n)
         logical, intent(in) :: are_new
-        !> C eliminated, [Cd^-1, Y], and D'.
-        real(wp), intent(in) :: a(height, n)
+        !> The first columns of the unit matrix: by them columns of D' are written as wholes, as a load of what was stored in parts
+        !> would wait for it. C eliminated, [Cd^-1, Y], and D'.
+        real(wp), intent(in) :: unit(short, short), a(height, n)
         real(wp), intent(inout) :: basis(width, n)
+        real(wp) :: f1, f2, f3
         integer :: i, p, r
 
         if (k == 1) then
@@ -33,15 +35,23 @@ contains
         else if (k == 2) then
             do r = 1, m
                 p = order(r)
-                basis(1, p) = -a(r, m + 1)
-                basis(2, p) = -a(r, m + 2)
+                f1 = a(r, m + 1)
+                f2 = a(r, m + 2)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis(i, p) = -f1*unit(i, 1) - f2*unit(i, 2)
+                end do
             end do
         else if (k == 3) then
             do r = 1, m
                 p = order(r)
-                basis(1, p) = -a(r, m + 1)
-                basis(2, p) = -a(r, m + 2)
-                basis(3, p) = -a(r, m + 3)
+                f1 = a(r, m + 1)
+                f2 = a(r, m + 2)
+                f3 = a(r, m + 3)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis(i, p) = (-f1*unit(i, 1) - f2*unit(i, 2)) - f3*unit(i, 3)
+                end do
             end do
         else
             do r = 1, m
