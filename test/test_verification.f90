@@ -2,6 +2,7 @@
 !> Tests of the comparison of all procedures of a model with differences: it passes what is right and names what is wrong.
 module test_verification
     use asserts, only: check_close, check_count, check_no_failure, check_text, check_true, format_real
+    use model_moving_pivot, only: moving_pivot_type
     use model_perturbed, only: perturbed_type
     use model_skater, only: single_names, skater_type
     use subjects, only: new_subject, subject_names
@@ -28,7 +29,8 @@ contains
             new_unittest('verification-names-a-procedure-that-fails', test_verify_failing), &
             new_unittest('verification-finds-the-nan', test_verify_nan), &
             new_unittest('verification-blames-no-derivative-of-a-missing-gamma', test_verify_no_gamma), &
-            new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint)]
+            new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint), &
+            new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast)]
     end subroutine collect_verification
 
     subroutine test_verify(error)
@@ -52,6 +54,85 @@ contains
                 merge(1, 0, allocated(model%mass_blocks)), trim(subject_names(k))//': findings')
         end do
     end subroutine test_verify
+
+    !> A pivot that swings slowly or 3200 times a second, seen at its start and when rounding of t is the ten thousandth part of a
+    !> second: right as it is, and wrong where it is wrong by a thousandth of its largest value. 64 times a second comes back to
+    !> where it was after all simple fractions of one.
+    subroutine test_verify_fast(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(moving_pivot_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: rates(5) = [0.01_wp, 3.0_wp, 200.0_wp, 128*acos(-1.0_wp), 2.0e4_wp]
+        real(wp), parameter :: latest(5) = [1.0e12_wp, 1.0e9_wp, 1.0e7_wp, 1.0e7_wp, 1.0e5_wp]
+        real(wp) :: q(2), qd(2), times(2)
+        integer :: i, k
+        character(len=40) :: what
+
+        model%speed = 0.0_wp
+        model%fall = 0.0_wp
+        model%swing = 0.3_wp
+        do i = 1, size(rates)
+            model%rate = rates(i)
+            times = [0.5_wp, latest(i)]
+            do k = 1, size(times)
+                write (what, '("rate ",es9.2,", t ",es9.2,": ")') rates(i), times(k)
+                q = [model%swing*sin(model%rate*times(k)) + 0.4_wp, -0.6_wp]
+                qd = [0.3_wp, 0.8_wp]
+                call model%define()
+                call verify_model(model, times(k), q, qd, 3, findings, failure)
+                call check_no_failure(error, failure)
+                associate (f => findings(max(1, findloc(findings%passed, .false., dim=1))))
+                    call check_true(error, f%passed, trim(what)//' '//trim(f%name)//', error '//format_real(f%error))
+                end associate
+                model%holonomic_rate => wrong_rate
+                call verify_model(model, times(k), q, qd, 3, findings, failure)
+                ! gamma is compared with differences of the wrong nu, and may fail too.
+                call check_true(error, all((findings%passed .neqv. findings%name == 'holonomic_rate') .or. &
+                    findings%name == 'constraint_acceleration'), trim(what)//' wrong rate')
+                call model%define()
+                model%constraint_acceleration => wrong_acceleration
+                call verify_model(model, times(k), q, qd, 3, findings, failure)
+                call check_true(error, all(findings%passed .neqv. findings%name == 'constraint_acceleration'), &
+                    trim(what)//' wrong acceleration')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_verify_fast
+
+    !> Phi_t of the swinging pivot, a hundredth too large.
+    subroutine wrong_rate(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (moving_pivot_type)
+            value = -1.01_wp*(q(1) - self%swing*sin(self%rate*t))*self%swing*self%rate*cos(self%rate*t)
+        end select
+    end subroutine wrong_rate
+
+    !> Its gamma, a hundredth too large.
+    subroutine wrong_acceleration(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        integer, intent(out) :: stat
+        real(wp) :: p, pd, pdd
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (moving_pivot_type)
+            p = self%swing*sin(self%rate*t)
+            pd = self%swing*self%rate*cos(self%rate*t)
+            pdd = -self%swing*self%rate**2*sin(self%rate*t)
+            value = 1.01_wp*((qd(1) - pd)**2 + qd(2)**2 - (q(1) - p)*pdd)
+        end select
+    end subroutine wrong_acceleration
 
     !> Exactly one finding fails, that of a name, and it says where and by how much.
     subroutine check_findings(findings, name, row, column, amount, error)
