@@ -40,6 +40,7 @@ contains
             new_unittest('events', test_events), &
             new_unittest('integrate', test_integrate), &
             new_unittest('work_limits', test_work_limits), &
+            new_unittest('goes_on_after_any_work_limit', test_any_work_limit), &
             new_unittest('refusals', test_refusals), &
             new_unittest('damage', test_damage)]
     end subroutine collect_checkpoint
@@ -330,6 +331,62 @@ contains
         if (occasion /= at_step .or. simulation%state%t < self%save_from .or. allocated(self%words)) return
         call simulation%save_state(self%words, error)
     end subroutine save_later
+
+    !> Wherever a limit on the work ends a run, also between two tries of a step, it goes on from there as without that limit.
+    subroutine test_any_work_limit(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: steppers(3) = [character(len=10) :: 'dopri5', 'dop853', 'sdirk54']
+        character(len=10), parameter :: policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
+        type(case_type), target :: whole, first, second
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        integer(long), allocatable :: words(:)
+        integer :: scene, stepper, policy, way, most, i, n_between
+        character(len=60) :: what
+
+        n_between = 0
+        do scene = 1, 3
+            do stepper = 1, size(steppers)
+                do policy = 1, size(policies)
+                    do way = 1, 2
+                        what = trim(scenes(scene))//', '//trim(steppers(stepper))//', '//policies(policy)
+                        ! Long first steps, which are rejected or fail.
+                        options = options_type(stepper=steppers(stepper), rtol=1.0e-3_wp, first_step=1.0_wp, &
+                            chart=policies(policy), refresh=merge('factor', 'refine', way == 1))
+                        if (options%chart == 'paper') options%v_limit = 0.2_wp
+                        call set_up(whole, trim(scenes(scene)), options, failure)
+                        call whole%simulation%integrate(2.0_wp, failure)
+                        if (allocated(failure)) cycle
+                        statistics = whole%simulation%statistics()
+                        most = int(min(statistics%right_hand_sides, 150_long))
+                        do i = 1, most - 1, 7
+                            options%max_evaluations = i
+                            call set_up(first, trim(scenes(scene)), options, failure)
+                            call first%simulation%integrate(2.0_wp, failure)
+                            ! The last step may end the run before the limit is looked at.
+                            if (.not. allocated(failure)) exit
+                            call check_failure(error, failure, 'work_limit', 'max_evaluations')
+                            if (allocated(error)) return
+                            statistics = first%simulation%statistics()
+                            if (statistics%rejected + statistics%failed > 0) n_between = n_between + 1
+                            call first%simulation%save_state(words, failure)
+                            options%max_evaluations = 0
+                            call set_up(second, trim(scenes(scene)), options, failure)
+                            call second%simulation%restore_state(words, failure)
+                            call check_no_failure(error, failure)
+                            call second%simulation%integrate(2.0_wp, failure)
+                            call check_no_failure(error, failure)
+                            call check_true(error, all(abs(second%simulation%state%q - whole%simulation%state%q) <= 0.0_wp), &
+                                trim(what)//', limit '//to_text(i)//': q')
+                            if (allocated(error)) return
+                        end do
+                    end do
+                end do
+            end do
+        end do
+        call check_true(error, n_between > 100, 'many of them after tries that were not kept')
+    end subroutine test_any_work_limit
 
     !> Limits on work count what the first part has cost.
     subroutine test_work_limits(error)

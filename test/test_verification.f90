@@ -30,7 +30,8 @@ contains
             new_unittest('verification-finds-the-nan', test_verify_nan), &
             new_unittest('verification-blames-no-derivative-of-a-missing-gamma', test_verify_no_gamma), &
             new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint), &
-            new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast)]
+            new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast), &
+            new_unittest('verification-finds-a-mass-that-is-not-constant', test_verify_constant)]
     end subroutine collect_verification
 
     subroutine test_verify(error)
@@ -49,11 +50,30 @@ contains
                 call check_true(error, findings(i)%passed, trim(subject_names(k))//': '//trim(findings(i)%name)//', error '// &
                     format_real(findings(i)%error))
             end do
-            ! Phi_q, Phi_t, gamma, the symmetry of M and its blocks, and five fused or eight single derivatives.
+            ! Phi_q, Phi_t, gamma, the symmetry of M, its constancy and its blocks, and five fused or eight single derivatives.
             call check_count(error, size(findings), merge(12, 9, k == size(subject_names)) + &
-                merge(1, 0, allocated(model%mass_blocks)), trim(subject_names(k))//': findings')
+                merge(1, 0, model%constant_mass) + merge(1, 0, allocated(model%mass_blocks)), trim(subject_names(k))//': findings')
         end do
     end subroutine test_verify
+
+    !> The rolling disk, with the mass matrix that its Euler parameters change.
+    subroutine test_verify_constant(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(model_type), allocatable, target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i
+
+        call new_subject('disk', model, q, qd)
+        model%constant_mass = .true.
+        call verify_model(model, 0.5_wp, q, qd, 3, findings, failure)
+        call check_no_failure(error, failure)
+        i = findloc(findings%name == 'constant_mass', .true., dim=1)
+        call check_true(error, i > 0, 'it is compared')
+        if (allocated(error)) return
+        call check_true(error, .not. findings(i)%passed .and. findings(i)%error > 0.01_wp, 'it is not constant')
+    end subroutine test_verify_constant
 
     !> A pivot that swings slowly or 3200 times a second, seen at its start and when rounding of t is the ten thousandth part of a
     !> second: right as it is, and wrong where it is wrong by a thousandth of its largest value. 64 times a second comes back to

@@ -2,7 +2,7 @@
 !> Checks every procedure of a model against differences of another one at random states: which is wrong, where, by how much.
 !>
 !> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only E, e, M and the
-!> forces themselves have nothing to be compared with; M is checked for symmetry and blocks. States need not satisfy the
+!> forces themselves have nothing to be compared with; M is checked for symmetry, constancy and blocks. States need not satisfy the
 !> constraints.
 module tandem_model_verification
     use tandem_error, only: error_type
@@ -208,7 +208,7 @@ contains
         if (is_taken) stat = 0
     end subroutine differentiate_in_time
 
-    !> Phi_q, nu and gamma, the symmetry and the blocks of M.
+    !> Phi_q, nu and gamma, the symmetry, the constancy and the blocks of M.
     subroutine compare_terms(evaluator, model, t, q, qd, parts, counts, findings, stat)
         type(evaluator_type), intent(inout) :: evaluator
         class(model_type), intent(in) :: model
@@ -217,6 +217,7 @@ contains
         type(counts_type), intent(inout) :: counts
         type(finding_type), allocatable, intent(inout) :: findings(:)
         integer, intent(out) :: stat
+        real(wp) :: mass(model%n, model%n)
 
         call evaluator%evaluate(need_jacobian + need_nu + need_gamma + need_mass, t, q, qd, counts, stat)
         if (stat /= 0) return
@@ -229,6 +230,16 @@ contains
                 call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, parts%gamma_doubt, findings)
             end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
+            if (model%constant_mass) then
+                ! It is evaluated once, unless it is asked for anew.
+                mass = terms%mass
+                evaluator%mass_is_known = .false.
+                call evaluator%evaluate(need_mass, t, q, qd, counts, stat)
+                if (stat /= 0) return
+                call compare('constant_mass', terms%mass, mass, findings)
+                terms%mass = mass
+                evaluator%mass_is_known = .true.
+            end if
             if (allocated(model%mass_blocks)) then
                 call compare('mass_blocks', terms%mass, in_blocks(model%mass_blocks, terms%mass), findings)
             end if

@@ -200,6 +200,8 @@ contains
         call pack%item(self%renewal)
         call pack%item(self%room)
         call pack%item(self%hindrance)
+        call pack%item(self%is_interrupted)
+        call pack%item(self%try_has_failed)
         call pack%item(self%loss)
         call pack%item(self%loss_until)
         call pack%item(self%tries)

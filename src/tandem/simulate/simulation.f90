@@ -100,6 +100,8 @@ module tandem_simulation
         real(wp), private :: room = huge(1.0_wp)
         !> Why the last step had to be smaller, ok where no try of it has failed.
         integer, private :: hindrance = status_ok
+        !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
+        logical, private :: is_interrupted = .false., try_has_failed = .false.
         !> A controlled step was given up for this reason, a loss of rank or what may hide one, and until this time that may still
         !> lie ahead or close behind.
         integer, private :: loss = status_ok
@@ -364,6 +366,7 @@ contains
         self%last_step = 0.0_wp
         self%t_start = t
         self%hindrance = status_ok
+        self%is_interrupted = .false.
         self%loss = status_ok
         self%loss_until = -huge(1.0_wp)
         self%tries = 0

@@ -239,26 +239,16 @@ contains
         logical :: is_cut, is_short, is_first, is_sliver, has_failed
         integer :: stat, reason
 
-        call renew_by_policy(self, error)
-        if (allocated(error)) return
-        if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then
-            ! To name the rows.
-            associate (state => self%state)
-                is_cut = self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)
-            end associate
-            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t + self%room), error)
-            return
-        end if
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
-        ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
-        if (0.5_wp*self%room < self%control%h) then
-            associate (state => self%state)
-                if (.not. self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)) self%room = huge(1.0_wp)
-            end associate
+        is_first = .false.
+        has_failed = self%try_has_failed
+        ! Tries that a limit on the work has ended go on where they were, so that the run is the one without that limit.
+        if (.not. self%is_interrupted .or. self%renewal /= 0) then
+            call prepare_tries(self, stop_at, is_first, error)
+            if (allocated(error)) return
+            has_failed = .false.
         end if
-        is_first = .not. self%control%h > 0.0_wp
-        if (is_first) call choose_first_step(self, stop_at - self%state%t)
-        has_failed = .false.
+        self%is_interrupted = .false.
         reason = self%hindrance
         do
             call check_progress(self, t_limit, error)
@@ -291,7 +281,7 @@ contains
                     call self%control%reject(h, norm)
                     call self%chart%retry_step()
                     if (self%work%is_set) call check_work(self, error)
-                    if (allocated(error)) return
+                    if (allocated(error)) exit
                     cycle
                 end if
                 call check_rank(self, stat)
@@ -315,8 +305,14 @@ contains
             if (allocated(error)) return
             ! Last, so that who goes on with a higher limit finds what this run would have gone on with.
             if (self%work%is_set) call check_work(self, error)
-            if (allocated(error)) return
+            if (allocated(error)) exit
         end do
+        if (allocated(error)) then
+            self%is_interrupted = .true.
+            self%try_has_failed = has_failed
+            self%hindrance = reason
+            return
+        end if
         self%hindrance = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, norm)
         ! In a sliver all differences are rounding.
@@ -329,6 +325,37 @@ contains
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
+
+    !> What comes before the first try of a step: a new chart where one is wanted, a look ahead, the size of the first step.
+    subroutine prepare_tries(self, stop_at, is_first, error)
+        class(simulation_type), intent(inout) :: self
+        !> Where the step must end at the latest.
+        real(wp), intent(in) :: stop_at
+        !> Whether its size is the first one.
+        logical, intent(out) :: is_first
+        type(error_type), allocatable, intent(out) :: error
+        logical :: loses
+
+        is_first = .false.
+        call renew_by_policy(self, error)
+        if (allocated(error)) return
+        if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then
+            ! To name the rows.
+            associate (state => self%state)
+                loses = self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)
+            end associate
+            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t + self%room), error)
+            return
+        end if
+        ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
+        if (0.5_wp*self%room < self%control%h) then
+            associate (state => self%state)
+                if (.not. self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)) self%room = huge(1.0_wp)
+            end associate
+        end if
+        is_first = .not. self%control%h > 0.0_wp
+        if (is_first) call choose_first_step(self, stop_at - self%state%t)
+    end subroutine prepare_tries
 
     !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
     !> made, else of the window of equal steps that it completes.
