@@ -16,6 +16,7 @@ C
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
       EXTERNAL AMDER
       COMMON /COUNT/ NFAIL
+      COMMON /SELF/ ME(TDHLEN), KERR
       NFAIL = 0
 C     Mass, moment of inertia, downhill gravity; IPAR: calls, fault.
       RPAR(1) = 2.0D0
@@ -237,6 +238,24 @@ C     Procedures that fail.
       CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
       CALL OK ('and-can-be-made-good', IH, IERR)
 C
+C     A procedure that calls the problem that calls it, with another
+C     RPAR: that is refused, and leaves nothing behind.
+      DO 15 I = 1, TDHLEN
+        ME(I) = IH(I)
+   15 CONTINUE
+      CALL START (Q2, QD2)
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      IPAR(2) = 5
+      KERR = 0
+      CALL TDINTG (IH, T, Q2, QD2, 1.0D0, RPAR, IPAR, IERR)
+      CALL OK ('a-procedure-may-try-to-call-its-problem', IH, IERR)
+      CALL TOLD ('which-is-refused', KERR .EQ. TDEOPT)
+      CALL TOLD ('and-changes-nothing', ABS(Q(1) - Q2(1)) .LE. 0.0D0
+     &           .AND. ABS(QD(2) - QD2(2)) .LE. 0.0D0)
+      IPAR(2) = 0
+C
 C     What cannot be.
       CALL BAD ('unknown-option', IH, TDEOPT, 'rtol')
       CALL TDSETR (IH, 'tolerance', 1.0D-6, IERR)
@@ -389,7 +408,16 @@ C
 C
       SUBROUTINE FORCE (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)
       IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      INCLUDE 'tandem.inc'
       DIMENSION Q(N), QD(N), F(M), RPAR(*), IPAR(*)
+      DIMENSION Q3(3), QD3(3), OTHER(3)
+      COMMON /SELF/ ME(TDHLEN), KERR
+      IF (IPAR(2) .EQ. 5) THEN
+        OTHER(1) = 1.0D0
+        OTHER(2) = 1.0D0
+        OTHER(3) = -50.0D0
+        CALL TDSTEP (ME, T3, Q3, QD3, 2.0D0, OTHER, IPAR, KERR)
+      END IF
       IPAR(1) = IPAR(1) + 1
       F(1) = RPAR(1)*RPAR(3)
       F(2) = 0.0D0

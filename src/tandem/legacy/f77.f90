@@ -310,7 +310,7 @@ subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%check(t, q, qd)
     ierr = problem%stat
 end subroutine tdchck
@@ -333,7 +333,7 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%start(t, q, qd)
     ierr = problem%stat
 end subroutine tdstrt
@@ -358,7 +358,7 @@ subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%integrate(tend)
     call problem%show_state(t, q, qd)
     ierr = problem%stat
@@ -383,7 +383,7 @@ subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%step(tlim)
     call problem%show_state(t, q, qd)
     ierr = problem%stat
@@ -408,7 +408,7 @@ subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_state_at(t, q, qd, qdd)
     ierr = problem%stat
 end subroutine tddens
@@ -432,7 +432,7 @@ subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_multipliers(t, alam)
     ierr = problem%stat
 end subroutine tdlamb
@@ -457,7 +457,7 @@ subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
     ierr = status_invalid_option
     call to_problem(h, problem)
     if (.not. associated(problem)) return
-    call lend_to(problem%model, rpar, ipar)
+    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_energies(ekin, epot)
     ierr = problem%stat
 end subroutine tdener

@@ -47,8 +47,8 @@ module tandem_legacy_problem
         character(kind=c_char) :: message(message_length + 1) = c_null_char
         logical, private :: sizes_can_be = .false.
         logical, private :: started = .false.
-        !> True while the user's procedures may be called.
-        logical, private :: busy = .false.
+        !> True while the user's procedures may be called: what those use must not change. To be read only.
+        logical :: busy = .false.
     contains
         procedure :: set_up
         procedure :: release
