@@ -2,6 +2,7 @@
 !> Tests that results do not depend on the unit of length where the model states its scales.
 module test_coordinate_scale
     use asserts, only: check_below, check_no_failure, check_true
+    use model_knife_edge, only: knife_edge_type
     use model_pendulum, only: pendulum_type
     use model_rod, only: rod_type
     use runs, only: choose, run
@@ -26,7 +27,8 @@ contains
             new_unittest('policies-and-modes-see-scaled-coordinates', test_policies), &
             new_unittest('implicit-steps-see-scaled-coordinates', test_implicit), &
             new_unittest('scenes-take-the-same-steps-in-any-unit', test_scenes), &
-            new_unittest('without-scales-the-unit-matters', test_without)]
+            new_unittest('without-scales-the-unit-matters', test_without), &
+            new_unittest('uneven-scales-cost-no-accuracy', test_uneven)]
     end subroutine collect_coordinate_scale
 
     !> Swing a rod from the same angle in some unit; the result in metres.
@@ -231,4 +233,37 @@ contains
         call swing_rod(1000.0_wp, .false., choose(step=1.0e-2_wp), q, charts, error)
         call check_true(error, maxval(abs(q - expected)) > 1.0e-10_wp, 'without scales the results differ')
     end subroutine test_without
+
+    !> A knife edge turns through the heading across the slope on a chart whose scales are uneven, 1 to 30: there a chart can turn
+    !> singular within a step, and then the estimates of the error see nothing.
+    subroutine test_uneven(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(knife_edge_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        character(len=6), parameter :: steppers(2) = [character(len=6) :: 'dopri5', 'dop853']
+        real(wp) :: q(3), qd(3), qdd(3), lambda(1), rtol
+        integer :: stepper, policy, i
+
+        call model%define()
+        model%coordinate_scale = [0.1_wp, 3.0_wp, 1.0_wp]
+        do stepper = 1, size(steppers)
+            do policy = 1, size(chart_policies)
+                do i = 0, 60
+                    rtol = 10.0_wp**(-4.0_wp - 0.1_wp*i)
+                    options = options_type(stepper=steppers(stepper), rtol=rtol, chart=chart_policies(policy))
+                    call model%solution(0.0_wp, q, qd, qdd, lambda)
+                    call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+                    if (.not. allocated(failure)) call simulation%integrate(3.0_wp, failure)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                    call model%solution(3.0_wp, q, qd, qdd, lambda)
+                    call check_below(error, maxval(abs(simulation%state%q - q)), 300*rtol, trim(steppers(stepper))//', '// &
+                        trim(chart_policies(policy)))
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_uneven
 end module test_coordinate_scale

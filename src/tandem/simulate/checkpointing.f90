@@ -202,6 +202,7 @@ contains
         call pack%item(self%hindrance)
         call pack%item(self%is_interrupted)
         call pack%item(self%try_has_failed)
+        call pack%item(self%last_gap)
         call pack%item(self%loss)
         call pack%item(self%loss_until)
         call pack%item(self%tries)

@@ -9,7 +9,7 @@ module tandem_simulate_doubt
     use tandem_options, only: options_type
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulate_warning, only: add_warning, warning_type
+    use tandem_simulate_warning, only: add_warning, large, times, warning_limit, warning_type
     use tandem_status, only: status_interrupted, status_invalid_option
     implicit none (type, external)
     private
@@ -18,8 +18,6 @@ module tandem_simulate_doubt
 
     !> Seconds of a run that one need not hesitate to make twice, to know its error.
     real(wp), parameter :: short_run = 2.0_wp
-    !> Errors above this part of the state are worth a warning with fixed steps, and above so many times the tolerance with others.
-    real(wp), parameter :: large = 5.0e-4_wp, times = 15.0_wp
 
 contains
 
@@ -48,8 +46,7 @@ contains
                     'a second, more accurate run has failed, so this one may be right by chance only: '//trim(advice))
             end if
         end if
-        limit = large
-        if (options%is_adaptive()) limit = min(large, times*tolerance)
+        limit = warning_limit(options)
         if (statistics%velocity_gap > limit) call add_warning(doubts, 'the velocity changes by '// &
             two_digits(statistics%velocity_gap)//' of itself without an acceleration in the step to t = '// &
             to_text(statistics%t_gap)//': where the velocity constraints jump, give the model a breakpoint with nu_jumps; '// &
@@ -73,8 +70,7 @@ contains
     pure real(wp) function allowed_error(options)
         type(options_type), intent(in) :: options
 
-        allowed_error = 2*large
-        if (options%is_adaptive()) allowed_error = 2*min(large, times*options%relative_tolerance())
+        allowed_error = 2*warning_limit(options)
     end function allowed_error
 
     !> A positive number with two digits, as 1.3e-7, with blanks behind.

@@ -16,7 +16,7 @@ module tandem_simulation
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
-    use tandem_simulate_warning, only: warning_type
+    use tandem_simulate_warning, only: warning_limit, warning_type
     use tandem_simulate_watched, only: watched_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
@@ -102,6 +102,9 @@ module tandem_simulation
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
+        !> The gap of the velocity, see `tandem_simulate_local_error`, for which the last try of a step was not kept, and the
+        !> largest one that is not looked into.
+        real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
         !> A controlled step was given up for this reason, a loss of rank or what may hide one, and until this time that may still
         !> lie ahead or close behind.
         integer, private :: loss = status_ok
@@ -367,6 +370,8 @@ contains
         self%t_start = t
         self%hindrance = status_ok
         self%is_interrupted = .false.
+        self%last_gap = huge(1.0_wp)
+        self%allowed_gap = warning_limit(options)
         self%loss = status_ok
         self%loss_until = -huge(1.0_wp)
         self%tries = 0

@@ -166,6 +166,18 @@ contains
         if (gap > least_gap) turns_off = self%chart%relative_change() > gap
     end function turns_off
 
+    !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
+    !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
+    !> does not become smaller with the step is a jump of nu, and is crossed.
+    logical function has_gap(self)
+        class(simulation_type), intent(inout) :: self
+        real(wp) :: gap
+
+        gap = self%local_error%gap(self%state, self%next)
+        has_gap = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap
+        if (has_gap) self%last_gap = gap
+    end function has_gap
+
     !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
     subroutine look_for_lost_rank(self, h, stat)
         class(simulation_type), intent(inout) :: self
@@ -286,7 +298,19 @@ contains
                 end if
                 call check_rank(self, stat)
                 if (stat == status_ok .and. turns_off(self)) stat = self%loss
-                if (stat == status_ok) exit
+                if (stat == status_ok .and. .not. has_gap(self)) exit
+                if (stat == status_ok) then
+                    self%tally%rejected = self%tally%rejected + 1
+                    reason = status_ok
+                    is_first = .false.
+                    call self%control%fail(h)
+                    call self%chart%retry_step()
+                    if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
+                    if (allocated(error)) return
+                    if (self%work%is_set) call check_work(self, error)
+                    if (allocated(error)) exit
+                    cycle
+                end if
             else if (stat /= status_callback_failed) then
                 call look_for_lost_rank(self, h, stat)
             end if
@@ -337,6 +361,7 @@ contains
         logical :: loses
 
         is_first = .false.
+        self%last_gap = huge(1.0_wp)
         call renew_by_policy(self, error)
         if (allocated(error)) return
         if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then

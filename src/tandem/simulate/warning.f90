@@ -1,16 +1,29 @@
 ! SPDX-License-Identifier: MIT
-!> What a run has to say that is no failure: one warning.
+!> What a run has to say that is no failure: one warning; and from where on an error is worth one.
 module tandem_simulate_warning
+    use tandem_kinds, only: wp
+    use tandem_options, only: options_type
     implicit none (type, external)
     private
 
-    public :: add_warning, warning_type
+    public :: add_warning, large, times, warning_limit, warning_type
+
+    !> Errors above this part of the state are worth a warning with fixed steps, and above so many times the tolerance with others.
+    real(wp), parameter :: large = 5.0e-4_wp, times = 15.0_wp
 
     type :: warning_type
         !> What was seen and what to do about it.
         character(len=:), allocatable :: text
     end type warning_type
 contains
+
+    !> The error of a step, relative to the state, above which there is something to say.
+    pure real(wp) function warning_limit(options)
+        type(options_type), intent(in) :: options
+
+        warning_limit = large
+        if (options%is_adaptive()) warning_limit = min(large, times*options%relative_tolerance())
+    end function warning_limit
 
     !> Put a warning behind others. An array constructor would leave the memory of the new text behind (gfortran 12).
     subroutine add_warning(warnings, text)
