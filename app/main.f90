@@ -21,7 +21,7 @@ program tandem_program
 
     arguments = read_arguments()
     select case (arguments%command)
-    case ('', 'help', '--help', '-h')
+    case ('', 'help', '--help', '-h', 'study --help', 'study -h')
         call help(code)
     case ('--version', 'version')
         call say('tandem '//tandem_version)

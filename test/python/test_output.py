@@ -821,7 +821,7 @@ class SceneErrors(Case):
 
 class CommandLine(Case):
     def test_help(self):
-        for words in [], ["help"], ["--help"], ["run", "--help"], ["show", "--help"], ["list", "--help"]:
+        for words in [], ["help"], ["--help"], ["run", "--help"], ["show", "--help"], ["list", "--help"], ["study", "--help"]:
             done = self.tandem(*words)
             self.assertIn("tandem run SCENE", done.stdout)
             self.assertEqual(done.stderr, "")
