@@ -36,6 +36,7 @@ module tandem_simulate_local_error
         procedure :: restart
         procedure :: pack_state
         procedure :: gap
+        procedure :: largest_velocity
         procedure :: largest_part
     end type local_error_type
 
@@ -147,6 +148,14 @@ contains
                 (self%scale(i) + abs(arrived%qd(i))))
         end do
     end function gap
+
+    !> The largest velocity on the coordinates' scales.
+    pure real(wp) function largest_velocity(self, qd)
+        class(local_error_type), intent(in) :: self
+        real(wp), intent(in) :: qd(:)
+
+        largest_velocity = maxval(abs(qd)/self%scale)
+    end function largest_velocity
 
     !> The largest entry of errors of q and of qd (n), on the scale s + |y| of a state.
     pure real(wp) function largest_part(self, state, error_q, error_qd)

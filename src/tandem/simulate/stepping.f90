@@ -169,12 +169,17 @@ contains
     !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
     !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
     !> does not become smaller with the step is a jump of nu, and is crossed.
-    logical function has_gap(self)
+    logical function has_gap(self, h)
         class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        !> A gap below this part of the largest velocity may be rounding, which the constraints carry to the smaller ones. Steps of
+        !> less than so many spacings of the time are too short to be made shorter for it.
+        real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
         real(wp) :: gap
 
         gap = self%local_error%gap(self%state, self%next)
-        has_gap = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap
+        has_gap = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. h > shortest*spacing(abs(self%state%t))
+        if (has_gap) has_gap = gap > rounding*self%local_error%largest_velocity(self%next%qd)
         if (has_gap) self%last_gap = gap
     end function has_gap
 
@@ -298,7 +303,7 @@ contains
                 end if
                 call check_rank(self, stat)
                 if (stat == status_ok .and. turns_off(self)) stat = self%loss
-                if (stat == status_ok .and. .not. has_gap(self)) exit
+                if (stat == status_ok .and. .not. has_gap(self, h)) exit
                 if (stat == status_ok) then
                     self%tally%rejected = self%tally%rejected + 1
                     reason = status_ok
