@@ -371,7 +371,6 @@ contains
         self%hindrance = status_ok
         self%is_interrupted = .false.
         self%last_gap = huge(1.0_wp)
-        self%allowed_gap = warning_limit(options)
         self%loss = status_ok
         self%loss_until = -huge(1.0_wp)
         self%tries = 0
@@ -383,6 +382,8 @@ contains
         if (present(chart)) allocate (self%blank, source=chart)
         call self%allocate_chart()
         self%method = self%stepper%properties()
+        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
+        self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
         if (options%is_adaptive() .and. self%method%estimate_order == 0) then
             call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
                 ' has no error estimate', 'choose another stepper, or a fixed step')
