@@ -4,10 +4,12 @@
 # What to run: a scene, and further arguments for tandem.
 SCENE ?= rolling_disk
 ARGS  ?=
-# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those). Those have
-# -fPIC, with which gfortran inlines no public procedure that another library might replace: ours are not to be replaced.
+# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those) and of those
+# that all tools share: fpm's have -fPIC, with which gfortran inlines no public procedure that another library might replace,
+# and ours are not to be replaced; small procedures are worth inlining from one file into another (-flto), with objects that
+# any linker takes.
 ARCH  ?= -march=native
-RELEASE = --profile release --flag "-fno-semantic-interposition $(ARCH)"
+RELEASE = --profile release --flag "$(shell cat tools/release_flags) $(ARCH)"
 FPM     = .venv/bin/fpm
 # fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
 INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem

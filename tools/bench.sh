@@ -16,11 +16,12 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export OPENBLAS_NUM_THREADS=1
 out=build/bench python=.venv/bin/python
+release="$(cat tools/release_flags) ${ARCH:--march=native}"
 
 # --- 1. the measurements --------------------------------------------------------------------------------------------
 
-build() { # PROGRAM ARCH: leaves build/bench/PROGRAM
-    local flags="-fno-semantic-interposition $2"
+build() { # PROGRAM FLAGS: leaves build/bench/PROGRAM
+    local flags=$2
     mkdir -p "$out" bench/build/dependencies
     ln -sfn ../../../build/dependencies/toml-f bench/build/dependencies/toml-f
     (cd bench && ../.venv/bin/fpm run "$1" --profile release --flag "$flags" --runner install -- "../$out/$1") \
@@ -30,7 +31,7 @@ build() { # PROGRAM ARCH: leaves build/bench/PROGRAM
 measure() {
     local program
     for program in bench chain; do
-        build $program "${ARCH:--march=native}"
+        build $program "$release"
         taskset -c "${CORE:-0}" "$out/$program" "$out"
     done
     profiles
@@ -55,13 +56,14 @@ profiles)
     exit
     ;;
 count | record)
-    # Without AVX-512, which valgrind does not know; a base line is for one set of flags.
-    build count -march=x86-64-v3
+    # Without AVX-512, which valgrind does not know, and file by file, since the counts begin at a procedure that must be found;
+    # a base line is for one set of flags.
+    build count "-fno-semantic-interposition -march=x86-64-v3"
     [ "$1" = count ] && exec python3 tools/bench_count.py "$out/count"
     exec python3 tools/bench_count.py "$out/count" record
     ;;
 output)
-    build output "${ARCH:--march=native}"
+    build output "$release"
     shift
     exec taskset -c "${CORE:-0}" "$out/output" "$@"
     ;;

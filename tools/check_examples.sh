@@ -14,7 +14,7 @@ export LC_ALL=C.UTF-8 OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
 
 fpm=$PWD/.venv/bin/fpm
 [ -x "$fpm" ] || fpm=$(command -v fpm) || { echo "no fpm: run \`make setup\`" >&2; exit 1; }
-release=(--profile release --flag "-fno-semantic-interposition ${ARCH--march=native}")
+release=(--profile release --flag "$(cat tools/release_flags) ${ARCH--march=native}")
 tmp=$(mktemp -d) || exit 1
 trap 'rm -rf "$tmp"' EXIT
 failures=0

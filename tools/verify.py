@@ -31,7 +31,8 @@ FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
 
 SOURCES = ["src", "io/src", "app", "test", "example"]
 STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
-RELEASE = ["--profile", "release", "--flag", "-fno-semantic-interposition " + os.environ.get("ARCH", "-march=native")]
+FLAGS = (ROOT / "tools" / "release_flags").read_text().strip()
+RELEASE = ["--profile", "release", "--flag", f"{FLAGS} {os.environ.get('ARCH', '-march=native')}"]
 
 
 @dataclass
