@@ -7,7 +7,7 @@ module test_coordinate_scale
     use model_rod, only: rod_type
     use runs, only: choose, run
     use tandem, only: articulated_vehicle_type, chart_policies, failure_type => error_type, model_type, motorcycle_type, &
-        options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, wp
+        find_doubts, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -28,7 +28,8 @@ contains
             new_unittest('implicit-steps-see-scaled-coordinates', test_implicit), &
             new_unittest('scenes-take-the-same-steps-in-any-unit', test_scenes), &
             new_unittest('without-scales-the-unit-matters', test_without), &
-            new_unittest('uneven-scales-cost-no-accuracy', test_uneven)]
+            new_unittest('uneven-scales-cost-no-accuracy', test_uneven), &
+            new_unittest('uneven-scales-cost-implicit-steps-no-accuracy', test_uneven_implicit)]
     end subroutine collect_coordinate_scale
 
     !> Swing a rod from the same angle in some unit; the result in metres.
@@ -266,4 +267,44 @@ contains
             end do
         end do
     end subroutine test_uneven
+
+    !> The same by implicit steps, whose Newton matrices are carried from chart to chart: one from the edge of a chart, or from one
+    !> that lies across, makes corrections small, and an iteration that stands still looks like one that has converged. Where charts
+    !> last longer than a step, a result may miss the tolerance, but not without a warning.
+    subroutine test_uneven_implicit(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(knife_edge_type), target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        type(warning_type), allocatable :: doubts(:)
+        character(len=9), parameter :: steppers(2) = [character(len=9) :: 'sdirk54', 'trapezoid']
+        !> Of the tolerance: the trapezoidal rule takes hundreds of steps that each leave a part of it.
+        real(wp), parameter :: allowed(2) = [300.0_wp, 500.0_wp]
+        real(wp) :: q(3), qd(3), qdd(3), lambda(1), rtol, off
+        integer :: stepper, policy, i
+
+        call model%define()
+        model%coordinate_scale = [0.1_wp, 3.0_wp, 1.0_wp]
+        do stepper = 1, size(steppers)
+            do policy = 1, size(chart_policies)
+                do i = 0, 30
+                    rtol = 10.0_wp**(-4.0_wp - 0.1_wp*i)
+                    options = options_type(stepper=trim(steppers(stepper)), rtol=rtol, chart=chart_policies(policy))
+                    call model%solution(0.0_wp, q, qd, qdd, lambda)
+                    call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+                    if (.not. allocated(failure)) call simulation%integrate(3.0_wp, failure)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                    call model%solution(3.0_wp, q, qd, qdd, lambda)
+                    off = maxval(abs(simulation%state%q - q))
+                    call find_doubts(options, simulation%statistics(), doubts)
+                    if (size(doubts) > 0 .and. chart_policies(policy) /= 'every_step') cycle
+                    call check_below(error, off, allowed(stepper)*rtol, trim(steppers(stepper))//', '// &
+                        trim(chart_policies(policy)))
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_uneven_implicit
 end module test_coordinate_scale

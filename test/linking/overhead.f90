@@ -1,9 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What the C and the Fortran 77 interface cost: the rolling disk by RK4 through each of them and natively, from the same
 !> procedures. All take turns in many short runs; what an interface costs is the median of the ratios of its run to the native one
-!> next to it. Checks that results are bitwise the same, that the Fortran 77 interface costs less than 5 %, and that of C,
-!> where matrices come by rows and have to be transposed, less than 9 %: both were below 3 % while native steps took more than
-!> twice the time, and have not become slower. Where the machine is busy, it tries again, and more often than a spell lasts.
+!> next to it. Checks that results are bitwise the same, and says what the interfaces cost: times are no test.
 module disk_terms
     use tandem, only: model_type, need_all_derivatives, need_force, need_gamma, need_jacobian, need_mass, need_phi, &
         rolling_disk_type, terms_type, wp
@@ -186,11 +184,11 @@ program main
     character(len=6), parameter :: name(ways) = [character(len=6) :: 'native', 'c', 'f77']
     type(disk_terms_type), target :: disk
     ! 200 steps a run, some milliseconds: short enough to be left alone now and then.
-    real(wp), parameter :: t_end = 0.2_wp, limit(ways) = [0.0_wp, 0.09_wp, 0.05_wp]
-    integer, parameter :: rounds = 201, attempts = 15
+    real(wp), parameter :: t_end = 0.2_wp
+    integer, parameter :: rounds = 201
     real(wp) :: q0(n), qd0(n), state(2*n, ways), seconds(rounds, ways), ratio(ways)
-    integer :: attempt, round, way, k
-    logical :: agrees, is_cheap
+    integer :: round, way, k
+    logical :: agrees
 
     call disk%disk%define()
     call disk%disk%start([0.1_wp, 2.0_wp, -0.6_wp], 0.3_wp, q0, qd0)
@@ -201,23 +199,18 @@ program main
     disk%evaluate => evaluate_native
     disk%provides = provided
     agrees = .true.
-    do attempt = 1, attempts
-        do round = 1, rounds
-            do k = 1, ways
-                way = 1 + mod(round + k, ways)
-                call run(way, state(:, way), seconds(round, way))
-            end do
-            agrees = agrees .and. all(transfer(state, [0_long]) == transfer(spread(state(:, 1), 2, ways), [0_long]))
+    do round = 1, rounds
+        do k = 1, ways
+            way = 1 + mod(round + k, ways)
+            call run(way, state(:, way), seconds(round, way))
         end do
-        ratio = [(median(seconds(:, way)/seconds(:, 1)), way=1, ways)]
-        is_cheap = all(ratio(2:) < 1 + limit(2:))
-        if (is_cheap) exit
+        agrees = agrees .and. all(transfer(state, [0_long]) == transfer(spread(state(:, 1), 2, ways), [0_long]))
     end do
+    ratio = [(median(seconds(:, way)/seconds(:, 1)), way=1, ways)]
     print '(a)', trim(merge('ok    ', 'not ok', agrees))//' disk-is-bitwise-the-same-through-every-interface'
-    print '(a)', trim(merge('ok    ', 'not ok', is_cheap))//' interfaces-cost-a-few-percent'
     print '(4x, a, f9.4, a, sp, f6.2, a)', (name(way), 1000*median(seconds(:, way)), ' ms', 100*(ratio(way) - 1), ' %', &
         way=1, ways)
-    if (.not. (agrees .and. is_cheap)) error stop 1
+    if (.not. agrees) error stop 1
 
 contains
 

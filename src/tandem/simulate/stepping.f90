@@ -550,6 +550,8 @@ contains
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
         type(health_type) :: health
+        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, as they may be none.
+        real(wp), parameter :: farthest = 3.0_wp
         integer :: stat
 
         if (self%chart_is_current) return
@@ -584,6 +586,10 @@ contains
                     call self%renew_chart(by_condition, error)
                 else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
                     call self%renew_chart(by_iterations, error)
+                else if (.not. health%d <= farthest) then
+                    call self%renew_chart(by_d, error)
+                else if (.not. health%fbar <= farthest) then
+                    call self%renew_chart(by_fbar, error)
                 end if
             end if
         end associate

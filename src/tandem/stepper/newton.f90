@@ -162,6 +162,8 @@ contains
             call self%restore(chart, t, ha, stat)
             if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
             if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
+            ! Far from a chart's origin its D is another one: elsewhere such a matrix may make all corrections small.
+            self%is_worn = .true.
         end do
     end subroutine solve
 

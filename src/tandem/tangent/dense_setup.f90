@@ -35,7 +35,7 @@ contains
             self%all_lambda = self%all_gamma
             if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
         end if
-        call self%watch%allocate(options, self%n, self%nh, self%m)
+        call self%watch%allocate(options, implicit, self%n, self%nh, self%m)
         ! The condition of (38) is that of the paper's D, which needs W.
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = spread(1.0_wp, 1, model%n)

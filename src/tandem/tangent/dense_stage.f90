@@ -42,7 +42,7 @@ contains
         logical, intent(out) :: can
 
         can = self%stage_segment == self%model%segment()
-        if (can) call self%stage%adapt(ha, self%counts%newton_factorizations, can)
+        if (can) call self%stage%adapt(ha, self%v_basis, self%w_basis, self%counts%newton_factorizations, can)
     end subroutine reuse_stage
 
     !> What a new Newton matrix costs, in corrections.
@@ -86,7 +86,8 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
-        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%split%null_space, error_q, error_qd)
+        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
+        if (self%is_split) call self%stage%restore_error(self%model%terms%jacobian, self%split, self%x_basis, error_qd)
     end subroutine filter_error
 
     !> The derivatives of the rows in use; rows that were dropped carry no load here.

@@ -58,9 +58,11 @@ module tandem_tangent_stage
         procedure :: enter_chart
         procedure :: correct
         procedure :: filter
+        procedure :: restore_error
         procedure :: reciprocal_condition
         procedure :: pack_state
         procedure, private :: solve
+        procedure, private :: is_near
         procedure, private :: set_carry
     end type stage_type
 
@@ -167,18 +169,21 @@ contains
     end subroutine factor
 
     !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
-    subroutine adapt(self, ha, factorizations, can)
+    subroutine adapt(self, ha, v_basis, w_basis, factorizations, can)
         class(stage_type), intent(inout) :: self
         real(wp), intent(in) :: ha
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
         !> Counts factorisations.
         integer(long), intent(inout) :: factorizations
-        !> False where there is no matrix.
+        !> False where there is no matrix, or one of a chart too far away.
         logical, intent(out) :: can
         !> A step of the grid differs from the next by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
         integer :: stat
 
         can = self%ha > 0.0_wp
+        if (can) can = self%is_near(v_basis, w_basis)
         if (.not. can .or. abs(ha - self%ha) <= rounding*self%ha) return
         call self%factor(ha, stat)
         factorizations = factorizations + 1
@@ -226,6 +231,22 @@ contains
         call set_gram(self%formed_w, w_basis, self%carry_w)
         self%carry_is_current = .true.
     end subroutine set_carry
+
+    !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the squared
+    !> cosines of the angles between the tangent spaces, and where these are large, an iteration would seem to converge that stands
+    !> still.
+    logical function is_near(self, v_basis, w_basis)
+        class(stage_type), intent(inout) :: self
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> Of the sum of squared sines, a bound of what the turn adds to the contraction.
+        real(wp), parameter :: most = 0.1_wp
+
+        is_near = .true.
+        if (.not. self%is_carried) return
+        call self%set_carry(v_basis, w_basis)
+        is_near = self%nv - sum(self%carry_v**2) <= most .and. self%nw - sum(self%carry_w**2) <= most
+    end function is_near
 
     !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
     !> wd = W' rate_qd are corrected, and the parts that the chart ignores are set to those of qd and qdd, which makes the rates
@@ -275,10 +296,10 @@ contains
 
     !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration
     !> contracts by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
-    subroutine filter(self, v_basis, v_dual, w_basis, w_dual, null_space, error_q, error_qd)
+    subroutine filter(self, v_basis, v_dual, w_basis, w_dual, error_q, error_qd)
         class(stage_type), intent(inout) :: self
-        !> V and its dual (n, nv), W and its dual (n, nw), D (n, nw).
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), null_space(:, :)
+        !> V and its dual (n, nv), W and its dual (n, nw).
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
         associate (nv => self%nv, w => self%force(:self%nw), carried => self%carried(:self%nw))
@@ -300,9 +321,24 @@ contains
             error_q = 0.0_wp
             call add_product(v_basis, self%rhs(:nv), 1.0_wp, error_q)
             error_qd = 0.0_wp
-            call add_product(null_space, self%rhs(nv + 1:), 1.0_wp, error_qd)
+            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, error_qd)
         end associate
     end subroutine filter
+
+    !> The error of a velocity that the chart restores from one whose increment has the error W w: D w = W w - R C W w. It grows with
+    !> the angle between the tangent spaces, without a bound where the chart turns singular.
+    subroutine restore_error(self, jacobian, split, x_basis, error_qd)
+        class(stage_type), intent(inout) :: self
+        !> C (m, n) of the point, and R there; X (n, m).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :)
+        type(split_type), intent(inout) :: split
+        !> W w, then D w.
+        real(wp), intent(inout), contiguous :: error_qd(:)
+
+        self%defect = 0.0_wp
+        call add_product(jacobian, error_qd, 1.0_wp, self%defect)
+        call split%subtract_right_inverse(x_basis, self%defect, error_qd)
+    end subroutine restore_error
 
     !> An estimate of 1/cond of the factored matrix.
     real(wp) function reciprocal_condition(self)

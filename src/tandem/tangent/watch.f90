@@ -28,9 +28,11 @@ module tandem_tangent_watch
 contains
 
     !> Allocate for n coordinates, nh holonomic and m constraints in all.
-    subroutine allocate_watch(self, options, n, nh, m)
+    subroutine allocate_watch(self, options, implicit, n, nh, m)
         class(watch_type), intent(inout) :: self
         type(options_type), intent(in) :: options
+        !> Whether the steps are implicit, whose errors grow with the secants on a chart that is kept too long.
+        logical, intent(in) :: implicit
         integer, intent(in) :: n, nh, m
 
         self%nh = nh
@@ -38,7 +40,7 @@ contains
         self%v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
         self%w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
         self%condition = options%chart == 'paper' .and. options%condition_limit > 0.0_wp
-        self%secants = options%chart == 'adaptive' .and. m > 0
+        self%secants = (options%chart == 'adaptive' .or. (options%chart == 'paper' .and. implicit)) .and. m > 0
         if (allocated(self%cosines)) deallocate (self%cosines)
         if (allocated(self%equations)) deallocate (self%equations)
         if (self%secants) then
