@@ -148,15 +148,17 @@ check c-example-links-statically build_example c statically
 # --- 5. no code on the stack ---------------------------------------------------------------------------------------
 
 stack_is_data() { # no segment of a program, no section of an object asks for an executable stack
-    local file bad=0 seen=0
+    local file told bad=0 seen=0
     while read -r file; do
         seen=$((seen + 1))
-        if readelf -hW "$file" | grep -q 'REL (Relocatable'; then
+        # All of it is read: whoever stops early may end readelf, and so fail the pipe.
+        told=$(readelf -hSlW "$file")
+        if grep -q 'REL (Relocatable' <<<"$told"; then
             # Nothing between the size of an entry and the link: no flag, X above all.
-            readelf -SW "$file" | grep -q '\.note\.GNU-stack *PROGBITS *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *0 *0 *[0-9]*$' ||
+            grep -q '\.note\.GNU-stack *PROGBITS *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *[0-9a-f]* *0 *0 *[0-9]*$' <<<"$told" ||
                 { echo "$file: an executable stack"; bad=1; }
         else
-            readelf -lW "$file" | grep -q 'GNU_STACK.* RW  *0x' || { echo "$file: an executable stack"; bad=1; }
+            grep -q 'GNU_STACK.* RW  *0x' <<<"$told" || { echo "$file: an executable stack"; bad=1; }
         fi
     done
     echo "$seen files"
