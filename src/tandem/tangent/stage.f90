@@ -232,9 +232,9 @@ contains
         self%carry_is_current = .true.
     end subroutine set_carry
 
-    !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the squared
-    !> cosines of the angles between the tangent spaces, and where these are large, an iteration would seem to converge that stands
-    !> still.
+    !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
+    !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
+    !> converge.
     logical function is_near(self, v_basis, w_basis)
         class(stage_type), intent(inout) :: self
         !> V (n, nv) and W (n, nw) of the current chart.
@@ -325,8 +325,8 @@ contains
         end associate
     end subroutine filter
 
-    !> The error of a velocity that the chart restores from one whose increment has the error W w: D w = W w - R C W w. It grows with
-    !> the angle between the tangent spaces, without a bound where the chart turns singular.
+    !> The error of a velocity that the chart restores from one whose increment has the error W w: D w = W w - R C W w. It grows
+    !> with the angle between the tangent spaces, without a bound where the chart turns singular.
     subroutine restore_error(self, jacobian, split, x_basis, error_qd)
         class(stage_type), intent(inout) :: self
         !> C (m, n) of the point, and R there; X (n, m).
