@@ -25,6 +25,8 @@ module tandem_simulate_global_error
     integer, parameter :: n_times = 102
     !> The tolerances of the second run, and the smallest that may come out.
     real(wp), parameter :: part = 0.1_wp, smallest = 1.0e-15_wp
+    !> A largest step above this part of the run says that the end of the run may have cut it.
+    real(wp), parameter :: few = 0.3_wp
 
     !> Watches a run, and compares a second one with it.
     type, extends(observer_type) :: global_error_type
@@ -49,6 +51,8 @@ module tandem_simulate_global_error
         !> Whether both runs could be evaluated at that time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
+        !> The first run's largest step.
+        real(wp), private :: largest_step = 0.0_wp
         !> The run that is compared, while the second one goes on.
         real(wp), allocatable, private :: difference(:, :, :)
         logical, private :: is_second = .false.
@@ -57,6 +61,7 @@ module tandem_simulate_global_error
         procedure :: observe
         procedure :: estimate
         procedure :: pack_state
+        procedure, private :: choose_second
         procedure, private :: take
         procedure, private :: evaluate
     end type global_error_type
@@ -102,6 +107,10 @@ contains
         self%is_stopped = simulation%is_stopped
         t_step = simulation%state%t
         if (.not. self%is_second) then
+            if (occasion == at_end) then
+                statistics = simulation%statistics()
+                self%largest_step = statistics%largest_step
+            end if
             ! Of a run that has gone on from its very end nobody sees the last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
             if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
@@ -173,7 +182,7 @@ contains
         end if
         call new_stepper(options%stepper, stepper)
         method = stepper%properties()
-        call choose_second(options, method, second, ratio)
+        call self%choose_second(options, method, second, ratio)
         self%is_bound = ratio > 1.0_wp
         ! Its work is bounded too: it should take two or three times that of the first.
         second%max_seconds = 0.0_wp
@@ -193,22 +202,27 @@ contains
     end subroutine estimate
 
     !> The options of the second run.
-    subroutine choose_second(options, method, second, ratio)
+    subroutine choose_second(self, options, method, second, ratio)
+        class(global_error_type), intent(in) :: self
         type(options_type), intent(in) :: options
         type(properties_type), intent(in) :: method
         type(options_type), intent(out) :: second
         !> What the error of the second run should be of that of the first.
         real(wp), intent(out) :: ratio
         real(wp) :: factor, of_step
+        logical :: is_short
 
         second = options
         if (.not. options%is_adaptive()) then
             second%step = 0.5_wp*options%step
+            ! Where the end has made the steps shorter, half of what they were: half of what they may be could be as long.
+            if (self%largest_step > 0.0_wp) second%step = min(second%step, 0.5_wp*self%largest_step)
             ratio = 0.5_wp**method%order
             return
         end if
+        is_short = self%largest_step > few*(self%t_end - self%t_start)
         factor = part
-        if (part*options%relative_tolerance() < smallest) factor = 1.0_wp/part
+        if (part*options%relative_tolerance() < smallest) factor = merge(1.0_wp, 1.0_wp/part, is_short)
         second%rtol = factor*options%rtol
         second%atol = factor*options%atol
         if (allocated(second%rtol_q)) second%rtol_q = factor*second%rtol_q
@@ -218,7 +232,10 @@ contains
         ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p. One that is at the largest step
         ! is to change as much: the same steps would tell nothing.
         of_step = factor**(1.0_wp/real(method%estimate_order + 1, wp))
+        if (is_short) of_step = min(of_step, 0.7_wp)
         if (options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
+        ! So is one that the end may have cut.
+        if (is_short) second%max_step = of_step*self%largest_step
         ratio = of_step**method%order
     end subroutine choose_second
 
