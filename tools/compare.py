@@ -7,6 +7,7 @@ Usage: tools/compare.py RESULT.h5 test/reference/NAME.txt
 Needs h5py. The times of the reference must be among those that were written.
 """
 
+import signal
 import sys
 
 import h5py
@@ -31,6 +32,8 @@ def main(result, reference):
 
 
 if __name__ == "__main__":
+    # Piped to head, end as other filters do.
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     main(*sys.argv[1:])
