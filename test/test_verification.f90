@@ -7,7 +7,7 @@ module test_verification
     use model_skater, only: single_names, skater_type
     use subjects, only: new_subject, subject_names
     use tandem, only: derivative_name, failure_type => error_type, finding_type, model_type, n_derivatives, rolling_disk_type, &
-        status_name, verify_model, wp
+        status_name, term_name, verify_model, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -31,6 +31,7 @@ contains
             new_unittest('verification-blames-no-derivative-of-a-missing-gamma', test_verify_no_gamma), &
             new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint), &
             new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast), &
+            new_unittest('verification-of-rows-in-any-units', test_verify_units), &
             new_unittest('verification-finds-a-mass-that-is-not-constant', test_verify_constant)]
     end subroutine collect_verification
 
@@ -55,6 +56,55 @@ contains
                 merge(1, 0, model%constant_mass) + merge(1, 0, allocated(model%mass_blocks)), trim(subject_names(k))//': findings')
         end do
     end subroutine test_verify
+
+    !> Every other row in units that make it vast or tiny: right ones pass, and an entry that is wrong by as much of the row as in
+    !> units of one is found.
+    subroutine test_verify_units(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: units(5) = [1.0_wp, 1.0e-200_wp, 1.0e-30_wp, 1.0e30_wp, 1.0e200_wp]
+        character(len=*), parameter :: names(2) = [character(len=7) :: 'disk', 'vehicle']
+        class(model_type), allocatable, target :: model
+        type(perturbed_type), target :: perturbed
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, k, term
+
+        do k = 1, size(names)
+            call new_subject(trim(names(k)), model, q, qd)
+            call perturbed%wrap(model)
+            perturbed%row = 1
+            do i = 1, size(units)
+                perturbed%unit = units(i)
+                perturbed%term = 0
+                call verify_model(perturbed, 0.5_wp, q, qd, 2, findings, failure)
+                call check_no_failure(error, failure)
+                call check_true(error, all(findings%passed), trim(names(k))//' in units of '//format_real(1/units(i))//': '// &
+                    wrong_name(findings))
+                ! C and gamma; nu is zero.
+                do term = 2, 4, 2
+                    perturbed%term = term
+                    perturbed%amount = 0.1_wp
+                    call verify_model(perturbed, 0.5_wp, q, qd, 2, findings, failure)
+                    call check_no_failure(error, failure)
+                    call check_true(error, .not. all(findings%passed), trim(names(k))//' in units of '// &
+                        format_real(1/units(i))//': a wrong '//term_name(term))
+                end do
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_verify_units
+
+    !> The first procedure that did not pass, empty where all did.
+    pure function wrong_name(findings) result(name)
+        type(finding_type), intent(in) :: findings(:)
+        character(len=48) :: name
+        integer :: i
+
+        name = ''
+        i = findloc(findings%passed, .false., dim=1)
+        if (i > 0) name = findings(i)%name
+    end function wrong_name
 
     !> The rolling disk, with the mass matrix that its Euler parameters change.
     subroutine test_verify_constant(error)

@@ -3,10 +3,11 @@
 !>
 !> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only E, e, M and the
 !> forces themselves have nothing to be compared with; M is checked for symmetry, constancy and blocks. States need not satisfy the
-!> constraints.
+!> constraints. Rows of constraints may have any units: they are compared on their own scale, that of their entries in C.
 module tandem_model_verification
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
+    use tandem_linalg_random, only: random_vector
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
     use tandem_model_derivatives, only: derivatives_type
@@ -14,6 +15,7 @@ module tandem_model_verification
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_status, only: status_callback_failed, status_not_evaluable
     use tandem_tangent_counts, only: counts_type
+    use, intrinsic :: ieee_exceptions, only: ieee_all, ieee_get_flag, ieee_set_flag
     implicit none (type, external)
     private
 
@@ -37,8 +39,11 @@ module tandem_model_verification
     !> Central differences of fourth order leave about eps**(4/5) = 3e-13 of the function's size; a wrong formula leaves 1e-3
     !> and more. Functions may be large against their derivatives.
     real(wp), parameter :: tolerance = 1.0e-6_wp
-    real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
-    real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+    !> They are 8 (f(1) - f(-1)) - (f(2) - f(-2)) over 12 h, summed up so that nothing is left of a constant, however large, also
+    !> where a product is fused with a sum: sum := factor sum + sign f(place).
+    real(wp), parameter :: place(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
+    real(wp), parameter :: sign_of(4) = [-1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp], factor(4) = [1.0_wp, 1.0_wp, 8.0_wp, 1.0_wp]
+    real(wp), parameter :: divisor = 12.0_wp
 
     !> Steps in time, from the longest by these factors. How fast a model changes with time is not known before: by its
     !> neighbours one of them shows that it is neither too long nor lost in the rounding of t. The longest one is no simple fraction
@@ -51,6 +56,8 @@ module tandem_model_verification
     !> Derivatives by differences at one state, every part by itself; of those in time, what differences may leave.
     type :: parts_type
         real(wp) :: phi_t_doubt = 0.0_wp, gamma_doubt = 0.0_wp
+        !> The scale of each row of C: its largest entry by that of its coordinate.
+        real(wp), allocatable :: row_scale(:)
         real(wp), allocatable :: phi_q(:, :), phi_t(:), gamma(:), c_qd_q(:, :), c_qdd_q(:, :), nu_q(:, :)
         real(wp), allocatable :: gamma_q(:, :), gamma_qd(:, :), mass_q(:, :), reaction_q(:, :), force_q(:, :), force_qd(:, :)
     end type parts_type
@@ -58,7 +65,8 @@ module tandem_model_verification
 contains
 
     !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be
-    !> evaluated; wrong procedures are findings.
+    !> evaluated; wrong procedures are findings. Flags of floating-point exceptions are afterwards what they were: a long step may
+    !> reach where a model overflows, and a program would print that at its end.
     subroutine verify_model(model, t, q, qd, n_states, findings, error)
         class(model_type), intent(inout), target :: model
         !> A state that the model can be evaluated at (n); velocities near zero are replaced by random ones of their scale.
@@ -72,6 +80,7 @@ contains
         type(parts_type) :: parts
         real(wp) :: scale(model%n), q1(model%n), qd1(model%n), qdd1(model%n), lambda(model%n_constraints())
         character(len=len(evaluator%failed_term)) :: failed
+        logical :: flags(size(ieee_all))
         integer :: state, seed, stat
 
         allocate (findings(0))
@@ -79,6 +88,7 @@ contains
         if (allocated(error)) return
         scale = 1.0_wp
         if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        call ieee_get_flag(ieee_all, flags)
         call evaluator%initialize(model)
         ! Compared below.
         evaluator%mass_is_trusted = .true.
@@ -88,7 +98,9 @@ contains
             qd1 = qd + scale*random_vector(seed, model%n)
             qdd1 = scale*random_vector(seed, model%n)
             lambda = random_vector(seed, size(lambda))
-            call differentiate(evaluator, model, t, q1, qd1, qdd1, lambda, scale, parts, counts, stat)
+            call find_row_scales(evaluator, t, q1, scale, parts, counts, stat)
+            lambda = lambda/parts%row_scale
+            if (stat == 0) call differentiate(evaluator, model, t, q1, qd1, qdd1, lambda, scale, parts, counts, stat)
             if (stat == 0) call compare_terms(evaluator, model, t, q1, qd1, parts, counts, findings, stat)
             failed = evaluator%failed_term
             if (stat == 0) then
@@ -98,14 +110,37 @@ contains
             end if
             if (stat /= 0) call add_finding(findings, finding_type(name='evaluation of '//failed, passed=.false., stat=stat))
         end do
+        call ieee_set_flag(ieee_all, flags)
     end subroutine verify_model
+
+    !> The scales of the rows of C, 1 for a row without an entry.
+    subroutine find_row_scales(evaluator, t, q, scale, parts, counts, stat)
+        type(evaluator_type), intent(inout) :: evaluator
+        real(wp), intent(in) :: t, q(:), scale(:)
+        type(parts_type), intent(inout) :: parts
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: i
+
+        parts%row_scale = spread(1.0_wp, 1, size(evaluator%terms%nu))
+        call evaluator%evaluate(need_jacobian, t, q, q, counts, stat)
+        if (stat /= 0) return
+        associate (row_scale => parts%row_scale)
+            do i = 1, size(row_scale)
+                row_scale(i) = maxval(abs(evaluator%terms%jacobian(i, :))*scale)
+                ! A NaN in it is found below.
+                if (.not. (row_scale(i) > 0.0_wp .and. row_scale(i) <= huge(1.0_wp))) row_scale(i) = 1.0_wp
+            end do
+        end associate
+    end subroutine find_row_scales
 
     !> Differences of every term.
     subroutine differentiate(evaluator, model, t, q, qd, qdd, lambda, scale, parts, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:), scale(:)
-        type(parts_type), intent(out) :: parts
+        !> Its scales of rows are known.
+        type(parts_type), intent(inout) :: parts
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
         real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
@@ -114,6 +149,7 @@ contains
 
         n = model%n
         m = model%n_constraints()
+        parts = parts_type(row_scale=parts%row_scale)
         allocate (parts%phi_q(model%n_holonomic, n), parts%phi_t(model%n_holonomic), parts%gamma(m), source=0.0_wp)
         allocate (parts%c_qd_q(m, n), parts%c_qdd_q(m, n), parts%nu_q(m, n), parts%gamma_q(m, n), parts%gamma_qd(m, n), &
             parts%mass_q(n, n), parts%reaction_q(n, n), parts%force_q(n, n), parts%force_qd(n, n), source=0.0_wp)
@@ -126,43 +162,65 @@ contains
                     moved(j) = q(j) + place(i)*h
                     call evaluator%evaluate(everything, t, moved, qd, counts, stat)
                     if (stat /= 0) return
-                    w = weight(i)/h
-                    parts%phi_q(:, j) = parts%phi_q(:, j) + w*terms%phi
-                    parts%c_qd_q(:, j) = parts%c_qd_q(:, j) + w*matmul(terms%jacobian, qd)
-                    parts%c_qdd_q(:, j) = parts%c_qdd_q(:, j) + w*matmul(terms%jacobian, qdd)
-                    parts%nu_q(:, j) = parts%nu_q(:, j) + w*terms%nu
-                    parts%gamma_q(:, j) = parts%gamma_q(:, j) + w*terms%gamma
-                    parts%mass_q(:, j) = parts%mass_q(:, j) + w*matmul(terms%mass, qdd)
-                    parts%reaction_q(:, j) = parts%reaction_q(:, j) + w*matmul(lambda, terms%jacobian)
-                    parts%force_q(:, j) = parts%force_q(:, j) + w*terms%force
+                    call add(i, terms%phi, parts%phi_q(:, j))
+                    call add(i, matmul(terms%jacobian, qd), parts%c_qd_q(:, j))
+                    call add(i, matmul(terms%jacobian, qdd), parts%c_qdd_q(:, j))
+                    call add(i, terms%nu, parts%nu_q(:, j))
+                    call add(i, terms%gamma, parts%gamma_q(:, j))
+                    call add(i, matmul(terms%mass, qdd), parts%mass_q(:, j))
+                    call add(i, matmul(lambda, terms%jacobian), parts%reaction_q(:, j))
+                    call add(i, terms%force, parts%force_q(:, j))
                 end do
+                w = 1.0_wp/(divisor*h)
+                parts%phi_q(:, j) = w*parts%phi_q(:, j)
+                parts%c_qd_q(:, j) = w*parts%c_qd_q(:, j)
+                parts%c_qdd_q(:, j) = w*parts%c_qdd_q(:, j)
+                parts%nu_q(:, j) = w*parts%nu_q(:, j)
+                parts%gamma_q(:, j) = w*parts%gamma_q(:, j)
+                parts%mass_q(:, j) = w*parts%mass_q(:, j)
+                parts%reaction_q(:, j) = w*parts%reaction_q(:, j)
+                parts%force_q(:, j) = w*parts%force_q(:, j)
                 h = step*max(abs(qd(j)), scale(j))
                 do i = 1, 4
                     moved = qd
                     moved(j) = qd(j) + place(i)*h
                     call evaluator%evaluate(need_gamma + need_force, t, q, moved, counts, stat)
                     if (stat /= 0) return
-                    parts%gamma_qd(:, j) = parts%gamma_qd(:, j) + weight(i)/h*terms%gamma
-                    parts%force_qd(:, j) = parts%force_qd(:, j) + weight(i)/h*terms%force
+                    call add(i, terms%gamma, parts%gamma_qd(:, j))
+                    call add(i, terms%force, parts%force_qd(:, j))
                 end do
+                w = 1.0_wp/(divisor*h)
+                parts%gamma_qd(:, j) = w*parts%gamma_qd(:, j)
+                parts%force_qd(:, j) = w*parts%force_qd(:, j)
             end do
         end associate
-        if (model%n_holonomic > 0) call differentiate_in_time(evaluator, t, 1.0_wp, .false., q, qd, parts%phi_t, &
-            parts%phi_t_doubt, counts, stat)
+        if (model%n_holonomic > 0) call differentiate_in_time(evaluator, t, 1.0_wp, .false., q, qd, &
+            parts%row_scale(:model%n_holonomic), parts%phi_t, parts%phi_t_doubt, counts, stat)
         if (stat /= 0 .or. m == 0) return
         call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp, maxval(abs(qd)/max(abs(q), scale))), .true., q, qd, &
-            parts%gamma, parts%gamma_doubt, counts, stat)
+            parts%row_scale, parts%gamma, parts%gamma_doubt, counts, stat)
     end subroutine differentiate
 
+    !> Add the value at a place to the differences.
+    pure subroutine add(i, value, differences)
+        !> Number of the place.
+        integer, intent(in) :: i
+        real(wp), intent(in) :: value(:)
+        real(wp), intent(inout) :: differences(:)
+
+        differences = factor(i)*differences + sign_of(i)*value
+    end subroutine add
+
     !> Phi_t, or d/dt (C qd - nu) along qd, by the step that agrees best with the next longer one.
-    subroutine differentiate_in_time(evaluator, t, share, of_velocity, q, qd, rate, doubt, counts, stat)
+    subroutine differentiate_in_time(evaluator, t, share, of_velocity, q, qd, row_scale, rate, doubt, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         !> Time, and the part of the steps to take.
         real(wp), intent(in) :: t, share
         !> Whether to differentiate C qd - nu.
         logical, intent(in) :: of_velocity
-        real(wp), intent(in) :: q(:), qd(:)
-        !> The derivative, and by how much it may be wrong, as it differs from that of the next longer step.
+        !> Coordinates, velocities, and the scales of the rows.
+        real(wp), intent(in) :: q(:), qd(:), row_scale(:)
+        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step.
         real(wp), intent(inout) :: rate(:)
         real(wp), intent(out) :: doubt
         type(counts_type), intent(inout) :: counts
@@ -187,15 +245,16 @@ contains
                     q + merge(place(i)*h, 0.0_wp, of_velocity)*qd, qd, counts, stat)
                 if (stat /= 0) exit
                 if (of_velocity) then
-                    now = now + weight(i)/h*(matmul(evaluator%terms%jacobian, qd) - evaluator%terms%nu)
+                    call add(i, matmul(evaluator%terms%jacobian, qd) - evaluator%terms%nu, now)
                 else
-                    now = now + weight(i)/h*evaluator%terms%phi
+                    call add(i, evaluator%terms%phi, now)
                 end if
             end do
+            now = now/(divisor*h)
             ! A long step may reach where a model has no value.
             if (stat == 0 .and. last_stat == 0) then
                 ! And what rounding of t in the model may be.
-                change = maxval(abs(now - last)) + maxval(abs(now))*spacing(t)/h
+                change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h
                 ! The first one without a comparison: if all are NaN, it shall be seen.
                 if (change < doubt .or. .not. is_taken) rate = now
                 if (change < doubt) doubt = change
@@ -223,11 +282,13 @@ contains
         if (stat /= 0) return
         associate (terms => evaluator%terms, nh => model%n_holonomic)
             if (nh > 0) then
-                call compare('holonomic_jacobian', terms%jacobian(:nh, :), parts%phi_q, findings)
-                call compare_vector('holonomic_rate', -terms%nu(:nh), parts%phi_t, parts%phi_t_doubt, findings)
+                call compare('holonomic_jacobian', terms%jacobian(:nh, :), parts%phi_q, findings, parts%row_scale)
+                call compare_vector('holonomic_rate', -terms%nu(:nh), parts%phi_t, parts%phi_t_doubt, parts%row_scale, &
+                    findings)
             end if
             if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) then
-                call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, parts%gamma_doubt, findings)
+                call compare_vector('constraint_acceleration', terms%gamma, parts%gamma, parts%gamma_doubt, &
+                    parts%row_scale, findings)
             end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
             if (model%constant_mass) then
@@ -285,25 +346,25 @@ contains
             call model%jacobian_derivative(t, q, qd, block_m, stat)
             failed = 'jacobian_derivative'
             if (stat /= 0) return
-            call compare('jacobian_derivative', block_m, parts%c_qd_q, findings)
+            call compare('jacobian_derivative', block_m, parts%c_qd_q, findings, parts%row_scale)
         end if
         if (associated(model%nu_derivative)) then
             call model%nu_derivative(t, q, block_m, stat)
             failed = 'nu_derivative'
             if (stat /= 0) return
-            call compare('nu_derivative', block_m, parts%nu_q, findings)
+            call compare('nu_derivative', block_m, parts%nu_q, findings, parts%row_scale)
         end if
         if (associated(model%gamma_q) .and. has_gamma(model)) then
             call model%gamma_q(t, q, qd, block_m, stat)
             failed = 'gamma_q'
             if (stat /= 0) return
-            call compare('gamma_q', block_m, parts%gamma_q, findings)
+            call compare('gamma_q', block_m, parts%gamma_q, findings, parts%row_scale)
         end if
         if (associated(model%gamma_qd) .and. has_gamma(model)) then
             call model%gamma_qd(t, q, qd, block_m, stat)
             failed = 'gamma_qd'
             if (stat /= 0) return
-            call compare('gamma_qd', block_m, parts%gamma_qd, findings)
+            call compare('gamma_qd', block_m, parts%gamma_qd, findings, parts%row_scale)
         end if
         if (associated(model%mass_derivative)) then
             call model%mass_derivative(q, qdd, block_n, stat)
@@ -349,13 +410,16 @@ contains
         failed = 'evaluate_derivatives'
         if (stat /= 0) return
         if (btest(model%provides_derivatives, 0)) then
-            call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings)
+            call compare('evaluate_derivatives: velocity_q', d%velocity_q, parts%c_qd_q - parts%nu_q, findings, &
+                parts%row_scale)
         end if
         if (btest(model%provides_derivatives, 1) .and. has_gamma(model)) then
-            call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, findings)
+            call compare('evaluate_derivatives: acceleration_q', d%acceleration_q, parts%c_qdd_q + parts%gamma_q, &
+                findings, parts%row_scale)
         end if
         if (btest(model%provides_derivatives, 2) .and. has_gamma(model)) then
-            call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings)
+            call compare('evaluate_derivatives: acceleration_qd', d%acceleration_qd, parts%gamma_qd, findings, &
+                parts%row_scale)
         end if
         if (btest(model%provides_derivatives, 3)) call compare('evaluate_derivatives: dynamics_q', d%dynamics_q, &
             parts%mass_q + parts%reaction_q - parts%force_q, findings)
@@ -365,42 +429,50 @@ contains
     end subroutine compare_fused
 
     !> Compare vectors.
-    subroutine compare_vector(name, value, expected, doubt, findings)
+    subroutine compare_vector(name, value, expected, doubt, row_scale, findings)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:), expected(:)
-        !> What is left open of the expected values.
-        real(wp), intent(in) :: doubt
+        !> What is left open of the expected values on the scales of the rows, and these.
+        real(wp), intent(in) :: doubt, row_scale(:)
         type(finding_type), allocatable, intent(inout) :: findings(:)
 
-        call compare(name, reshape(value, [size(value), 1]), reshape(expected, [size(expected), 1]), findings, doubt)
+        call compare(name, reshape(value, [size(value), 1]), reshape(expected, [size(expected), 1]), findings, row_scale, doubt)
         findings(:)%column = merge(0, findings%column, findings%name == name)
     end subroutine compare_vector
 
     !> Compare matrices and keep the worst.
-    subroutine compare(name, value, expected, findings, doubt)
+    subroutine compare(name, value, expected, findings, row_scale, doubt)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
         type(finding_type), allocatable, intent(inout) :: findings(:)
+        !> The scales of the rows, at least as many as there are; 1 where absent.
+        real(wp), intent(in), optional :: row_scale(:)
         !> What is left open of the expected values, as two ways to them differ; nothing to speak of where absent.
         real(wp), intent(in), optional :: doubt
         type(finding_type) :: finding
-        real(wp) :: allowed, scale
-        integer :: place_of_worst(2)
+        real(wp) :: allowed, scale, off(size(value, 1), size(value, 2)), unit(size(value, 1))
+        integer :: place_of_worst(2), j
 
         finding%name = name
         if (size(value) > 0) then
-            scale = max(maxval(abs(value)), maxval(abs(expected)), 1.0e-3_wp)
+            unit = 1.0_wp
+            if (present(row_scale)) unit = row_scale(:size(unit))
+            scale = 1.0e-3_wp
+            do j = 1, size(value, 2)
+                scale = max(scale, maxval(abs(value(:, j))/unit), maxval(abs(expected(:, j))/unit))
+                off(:, j) = abs(value(:, j) - expected(:, j))/unit
+            end do
             ! A NaN hides from maxloc.
-            place_of_worst = findloc(abs(value - expected) <= huge(1.0_wp), .false.)
-            if (place_of_worst(1) == 0) place_of_worst = maxloc(abs(value - expected))
+            place_of_worst = findloc(off <= huge(1.0_wp), .false.)
+            if (place_of_worst(1) == 0) place_of_worst = maxloc(off)
             finding%row = place_of_worst(1)
             finding%column = place_of_worst(2)
             finding%value = value(finding%row, finding%column)
             finding%expected = expected(finding%row, finding%column)
-            finding%error = abs(finding%value - finding%expected)/scale
+            finding%error = off(finding%row, finding%column)/scale
             allowed = tolerance
             if (present(doubt)) allowed = max(tolerance, min(10*doubt/scale, most_doubt))
-            finding%passed = sum(abs(value)) <= huge(1.0_wp) .and. finding%error <= allowed
+            finding%passed = all(abs(value) <= huge(1.0_wp)) .and. finding%error <= allowed
         end if
         call add_finding(findings, finding)
     end subroutine compare
@@ -418,19 +490,4 @@ contains
         end do
         findings = [findings, finding]
     end subroutine add_finding
-
-    !> Numbers between -1 and 1 by a linear congruence (Lehmer; Park and Miller 1988): the same everywhere, no global state.
-    function random_vector(seed, n) result(values)
-        integer, intent(inout) :: seed
-        integer, intent(in) :: n
-        real(wp) :: values(n)
-        integer, parameter :: multiplier = 48271, quotient = 44488, remainder = 3399, modulus = 2147483647
-        integer :: i
-
-        do i = 1, n
-            seed = multiplier*mod(seed, quotient) - remainder*(seed/quotient)
-            if (seed <= 0) seed = seed + modulus
-            values(i) = 2*real(seed, wp)/real(modulus, wp) - 1.0_wp
-        end do
-    end function random_vector
 end module tandem_model_verification
