@@ -1,12 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of explicit steps with so many constraints that LAPACK takes them: the elimination of C, and whole runs.
 module test_large
-    use asserts, only: check_below, check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_count, check_no_failure, check_text, check_true
     use differences, only: random_vector
     use model_copies, only: copies_type
     use model_moving_pivot, only: moving_pivot_type
+    use model_skates, only: skates_type
     use runs, only: run
-    use tandem, only: failure_type => error_type, long, options_type, simulation_type, wp
+    use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
     use tandem_linalg_elimination, only: elimination_type, largest_small
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
@@ -33,7 +34,8 @@ contains
             new_unittest('rows-in-any-units', test_units), &
             new_unittest('bad-matrices-are-refused-and-leave-nothing-behind', test_bad), &
             new_unittest('seventy-pendulums-move-as-one-and-one', test_copies), &
-            new_unittest('a-run-of-seventy-goes-on-where-it-was-saved', test_checkpoint)]
+            new_unittest('a-run-of-seventy-goes-on-where-it-was-saved', test_checkpoint), &
+            new_unittest('the-start-of-two-hundred-skates-is-bounded-work', test_skates)]
     end subroutine collect_large
 
     !> A random matrix of the given size, well enough away from the loss of rank.
@@ -374,4 +376,40 @@ contains
             'difference')
         call check_true(error, whole%state%t > 0.69_wp, 'at the end')
     end subroutine test_checkpoint
+
+    !> Whether rows are integrable is seen along a few directions, however many rows and coordinates there are: 200 rows of 600
+    !> coordinates cost as many evaluations as one row of four. An integrable one among them is found all the same.
+    subroutine test_skates(error)
+        type(error_type), allocatable, intent(out) :: error
+        !> C at a point; the ends of four directions that each row may be tested on, and of three for all rows.
+        integer, parameter :: point = 1, each = 2*4, together = 2*3
+        type(skates_type), target :: model
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: k
+
+        model%skates = 200
+        call model%define()
+        allocate (q(model%n), qd(model%n))
+        call model%start(q, qd)
+        do k = 0, 1
+            model%disguised = 77*k
+            call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            statistics = simulation%statistics()
+            if (k == 0) then
+                call check_true(error, .not. allocated(simulation%warnings), 'no row is integrable')
+                call check_count(error, statistics%start_evaluations, point + each + together, 'evaluations of C in the search')
+            else
+                call check_true(error, allocated(simulation%warnings), 'one is')
+                if (allocated(error)) return
+                call check_count(error, size(simulation%warnings), 1, 'integrable rows')
+                call check_text(error, simulation%warnings(1)%text, '"nonholonomic 77" is integrable')
+                call check_count(error, statistics%start_evaluations, 3*(point + each) + together, 'evaluations at three points')
+            end if
+        end do
+    end subroutine test_skates
 end module test_large
