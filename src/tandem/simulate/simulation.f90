@@ -24,7 +24,7 @@ module tandem_simulation
         status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_step_limit, status_step_underflow, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
-    use tandem_stepper_factory, only: new_stepper, stepper_names
+    use tandem_stepper_factory, only: check_stepper, new_stepper
     use tandem_stepper_state, only: state_type
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_counts, only: counts_type
@@ -353,12 +353,9 @@ contains
             call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
             return
         end if
+        call check_stepper(options%stepper, error)
+        if (allocated(error)) return
         call new_stepper(options%stepper, self%stepper)
-        if (.not. allocated(self%stepper)) then
-            call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" is unknown', &
-                'use '//names_in_a_row(stepper_names))
-            return
-        end if
         self%model => model
         self%options = options
         self%tally = statistics_type()
@@ -607,16 +604,4 @@ contains
             end do
         end associate
     end subroutine measure_errors
-
-    !> Names joined by commas.
-    pure function names_in_a_row(names) result(text)
-        character(len=*), intent(in) :: names(:)
-        character(len=sum(len_trim(names)) + 2*(size(names) - 1)) :: text
-        integer :: i
-
-        text = names(1)
-        do i = 2, size(names)
-            text = trim(text)//', '//names(i)
-        end do
-    end function names_in_a_row
 end module tandem_simulation
