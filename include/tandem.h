@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1005
+#define TANDEM_INTERFACE_VERSION 1006
 
 /* Outcomes. */
 enum {
@@ -66,7 +66,8 @@ typedef struct tandem_problem tandem_problem;
 /* --- the functions of a model ---------------------------------------------------------------------------------------
  *
  * Each sets all of `value` and returns 0; > 0 where it cannot be evaluated at this point (a smaller step may help), < 0 to
- * stop. A matrix of r rows is value[r][n], by rows. q, qd and x must not be changed. No exception may leave a function, and
+ * stop. One that returns 0 and leaves the first or the last entry as it was has failed (TANDEM_CALLBACK_FAILED). A matrix of
+ * r rows is value[r][n], by rows. q, qd and x must not be changed. No exception may leave a function, and
  * a function may call nothing of this interface for its own problem but tandem_get_segment. */
 
 /* holonomic (n_holonomic), holonomic_jacobian (n_holonomic x n), holonomic_rate (n_holonomic), nonholonomic_jacobian
@@ -96,7 +97,8 @@ int tandem_interface_version(void);
  * tandem_message() tells at once. user_data goes to every function of the model. */
 tandem_problem *tandem_new(int n, int n_holonomic, int n_nonholonomic, void *user_data);
 
-/* Give a problem back; NULL is allowed. */
+/* Give a problem back; NULL is allowed. Whoever uses the handle afterwards is refused, and so is a second tandem_free: sixteen
+ * bytes of each problem stay until the program ends. */
 void tandem_free(tandem_problem *problem);
 
 /* What the last call for this problem had to say, beginning with the name of its status; 2047 characters at most. The text
@@ -124,7 +126,8 @@ int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
  * forces have nothing to be compared with. It takes some 80 n evaluations of the model; a run does not notice. */
 int tandem_check(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* --- options: they are checked and count from the next tandem_start on; a run that is under way does not notice --------- */
+/* --- options: a value that cannot be is refused at once, and the one before stays; how options go together is checked by
+ * tandem_start. They count from the next tandem_start on; a run that is under way does not notice. ------------------------ */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
  * secant_limit, start_tolerance, max_seconds. rtol = 0 means fixed steps. */
@@ -139,7 +142,7 @@ int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back.
+ * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back. tandem_start checks them.
  * They belong to the model: each ends a run that is under way. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 

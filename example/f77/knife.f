@@ -16,7 +16,7 @@ C
       PARAMETER (N = 3)
       DIMENSION Q(N), QD(N), QT(N), QDT(N), QDDT(N), EXACT(N)
       DIMENSION RPAR(1), IPAR(2), IH(TDHLEN)
-      CHARACTER*160 TEXT
+      CHARACTER*(TDTLEN) TEXT
       EXTERNAL EDGE, GAMMA, AMASS, FORCE
 C     Mass, moment of inertia, downhill component of gravity.
       COMMON /PARAM/ AM, AJ, GX

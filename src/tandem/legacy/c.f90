@@ -6,6 +6,7 @@ module tandem_legacy_c
     use tandem_kinds, only: long, wp
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_handle, only: find => problem_of, give_back, new_handle
     use tandem_legacy_problem, only: message_of_no_problem, problem_type
     use tandem_legacy_terms, only: of_direction, of_motion, of_position
     use tandem_legacy_version, only: interface_version
@@ -58,7 +59,8 @@ contains
         model%user_data = user_data
         callback_model => model
         call problem%set_up(callback_model, n, n_holonomic, n_nonholonomic)
-        c_new = c_loc(problem)
+        c_new = new_handle(problem)
+        if (.not. c_associated(c_new)) deallocate (problem, model)
     end function c_new
 
     !> Give a problem back; NULL is allowed.
@@ -68,7 +70,7 @@ contains
 
         call find(handle, problem)
         if (.not. associated(problem)) return
-        if (problem%release()) deallocate (problem)
+        if (give_back(handle)) problem => null()
     end subroutine c_free
 
     !> The message of the last call, always at the same place.
@@ -201,8 +203,12 @@ contains
         c_set_text = status_invalid_option
         if (.not. associated(problem)) return
         call get_text(name, text)
-        call get_text(value, word)
-        call problem%set_text(text, word)
+        if (c_associated(value)) then
+            call get_text(value, word)
+            call problem%set_text(text, word)
+        else
+            call problem%refuse('the word for "'//text//'" is NULL', 'give one of its values')
+        end if
         c_set_text = problem%stat
     end function c_set_text
 
@@ -498,15 +504,6 @@ contains
         c_get_segment = 0
         if (associated(problem)) c_get_segment = problem%model%segment
     end function c_get_segment
-
-    !> The problem of a handle; none for NULL.
-    subroutine find(handle, problem)
-        type(c_ptr), intent(in) :: handle
-        type(problem_type), pointer, intent(out) :: problem
-
-        problem => null()
-        if (c_associated(handle)) call c_f_pointer(handle, problem)
-    end subroutine find
 
     !> A text of C; empty for NULL.
     subroutine get_text(chars, text)

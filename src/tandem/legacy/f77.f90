@@ -18,7 +18,7 @@ end subroutine tdvers
 subroutine tdnew(h, n, nh, nd, ierr)
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_f77_model, only: f77_model_type
-    use tandem_legacy_handle, only: to_handle
+    use tandem_legacy_handle, only: new_handle, to_handle
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
@@ -42,12 +42,15 @@ subroutine tdnew(h, n, nh, nd, ierr)
     callback_model => model
     call problem%set_up(callback_model, n, nh, nd)
     ierr = problem%stat
-    call to_handle(problem, h)
+    call to_handle(new_handle(problem), h)
+    if (any(h /= 0)) return
+    deallocate (problem, model)
+    ierr = status_invalid_model
 end subroutine tdnew
 
 !> Give a problem back. The handle is then zero.
 subroutine tdfree(h, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: give_back, problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option, status_ok
     implicit none (type, external)
@@ -56,18 +59,19 @@ subroutine tdfree(h, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
-    ierr = problem%stat
-    if (.not. problem%release()) return
-    deallocate (problem)
+    if (.not. give_back(to_address(h))) then
+        ierr = problem%stat
+        return
+    end if
     h = 0
     ierr = status_ok
 end subroutine tdfree
 
 !> The text of the last IERR.
 subroutine tdtext(h, text)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: message_length, message_of_no_problem, problem_type
     use, intrinsic :: iso_c_binding, only: c_null_char
     implicit none (type, external)
@@ -76,20 +80,22 @@ subroutine tdtext(h, text)
     type(problem_type), pointer :: problem
     integer :: i
 
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     text = message_of_no_problem
     if (.not. associated(problem)) return
     text = ' '
-    do i = 1, min(len(text), message_length)
+    do i = 1, message_length
         if (problem%message(i) == c_null_char) exit
-        text(i:i) = problem%message(i)
+        if (i <= len(text)) text(i:i) = problem%message(i)
     end do
+    ! What is cut says so.
+    if (i - 1 > len(text)) text(max(1, len(text) - 2):) = '...'
 end subroutine tdtext
 
 !> Give a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdpos(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_model_type, f77_position
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_terms, only: of_position
     use tandem_status, only: status_invalid_option
@@ -102,7 +108,7 @@ subroutine tdpos(h, name, sub, ierr)
     integer :: term
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     term = problem%find_callback(name, of_position)
     select type (model => problem%model)
@@ -115,7 +121,7 @@ end subroutine tdpos
 !> Give a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdmot(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_model_type, f77_motion
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_terms, only: of_motion
     use tandem_status, only: status_invalid_option
@@ -128,7 +134,7 @@ subroutine tdmot(h, name, sub, ierr)
     integer :: term
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     term = problem%find_callback(name, of_motion)
     select type (model => problem%model)
@@ -141,7 +147,7 @@ end subroutine tdmot
 !> Give a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tddir(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_direction, f77_model_type
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_terms, only: of_direction
     use tandem_status, only: status_invalid_option
@@ -154,7 +160,7 @@ subroutine tddir(h, name, sub, ierr)
     integer :: term
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     term = problem%find_callback(name, of_direction)
     select type (model => problem%model)
@@ -168,7 +174,7 @@ end subroutine tddir
 !> IPROV is the sum of the constants of those that it gives, and anything with TDNONE.
 subroutine tdeval(h, sub, iprov, ierr)
     use tandem_legacy_f77_model, only: f77_evaluate, f77_model_type, is_none
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     use, intrinsic :: iso_c_binding, only: c_funloc
@@ -180,7 +186,7 @@ subroutine tdeval(h, sub, iprov, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (problem%check_provides(iprov, .not. is_none(c_funloc(sub)))) then
         select type (model => problem%model)
@@ -194,7 +200,7 @@ end subroutine tdeval
 !> Set a real option.
 subroutine tdsetr(h, name, value, ierr)
     use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -205,7 +211,7 @@ subroutine tdsetr(h, name, value, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%set_real(name, value)
     ierr = problem%stat
@@ -213,7 +219,7 @@ end subroutine tdsetr
 
 !> Set an integer option.
 subroutine tdseti(h, name, ivalue, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -224,7 +230,7 @@ subroutine tdseti(h, name, ivalue, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%set_integer(name, ivalue)
     ierr = problem%stat
@@ -232,7 +238,7 @@ end subroutine tdseti
 
 !> Set an option that is a word.
 subroutine tdsets(h, name, word, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -242,7 +248,7 @@ subroutine tdsets(h, name, word, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%set_text(name, word)
     ierr = problem%stat
@@ -251,7 +257,7 @@ end subroutine tdsets
 !> Set a list of K numbers.
 subroutine tdsetv(h, name, k, values, ierr)
     use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -263,7 +269,7 @@ subroutine tdsetv(h, name, k, values, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (k < 0) then
         call problem%refuse('the list "'//trim(name)//'" has a negative number of entries', 'give how many they are')
@@ -275,7 +281,7 @@ end subroutine tdsetv
 
 !> Name the constraint row I, from 1 on, holonomic rows first.
 subroutine tdrow(h, i, name, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -286,7 +292,7 @@ subroutine tdrow(h, i, name, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%set_row_name(i, name)
     ierr = problem%stat
@@ -296,7 +302,7 @@ end subroutine tdrow
 subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -308,7 +314,7 @@ subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%check(t, q, qd)
@@ -319,7 +325,7 @@ end subroutine tdchck
 subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -331,7 +337,7 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%start(t, q, qd)
@@ -343,7 +349,7 @@ end subroutine tdstrt
 subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -356,7 +362,7 @@ subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%integrate(tend)
@@ -368,7 +374,7 @@ end subroutine tdintg
 subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -381,7 +387,7 @@ subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%step(tlim)
@@ -393,7 +399,7 @@ end subroutine tdstep
 subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -406,7 +412,7 @@ subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_state_at(t, q, qd, qdd)
@@ -417,7 +423,7 @@ end subroutine tddens
 subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -430,7 +436,7 @@ subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     type(problem_type), pointer :: problem
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_multipliers(t, alam)
@@ -441,7 +447,7 @@ end subroutine tdlamb
 subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
     use tandem_kinds, only: wp
     use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -455,7 +461,7 @@ subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
     ekin = 0.0_wp
     epot = 0.0_wp
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
     call problem%get_energies(ekin, epot)
@@ -465,7 +471,7 @@ end subroutine tdener
 !> One figure of the run.
 subroutine tdstat(h, name, value, ierr)
     use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -477,7 +483,7 @@ subroutine tdstat(h, name, value, ierr)
 
     value = 0.0_wp
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%get_statistic(name, value)
     ierr = problem%stat
@@ -485,7 +491,7 @@ end subroutine tdstat
 
 !> How many warnings the run has.
 subroutine tdnwrn(h, nwarn, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -495,7 +501,7 @@ subroutine tdnwrn(h, nwarn, ierr)
 
     nwarn = 0
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%count_warnings(nwarn)
     ierr = problem%stat
@@ -503,7 +509,7 @@ end subroutine tdnwrn
 
 !> The text of warning I, from 1 on; what is longer than TEXT is cut.
 subroutine tdwarn(h, i, text, ierr)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -516,7 +522,7 @@ subroutine tdwarn(h, i, text, ierr)
 
     text = ' '
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     call problem%get_warning(i, warning)
     text = warning
@@ -527,7 +533,7 @@ end subroutine tdwarn
 subroutine tdsave(h, nsave, isave, n, ierr)
     use tandem_error, only: to_text
     use tandem_kinds, only: long
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -540,7 +546,7 @@ subroutine tdsave(h, nsave, isave, n, ierr)
 
     needed = 0
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (associated(problem)) then
         call problem%save_state(words)
         if (allocated(words)) then
@@ -561,7 +567,7 @@ end subroutine tdsave
 !> Take up the run that TDSAVE has put into ISAVE(N).
 subroutine tdrest(h, n, isave, ierr)
     use tandem_kinds, only: long
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
@@ -571,7 +577,7 @@ subroutine tdrest(h, n, isave, ierr)
     integer(long) :: word(1)
 
     ierr = status_invalid_option
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
     if (n < 0 .or. modulo(n, 2) /= 0) then
         call problem%refuse('the state has a negative or an odd number of integers', 'give what TDSAVE gave')
@@ -584,7 +590,7 @@ end subroutine tdrest
 !> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint; 0 where H is no handle.
 !> May be called from the procedures of the model.
 subroutine tdsegm(h, iseg)
-    use tandem_legacy_handle, only: to_problem
+    use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -592,6 +598,6 @@ subroutine tdsegm(h, iseg)
     type(problem_type), pointer :: problem
 
     iseg = 0
-    call to_problem(h, problem)
+    call problem_of(to_address(h), problem)
     if (associated(problem)) iseg = problem%model%segment
 end subroutine tdsegm

@@ -1,47 +1,112 @@
 ! SPDX-License-Identifier: MIT
-!> Handles of the Fortran 77 interface: four default integers that hold the address of a problem and a check word, so that
-!> neither a table nor any other global state is needed, and an array that is no handle is noticed.
+!> Handles: the address of a tag that leads to a problem. The tag outlives the problem, so that a handle that was given back is
+!> refused, and so are its copies; it takes sixteen bytes, which the C library frees when the program ends. There is neither a
+!> table nor any other state that threads could share.
+!>
+!> A handle of Fortran 77 is four default integers, the address and a check word, so that an array that is no handle is noticed too.
 module tandem_legacy_handle
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_version, only: interface_version
-    use, intrinsic :: iso_c_binding, only: c_f_pointer, c_intptr_t, c_loc, c_null_ptr, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_associated, c_f_pointer, c_funloc, c_funptr, c_int, c_intptr_t, c_loc, &
+        c_null_ptr, c_ptr
     implicit none (type, external)
     private
 
-    public :: handle_length, to_handle, to_problem
+    public :: handle_length, new_handle, give_back, problem_of, to_handle, to_address
 
-    !> Integers in a handle.
+    !> Integers in a handle of Fortran 77.
     integer, parameter :: handle_length = 4
     !> Mixed into the check word.
     integer, parameter :: seal = 1413630030
 
+    !> What the address of a handle leads to.
+    type :: tag_type
+        !> None where it was given back.
+        type(problem_type), pointer :: problem => null()
+        !> Its own address: what is no tag has hardly that.
+        integer(c_intptr_t) :: address = 0
+    end type tag_type
+
+    interface
+        !> free of the C library.
+        subroutine c_free_memory(address) bind(C, name='free')
+            import :: c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: address
+        end subroutine c_free_memory
+
+        !> Have a function called with an argument when the program ends, after those that were asked for later. Threads may do this
+        !> at the same time. It is part of the C++ ABI, so that every C library has it.
+        integer(c_int) function at_exit(function_, argument, library) bind(C, name='__cxa_atexit')
+            import :: c_funptr, c_int, c_ptr
+            implicit none (type, external)
+            type(c_funptr), value :: function_
+            type(c_ptr), value :: argument, library
+        end function at_exit
+    end interface
+
 contains
 
-    !> The handle of a problem; zeros where there is none.
-    subroutine to_handle(problem, handle)
+    !> A handle of a problem; null where there is no memory for it.
+    type(c_ptr) function new_handle(problem)
         type(problem_type), pointer, intent(in) :: problem
+        type(tag_type), pointer :: tag
+        integer :: stat
+
+        new_handle = c_null_ptr
+        allocate (tag, stat=stat)
+        if (stat /= 0) return
+        tag%problem => problem
+        new_handle = c_loc(tag)
+        tag%address = transfer(new_handle, tag%address)
+    end function new_handle
+
+    !> The problem of a handle; none for null and for one that was given back.
+    subroutine problem_of(handle, problem)
+        type(c_ptr), intent(in) :: handle
+        type(problem_type), pointer, intent(out) :: problem
+        type(tag_type), pointer :: tag
+
+        problem => null()
+        if (.not. c_associated(handle)) return
+        call c_f_pointer(handle, tag)
+        if (tag%address == transfer(handle, tag%address)) problem => tag%problem
+    end subroutine problem_of
+
+    !> Give the problem of a handle back; false, with a status in the problem, where one of its procedures asks for that.
+    logical function give_back(handle)
+        !> That of a problem.
+        type(c_ptr), intent(in) :: handle
+        type(tag_type), pointer :: tag
+        integer(c_int) :: stat
+
+        call c_f_pointer(handle, tag)
+        give_back = tag%problem%release()
+        if (.not. give_back) return
+        deallocate (tag%problem)
+        ! Where that fails, the tag is not freed at the end either.
+        stat = at_exit(c_funloc(c_free_memory), handle, c_null_ptr)
+    end function give_back
+
+    !> The four integers of a handle; zeros where there is none.
+    pure subroutine to_handle(address, handle)
+        type(c_ptr), intent(in) :: address
         integer, intent(out) :: handle(handle_length)
-        integer(c_intptr_t) :: address
 
         handle = 0
-        if (.not. associated(problem)) return
-        address = transfer(c_loc(problem), address)
+        if (transfer(address, 0_c_intptr_t) == 0) return
         handle(1:2) = transfer(address, handle, 2)
         handle(3) = check_word(handle)
         handle(4) = interface_version
     end subroutine to_handle
 
-    !> The problem of a handle; none where the integers are no handle.
-    subroutine to_problem(handle, problem)
+    !> The address in a handle; null where the integers are no handle.
+    pure type(c_ptr) function to_address(handle)
         integer, intent(in) :: handle(handle_length)
-        type(problem_type), pointer, intent(out) :: problem
-        integer(c_intptr_t) :: address
 
-        problem => null()
-        if (handle(4) /= interface_version .or. handle(3) /= check_word(handle)) return
-        address = transfer(handle(1:2), address)
-        call c_f_pointer(transfer(address, c_null_ptr), problem)
-    end subroutine to_problem
+        to_address = c_null_ptr
+        if (handle(4) == interface_version .and. handle(3) == check_word(handle)) to_address = transfer(handle(1:2), to_address)
+    end function to_address
 
     pure integer function check_word(handle)
         integer, intent(in) :: handle(handle_length)
