@@ -6,6 +6,7 @@ Usage: skate.py [LIBRARY]        by default libtandem.so.1, where the dynamic li
 """
 
 import ctypes
+import functools
 import math
 import sys
 
@@ -43,32 +44,51 @@ def fill(value, numbers):
         value[i] = number
 
 
-# An exception must not leave a function: ctypes prints it and goes on with a status that means nothing.
+raised = []
+
+
+def guarded(function):
+    """An exception cannot pass through the library: it is kept, the run ends, and `check` raises it again."""
+
+    @functools.wraps(function)
+    def call(*arguments):
+        try:
+            function(*arguments)
+            return 0
+        except BaseException as exception:
+            raised.append(exception)
+            return -1
+
+    return call
+
+
+@guarded
 def no_slip(t, q, value, _):
     """E: sin(heading) xd - cos(heading) yd = 0."""
     fill(value, [math.sin(q[2]), -math.cos(q[2]), 0.0])
-    return 0
 
 
+@guarded
 def acceleration(t, q, qd, value, _):
     """gamma of E qdd = -gamma."""
     value[0] = qd[2] * (math.cos(q[2]) * qd[0] + math.sin(q[2]) * qd[1])
-    return 0
 
 
+@guarded
 def mass(t, q, value, _):
     """M by rows."""
     fill(value, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, INERTIA])
-    return 0
 
 
+@guarded
 def force(t, q, qd, value, _):
     """Q_A."""
     fill(value, [SLOPE, 0.0, 0.0])
-    return 0
 
 
 def check(status):
+    if raised:
+        raise raised.pop(0)
     if status:
         sys.exit(tandem.tandem_message(problem).decode())
 

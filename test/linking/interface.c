@@ -156,7 +156,7 @@ static void test_derivatives(void)
     tandem_free(q);
 }
 
-/* The message of an unknown name lists the known ones: each must be taken. What is taken is the default of most. */
+/* The message of an unknown name lists the known ones: each must be taken, with a value that it may have. */
 static int takes_all(tandem_problem *p, int kind)
 {
     char list[2000], *name;
@@ -167,7 +167,7 @@ static int takes_all(tandem_problem *p, int kind)
     if (kind == 2) tandem_get_statistic(p, "?", &value);
     snprintf(list, sizeof list, "%s", strstr(tandem_message(p), "there are ") + 10);
     for (name = strtok(list, ", "); name != NULL; name = strtok(NULL, ", ")) {
-        int status = kind == 0 ? tandem_set_real(p, name, 0)
+        int status = kind == 0 ? tandem_set_real(p, name, strcmp(name, "secant_limit") == 0 ? 2 : 1e-3)
                    : kind == 1 ? tandem_set_integer(p, name, 1) : tandem_get_statistic(p, name, &value);
         if (status != TANDEM_OK) return 0;
         taken++;
@@ -784,6 +784,198 @@ static void test_changes(void)
     tandem_free(p);
 }
 
+/* A value that cannot be is refused at once, and the one before stays. */
+static void test_values(void)
+{
+    static const char *const words[] = {"stepper", "chart", "refresh", "basis", "projection"};
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    char name[60];
+    double steps;
+
+    for (int i = 0; i < 5; i++) {
+        snprintf(name, sizeof name, "nonsense-is-no-%s", words[i]);
+        expect(name, p, tandem_set_text(p, words[i], "nonsense"), TANDEM_INVALID_OPTION, "\"nonsense\" is unknown; use ");
+        snprintf(name, sizeof name, "null-is-no-%s", words[i]);
+        expect(name, p, tandem_set_text(p, words[i], NULL), TANDEM_INVALID_OPTION, "NULL");
+    }
+    expect("a-step-is-positive", p, tandem_set_real(p, "step", -5), TANDEM_INVALID_OPTION, "step = -5");
+    expect("and-a-number", p, tandem_set_real(p, "step", NAN), TANDEM_INVALID_OPTION, "step = NaN");
+    expect("a-tolerance-is-below-one", p, tandem_set_real(p, "rtol", 2), TANDEM_INVALID_OPTION, "rtol = 2");
+    expect("no-run-of-no-steps", p, tandem_set_integer(p, "max_steps", 0), TANDEM_INVALID_OPTION, "max_steps = 0");
+    expect("what-was-refused-changes-nothing", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    tandem_integrate(p, 1);
+    tandem_get_statistic(p, "steps", &steps);
+    check("and-the-values-before-stay", steps == 100, "other steps");
+    tandem_free(p);
+}
+
+/* Every call with a handle that was given back. */
+static void test_given_back(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q;
+    double x[N];
+
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_free(p);
+    q = bowl_problem(&b); /* and another one may take its place in memory */
+    int status = tandem_set_position_function(p, "holonomic", bowl_phi) + tandem_set_motion_function(p, "gamma_q", NULL) +
+                 tandem_set_direction_function(p, "mass_derivative", NULL) + tandem_set_evaluate(p, NULL, 1) +
+                 tandem_set_row_name(p, 0, "row") + tandem_set_real(p, "step", 1) + tandem_set_integer(p, "max_steps", 1) +
+                 tandem_set_text(p, "stepper", "rk4") + tandem_set_vector(p, "breakpoints", 0, NULL) +
+                 tandem_check(p, 0, x, x) + tandem_start(p, 0, x, x) + tandem_integrate(p, 1) + tandem_step(p, 1) +
+                 tandem_get_state(p, x, x, x, x) + tandem_get_state_at(p, 0, x, x, x) + tandem_get_multipliers(p, 0, x) +
+                 tandem_get_energies(p, x, x) + tandem_get_statistic(p, "steps", x) + tandem_save_state(p, 0, NULL, NULL) +
+                 tandem_restore_state(p, 0, NULL) + tandem_count_warnings(p, NULL) + tandem_get_warning(p, 0, 0, NULL);
+    check("a-handle-given-back-is-refused-everywhere", status == 22 * TANDEM_INVALID_OPTION && tandem_get_segment(p) == 0,
+          "not by all");
+    check("and-has-a-message", strstr(tandem_message(p), "handle") != NULL, tandem_message(p));
+    tandem_free(p);
+    expect("another-problem-does-not-notice", q, tandem_start(q, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
+    tandem_free(q);
+}
+
+/* The bowl with rows in other units. */
+static double unit;
+
+static int unit_phi(double t, const double *q, double *value, void *user_data)
+{
+    int status = bowl_phi(t, q, value, user_data);
+    value[0] *= unit;
+    return status;
+}
+
+static int unit_phi_q(double t, const double *q, double *value, void *user_data)
+{
+    int status = bowl_phi_q(t, q, value, user_data);
+    for (int i = 0; i < N; i++) value[i] *= unit;
+    return status;
+}
+
+static int unit_e(double t, const double *q, double *value, void *user_data)
+{
+    int status = bowl_e(t, q, value, user_data);
+    for (int i = 0; i < N; i++) value[i] *= unit;
+    return status;
+}
+
+static int unit_gamma(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    int status = bowl_gamma(t, q, qd, value, user_data);
+    for (int i = 0; i < NC; i++) value[i] *= unit;
+    return status;
+}
+
+static void test_units(void)
+{
+    static const double units[] = {1e-200, 1e-30, 1e30, 1e200};
+    char name[60];
+
+    for (int i = 0; i < 4; i++) {
+        struct bowl b = new_bowl();
+        tandem_problem *p = bowl_problem(&b);
+        unit = units[i];
+        tandem_set_position_function(p, "holonomic", unit_phi);
+        tandem_set_position_function(p, "holonomic_jacobian", unit_phi_q);
+        tandem_set_position_function(p, "nonholonomic_jacobian", unit_e);
+        tandem_set_motion_function(p, "constraint_acceleration", unit_gamma);
+        snprintf(name, sizeof name, "rows-in-units-of-%g-pass-the-check", 1 / unit);
+        expect(name, p, tandem_check(p, 0.3, bowl_q, bowl_qd), TANDEM_OK, "ok");
+        b.faulty = "constraint_acceleration";
+        b.fault = NEGATE;
+        snprintf(name, sizeof name, "wrong-rows-in-units-of-%g-do-not", 1 / unit);
+        expect(name, p, tandem_check(p, 0.3, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "constraint_acceleration is wrong by 2.");
+        b.faulty = "holonomic_jacobian";
+        snprintf(name, sizeof name, "nor-does-a-jacobian-in-units-of-%g", 1 / unit);
+        expect(name, p, tandem_check(p, 0.3, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "holonomic_jacobian is wrong by 0.");
+        tandem_free(p);
+    }
+}
+
+/* A function that returns 0 and has set nothing, or not all: what ctypes makes of an exception in Python. */
+static int leave_position(double t, const double *q, double *value, void *user_data)
+{
+    struct bowl *b = user_data;
+    (void)t, (void)q;
+    for (int i = 0; i < b->entry; i++) value[i] = 1;
+    return 0;
+}
+
+static int leave_motion(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    (void)qd;
+    return leave_position(t, q, value, user_data);
+}
+
+static int leave_all(int need, double t, const double *q, const double *qd, double *phi, double *jacobian, double *nu,
+                     double *gamma, double *mass, double *force, void *user_data)
+{
+    (void)need, (void)t, (void)q, (void)qd, (void)phi, (void)jacobian, (void)nu, (void)gamma, (void)mass, (void)force;
+    (void)user_data;
+    return 0;
+}
+
+static void test_unset(void)
+{
+    static const struct {
+        const char *function, *word;
+        int entries;
+    } unset[] = {{"holonomic", "term phi", 1},
+                 {"holonomic_jacobian", "term jacobian", N},
+                 {"nonholonomic_jacobian", "term jacobian", N},
+                 {"mass_matrix", "term mass", N * N},
+                 {"constraint_acceleration", "term gamma", NC},
+                 {"applied_force", "term force", N}};
+    char name[80];
+
+    for (int i = 0; i < 6; i++) {
+        for (int some = 0; some < 2 && (some == 0 || unset[i].entries > 1); some++) {
+            struct bowl b = new_bowl();
+            tandem_problem *p = bowl_problem(&b);
+            b.entry = some ? unset[i].entries - 1 : 0;
+            if (i < 4) tandem_set_position_function(p, unset[i].function, leave_position);
+            else tandem_set_motion_function(p, unset[i].function, leave_motion);
+            snprintf(name, sizeof name, "%s-that-sets-%s-is-named", unset[i].function, some ? "not-all" : "nothing");
+            expect(name, p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_CALLBACK_FAILED, unset[i].word);
+            tandem_free(p);
+        }
+    }
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem_at_once(&b);
+    tandem_set_evaluate(p, leave_all, TANDEM_PHI | TANDEM_JACOBIAN | TANDEM_GAMMA | TANDEM_MASS | TANDEM_FORCE);
+    expect("an-evaluate-that-sets-nothing-is-named", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_CALLBACK_FAILED, "evaluate");
+    tandem_free(p);
+    p = bowl_problem(&b);
+    b.entry = 0;
+    tandem_set_position_function(p, "potential_energy", leave_position);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("an-energy-that-sets-nothing-is-a-failure", p, tandem_get_energies(p, NULL, NULL), TANDEM_CALLBACK_FAILED, "energy");
+    tandem_free(p);
+}
+
+/* What to do is what can be done from here. */
+static void test_advice(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double wrong[N] = {1, 0, 0.5, 0.3};
+
+    tandem_start(p, 0, wrong, bowl_qd);
+    check("a-start-is-not-assembled-here", strstr(tandem_message(p), "give q and qd that satisfy") != NULL &&
+          strstr(tandem_message(p), "assembl") == NULL, tandem_message(p));
+    tandem_set_position_function(p, "mass_matrix", NULL);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    check("a-function-is-given-by-its-setter", strstr(tandem_message(p), "tandem_set_position_function") != NULL &&
+          strstr(tandem_message(p), "associate") == NULL, tandem_message(p));
+    tandem_set_motion_function(p, "applied_force", NULL);
+    tandem_set_position_function(p, "mass_matrix", bowl_mass);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-run-is-started-by-tandem-start", p, tandem_set_motion_function(p, "applied_force", bowl_force) + tandem_step(p, 1),
+           TANDEM_INVALID_OPTION, "call tandem_start first");
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -833,17 +1025,14 @@ static void test_misuse(void)
 
     tandem_set_row_name(p, 0, "bowl");
     expect("a-wrong-start-names-the-row", p, tandem_start(p, 0, wrong, bowl_qd), TANDEM_INCONSISTENT_START, "\"bowl\"");
-    tandem_set_text(p, "stepper", "euler");
-    expect("unknown-stepper", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "dop853");
+    expect("unknown-stepper", p, tandem_set_text(p, "stepper", "euler"), TANDEM_INVALID_OPTION, "dop853");
     tandem_set_text(p, "stepper", "trapezoid");
     tandem_set_text(p, "projection", "step_ends");
     expect("projection-of-implicit-steps", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "explicit stepper");
     tandem_set_text(p, "stepper", "rk4");
     expect("projection-of-explicit-steps", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_OK, "ok");
     tandem_set_text(p, "projection", "stages");
-    tandem_set_real(p, "step", -1);
-    expect("negative-step", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "step");
-    tandem_set_real(p, "step", 1e-2);
+    expect("negative-step", p, tandem_set_real(p, "step", -1), TANDEM_INVALID_OPTION, "step");
     tandem_set_vector(p, "coordinate_scale", 2, x);
     expect("scale-of-a-wrong-length", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "coordinate_scale");
     expect("a-scale-is-taken-back", p, tandem_set_vector(p, "coordinate_scale", 0, NULL), TANDEM_OK, "ok");
@@ -866,11 +1055,8 @@ static void test_misuse(void)
     tandem_start(p, 0, bowl_q, bowl_qd);
     expect("the-limit-of-evaluations", p, tandem_integrate(p, 1), TANDEM_WORK_LIMIT, "max_evaluations = 6");
     tandem_set_integer(p, "max_evaluations", 0);
-    tandem_set_real(p, "max_seconds", -1);
-    expect("no-negative-time", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "max_seconds");
-    tandem_set_real(p, "max_seconds", 0);
-    tandem_set_integer(p, "max_events", 0);
-    expect("no-limit-of-no-events", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "max_events = 0");
+    expect("no-negative-time", p, tandem_set_real(p, "max_seconds", -1), TANDEM_INVALID_OPTION, "max_seconds");
+    expect("no-limit-of-no-events", p, tandem_set_integer(p, "max_events", 0), TANDEM_INVALID_OPTION, "max_events = 0");
     tandem_set_motion_function(p, "applied_force", NULL);
     expect("a-changed-model-must-be-started", p, tandem_step(p, 2), TANDEM_INVALID_OPTION, "tandem_start");
     tandem_free(p);
@@ -894,6 +1080,11 @@ int main(void)
     test_mass_blocks();
     test_message();
     test_changes();
+    test_values();
+    test_given_back();
+    test_units();
+    test_unset();
+    test_advice();
     test_misuse();
     return failures > 0;
 }

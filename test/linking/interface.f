@@ -6,6 +6,7 @@ C     once (EVAL) or by name, and everything wrong that a caller can do
 C     must end in a status and a text.
 C
       PROGRAM TESTS
+      USE, INTRINSIC :: IEEE_EXCEPTIONS
       IMPLICIT DOUBLE PRECISION (A-H,O-Z)
       INCLUDE 'tandem.inc'
       DIMENSION Q(3), QD(3), QDD(3), Q2(3), QD2(3), RPAR(3), IPAR(3)
@@ -13,7 +14,10 @@ C
       PARAMETER (MSAVE = 20000)
       DIMENSION ISAVE(MSAVE)
       CHARACTER*300 WARN
-      EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN
+      CHARACTER*(TDTLEN) WHOLE
+      DIMENSION LH(TDHLEN)
+      LOGICAL FLAGS(5)
+      EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN, LEAVE
       EXTERNAL AMDER
       COMMON /COUNT/ NFAIL
       COMMON /SELF/ ME(TDHLEN), KERR
@@ -44,9 +48,18 @@ C     One problem by a single procedure, one by several.
       CALL TDSETR (IH, 'step', 2.0D-3, IERR)
       CALL TDSETR (JH, 'step', 2.0D-3, IERR)
 C
-C     The check of the model, before anything runs.
+C     The check of the model, before anything runs. It leaves no flags
+C     of exceptions, which a program would print at its end.
       T = 0.0D0
       CALL START (Q, QD)
+      CALL IEEE_SET_FLAG (IEEE_ALL, .FALSE.)
+      IPAR(2) = 6
+      CALL TDCHCK (IH, T, Q, QD, RPAR, IPAR, IERR)
+      CALL TDCHCK (JH, T, Q, QD, RPAR, IPAR, IERR)
+      IPAR(2) = 0
+      CALL IEEE_GET_FLAG (IEEE_ALL, FLAGS)
+      CALL TOLD ('the-check-leaves-no-flags', .NOT. (FLAGS(1) .OR.
+     &           FLAGS(2) .OR. FLAGS(3) .OR. FLAGS(4)))
       CALL TDCHCK (IH, T, Q, QD, RPAR, IPAR, IERR)
       CALL OK ('one-procedure-passes-the-check', IH, IERR)
       CALL TDCHCK (JH, T, Q, QD, RPAR, IPAR, IERR)
@@ -262,9 +275,10 @@ C     What cannot be.
       CALL WAS (IH, IERR)
       CALL BAD ('unknown-word', IH, TDEOPT, 'dopri5')
       CALL TDSETS (IH, 'STEPPER', 'RKF45', IERR)
-      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
       CALL WAS (IH, IERR)
-      CALL TDSETS (IH, 'STEPPER', 'RK4', IERR)
+      CALL BAD ('a-step-is-positive', IH, TDEOPT, 'step')
+      CALL TDSETR (IH, 'step', -5.0D0, IERR)
+      CALL WAS (IH, IERR)
       CALL BAD ('negative-list', IH, TDEOPT, 'negative')
       CALL TDSETV (IH, 'breakpoints', -1, Q, IERR)
       CALL WAS (IH, IERR)
@@ -273,7 +287,11 @@ C     What cannot be.
       QD2(2) = 1.0D0
       CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
       CALL WAS (IH, IERR)
-      CALL BAD ('no-run-without-a-start', IH, TDEOPT, 'TDSTRT')
+      CALL TDTEXT (IH, WARN)
+      CALL TOLD ('a-start-is-not-assembled-here',
+     &           INDEX(WARN, 'assembl') .EQ. 0)
+      CALL BAD ('no-run-without-a-start', IH, TDEOPT,
+     &          'call TDSTRT first')
       CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
       CALL WAS (IH, IERR)
       CALL TDNEW (KH, 3, 4, 0, IERR)
@@ -281,6 +299,36 @@ C     What cannot be.
       CALL WAS (KH, IERR)
       CALL TDSEGM (KH, ISEG)
       CALL TOLD ('the-segment-is-the-first', ISEG .EQ. 1)
+C
+C     A message as long as they come, a text as long, and a shorter one.
+      CALL TDSTAT (IH, 'x', STEPS, IERR)
+      CALL TDSTRT (IH, 0.0D0, QD, QD, RPAR, IPAR, IERR)
+      CALL START (Q2, QD2)
+      CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL TDSTAT (IH, 'x', STEPS, IERR)
+      CALL TDTEXT (IH, WHOLE)
+      CALL TOLD ('a-long-message-is-read-whole',
+     &           INDEX(WHOLE, 'event_evaluations') .GT. 700 .AND.
+     &           INDEX(WHOLE, '...') .EQ. 0)
+      CALL TDTEXT (IH, WARN)
+      CALL TOLD ('and-a-cut-one-says-so', WARN(298:300) .EQ. '...')
+      CALL TOLD ('and-is-the-same-before', WARN(1:297) .EQ.
+     &           WHOLE(1:297))
+C
+C     A procedure that sets nothing, and copies of a handle.
+      CALL TDNEW (LH, 3, 0, 1, IERR)
+      DO 17 I = 1, TDHLEN
+        ME(I) = LH(I)
+   17 CONTINUE
+      CALL TDEVAL (LH, EVAL, TDJAC+TDGAM+TDMASS, IERR)
+      CALL TDMOT (LH, 'applied_force', LEAVE, IERR)
+      CALL BAD ('a-procedure-that-sets-nothing', LH, TDECBK, 'force')
+      CALL TDSTRT (LH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (LH, IERR)
+      CALL TDFREE (LH, IERR)
+      CALL BAD ('a-copy-of-a-handle-given-back', ME, TDEOPT, 'TDNEW')
+      CALL TDINTG (ME, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
+      CALL WAS (ME, IERR)
 C
 C     Handles.
       CALL TDFREE (IH, IERR)
@@ -412,6 +460,7 @@ C
       DIMENSION Q(N), QD(N), F(M), RPAR(*), IPAR(*)
       DIMENSION Q3(3), QD3(3), OTHER(3)
       COMMON /SELF/ ME(TDHLEN), KERR
+      COMMON /DRAIN/ SINK
       IF (IPAR(2) .EQ. 5) THEN
         OTHER(1) = 1.0D0
         OTHER(2) = 1.0D0
@@ -419,6 +468,8 @@ C
         CALL TDSTEP (ME, T3, Q3, QD3, 2.0D0, OTHER, IPAR, KERR)
       END IF
       IPAR(1) = IPAR(1) + 1
+C     Overflows, and is divided by zero.
+      IF (IPAR(2) .EQ. 6) SINK = (1.0D300*QD(3))**2/(T - T)
       F(1) = RPAR(1)*RPAR(3)
       F(2) = 0.0D0
       F(3) = 0.0D0
@@ -440,4 +491,10 @@ C     (M x)_q of a constant mass matrix.
    10    CONTINUE
    20 CONTINUE
       IPAR(3) = IPAR(3) + 1
+      END
+C
+C     Sets nothing.
+      SUBROUTINE LEAVE (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)
+      INTEGER N, M, IPAR(*), ISTAT
+      DOUBLE PRECISION T, Q(N), QD(N), F(M), RPAR(*)
       END

@@ -3,9 +3,12 @@
 !> procedure pointers lead to the procedures of this module, which turn the arguments into contiguous arrays and call one of
 !> three deferred procedures. An extension for each language calls the user's procedure from there.
 !>
+!> A procedure that returns 0 must have set all of its value. The first and the last entry are marked before it is called: where a
+!> mark is left the procedure has failed, as one in Python does that raises an exception.
+!>
 !> No pointer to an internal procedure is ever made, so that no code is built on the stack.
 module tandem_legacy_callback_model
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
         a_holonomic_jacobian, a_holonomic_rate, a_jacobian_derivative, a_kinetic_energy, a_mass_derivative, a_mass_matrix, &
         a_nonholonomic_jacobian, a_nonholonomic_rhs, a_nu_derivative, a_potential_energy, a_reaction_derivative, &
@@ -34,11 +37,16 @@ module tandem_legacy_callback_model
         procedure :: release
         procedure :: attach
         procedure, non_overridable :: find_places
+        procedure, non_overridable :: mark_terms
+        procedure, non_overridable :: judge_terms
         procedure, non_overridable :: take_jacobian
         procedure(position_interface), deferred :: call_position
         procedure(motion_interface), deferred :: call_motion
         procedure(direction_interface), deferred :: call_direction
     end type callback_model_type
+
+    !> The mark: a NaN that no computation gives.
+    integer(long), parameter :: unset = int(z'7FF8756E73657421', long)
 
     abstract interface
         !> Call the user's procedure number `term` of (t, q).
@@ -201,6 +209,62 @@ contains
         if (iand(need, need_force) /= 0) place(6) = c_loc(terms%force)
     end subroutine find_places
 
+    !> Mark the terms that a fused procedure is to set.
+    subroutine mark_terms(self, need, terms)
+        class(callback_model_type), intent(in) :: self
+        integer, intent(in) :: need
+        type(terms_type), intent(inout) :: terms
+
+        if (iand(need, need_phi) /= 0) call mark(size(terms%phi), terms%phi)
+        if (iand(need, need_jacobian) /= 0) then
+            if (self%by_rows) call mark(size(self%unwanted%jacobian), self%unwanted%jacobian)
+            if (.not. self%by_rows) call mark(size(terms%jacobian), terms%jacobian)
+        end if
+        if (iand(need, need_nu) /= 0) call mark(size(terms%nu), terms%nu)
+        if (iand(need, need_gamma) /= 0) call mark(size(terms%gamma), terms%gamma)
+        if (iand(need, need_mass) /= 0) call mark(size(terms%mass), terms%mass)
+        if (iand(need, need_force) /= 0) call mark(size(terms%force), terms%force)
+    end subroutine mark_terms
+
+    !> Whether it has set them.
+    subroutine judge_terms(self, need, terms, stat)
+        class(callback_model_type), intent(in) :: self
+        integer, intent(in) :: need
+        type(terms_type), intent(in) :: terms
+        !> That of the procedure; negative where it has not.
+        integer, intent(inout) :: stat
+
+        if (iand(need, need_phi) /= 0) call judge(size(terms%phi), terms%phi, stat)
+        if (iand(need, need_jacobian) /= 0) then
+            if (self%by_rows) call judge(size(self%unwanted%jacobian), self%unwanted%jacobian, stat)
+            if (.not. self%by_rows) call judge(size(terms%jacobian), terms%jacobian, stat)
+        end if
+        if (iand(need, need_nu) /= 0) call judge(size(terms%nu), terms%nu, stat)
+        if (iand(need, need_gamma) /= 0) call judge(size(terms%gamma), terms%gamma, stat)
+        if (iand(need, need_mass) /= 0) call judge(size(terms%mass), terms%mass, stat)
+        if (iand(need, need_force) /= 0) call judge(size(terms%force), terms%force, stat)
+    end subroutine judge_terms
+
+    !> Mark the first and the last entry of a value.
+    pure subroutine mark(n, value)
+        integer, intent(in) :: n
+        real(wp), intent(inout) :: value(*)
+
+        if (n == 0) return
+        value(1) = transfer(unset, value(1))
+        value(n) = transfer(unset, value(n))
+    end subroutine mark
+
+    !> A value that still has a mark was not set, whatever the procedure says.
+    pure subroutine judge(n, value, stat)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: value(*)
+        integer, intent(inout) :: stat
+
+        if (n == 0 .or. stat /= 0) return
+        if (transfer(value(1), unset) == unset .or. transfer(value(n), unset) == unset) stat = -1
+    end subroutine judge
+
     !> The Jacobian that a fused procedure wrote by rows.
     subroutine take_jacobian(self, jacobian)
         class(callback_model_type), intent(in) :: self
@@ -271,7 +335,9 @@ contains
         stat = -1
         select type (self)
         class is (callback_model_type)
+            call mark(size(value), value)
             call self%call_position(term, size(value), t, q, value, stat)
+            call judge(size(value), value, stat)
         end select
     end subroutine position_vector
 
@@ -285,7 +351,9 @@ contains
         stat = -1
         select type (self)
         class is (callback_model_type)
+            call mark(size(value), self%work)
             call self%call_position(term, size(value, 1), t, q, self%work, stat)
+            call judge(size(value), self%work, stat)
             call take_matrix(self, value)
         end select
     end subroutine position_matrix
@@ -300,7 +368,9 @@ contains
         stat = -1
         select type (self)
         class is (callback_model_type)
+            call mark(size(value), value)
             call self%call_motion(term, size(value), t, q, qd, value, stat)
+            call judge(size(value), value, stat)
         end select
     end subroutine motion_vector
 
@@ -314,7 +384,9 @@ contains
         stat = -1
         select type (self)
         class is (callback_model_type)
+            call mark(size(value), self%work)
             call self%call_motion(term, size(value, 1), t, q, qd, self%work, stat)
+            call judge(size(value), self%work, stat)
             call take_matrix(self, value)
         end select
     end subroutine motion_matrix
@@ -329,7 +401,9 @@ contains
         stat = -1
         select type (self)
         class is (callback_model_type)
+            call mark(size(value), self%work)
             call self%call_direction(term, size(value, 1), t, q, x, self%work, stat)
+            call judge(size(value), self%work, stat)
             call take_matrix(self, value)
         end select
     end subroutine direction_matrix

@@ -231,10 +231,12 @@ contains
         select type (self)
         type is (f77_model_type)
             call self%find_places(need, terms, place)
+            call self%mark_terms(need, terms)
             sub => self%fused
             stat = 0
             call sub(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, place(1), place(2), place(3), place(4), &
                 place(5), place(6), self%rpar, self%ipar, stat)
+            call self%judge_terms(need, terms, stat)
         end select
     end subroutine evaluate
 end module tandem_legacy_f77_model

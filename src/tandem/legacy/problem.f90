@@ -9,6 +9,7 @@ module tandem_legacy_problem
     use tandem_legacy_figures, only: find_warnings, get_figure
     use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
     use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
+    use tandem_legacy_wording, only: in_words_of
     use tandem_model, only: label_length
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_options, only: options_type
@@ -141,10 +142,13 @@ contains
     subroutine conclude(self, error)
         class(problem_type), intent(inout) :: self
         type(error_type), allocatable, intent(in) :: error
+        character(len=:), allocatable :: message
 
         if (allocated(error)) then
             self%stat = error%stat
-            call set_message(self, error%message)
+            message = error%message
+            call in_words_of(self%model%by_rows, message)
+            call set_message(self, message)
         else if (self%stat /= status_ok) then
             self%stat = status_ok
             call set_message(self, message_of_success)
@@ -550,7 +554,8 @@ contains
             call self%refuse('there is no such warning', 'the run has '//to_text(size(warnings)))
             return
         end if
-        text = warnings(i)%text
+        text = trim(warnings(i)%text)
+        call in_words_of(self%model%by_rows, text)
         call succeed(self)
     end subroutine get_warning
 

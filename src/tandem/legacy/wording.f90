@@ -1,0 +1,52 @@
+! SPDX-License-Identifier: MIT
+!> Messages in the words of a caller's language: what they advise must be what can be done from there. The library's own messages
+!> name what modern Fortran has.
+module tandem_legacy_wording
+    implicit none (type, external)
+    private
+
+    public :: in_words_of
+
+    !> A phrase, and what stands for it in C and in Fortran 77.
+    type :: phrase_type
+        character(len=56) :: modern
+        character(len=64) :: c, f77
+    end type phrase_type
+
+    character(len=*), parameter :: or_unset = ' or set not all of its value'
+    type(phrase_type), parameter :: phrases(13) = [ &
+        phrase_type(', or let the start be assembled', '', ''), &
+        phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
+        phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &
+            'give it by TDPOS, TDMOT or TDEVAL'), &
+        phrase_type('; associate it', '; give it', '; give it'), &
+        phrase_type('verify_model', 'tandem_check', 'TDCHCK'), &
+        phrase_type('tandem check', 'tandem_check', 'TDCHCK'), &
+        phrase_type('tandem_start or TDSTRT', 'tandem_start', 'TDSTRT'), &
+        phrase_type('go on with tandem resume, or run it again', 'integrate again', 'integrate again'), &
+        phrase_type('give what save_state of this version gave', 'give what tandem_save_state of this version gave', &
+            'give what TDSAVE of this version gave'), &
+        phrase_type('set the simulation up as the one that was saved', 'set the problem up as the one that was saved', &
+            'set the problem up as the one that was saved'), &
+        phrase_type('the same model, options, start and events', 'the same model and options', 'the same model and options'), &
+        ! A value that is left as it was is noticed only where it comes from another language.
+        phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
+            'a model procedure asked to stop'//or_unset), &
+        phrase_type('returned a negative status', 'returned a negative status'//or_unset, 'returned a negative status'//or_unset)]
+
+contains
+
+    !> A message in the words of C or of Fortran 77.
+    pure subroutine in_words_of(is_c, message)
+        logical, intent(in) :: is_c
+        character(len=:), allocatable, intent(inout) :: message
+        integer :: at, i
+
+        do i = 1, size(phrases)
+            at = index(message, trim(phrases(i)%modern))
+            if (at == 0) cycle
+            message = message(:at - 1)//trim(merge(phrases(i)%c, phrases(i)%f77, is_c))// &
+                message(at + len_trim(phrases(i)%modern):)
+        end do
+    end subroutine in_words_of
+end module tandem_legacy_wording
