@@ -140,10 +140,27 @@ check cmake-example-links-statically build_example cmake by_cmake_static
 check cmake-example-needs-no-shared-library bash -c '! ldd "$1" | grep tandem' - "$tmp/example/cmake/build/skate"
 check static-example-runs run_example static "$tmp/example/cmake/build/skate"
 statically() { # shellcheck disable=SC2046  # words
-    cc $(pkg-config --cflags tandem) pendulum.c -o static "$prefix/lib/libtandem.a" $(pkg-config --static --libs-only-l tandem |
-        sed 's/-ltandem//') -lm
+    cc pendulum.c -o static $(pkg-config --cflags --libs tandem-static)
 }
 check c-example-links-statically build_example c statically
+check static-c-example-needs-no-shared-library bash -c '! ldd "$1" | grep tandem' - "$tmp/example/c/static"
+wholly() { # shellcheck disable=SC2046  # words
+    cc -static pendulum.c -o whole $(pkg-config --static --cflags --libs tandem) && ! ldd ./whole
+}
+check c-example-links-as-a-whole build_example c wholly
+check static-c-example-runs run_example c-static "$tmp/example/c/static"
+python_raises() { # an exception in a function of the model ends the program as that exception, not as a singular mass
+    sed 's/    fill(value, \[1.0, 0.0, 0.0, 0.0, 1.0.*/    raise KeyError("density")/' "$tmp/example/python/skate.py" >"$tmp/raises.py"
+    ! python3 "$tmp/raises.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
+    grep -q "^KeyError: 'density'" "$tmp/raised" || { cat "$tmp/raised"; return 1; }
+}
+check python-example-raises-the-exception-of-a-function python_raises
+python_does_not_guard() { # without the guard the value that was not set is named
+    sed 's/^@guarded$//' "$tmp/raises.py" >"$tmp/unguarded.py"
+    ! python3 "$tmp/unguarded.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
+    grep -q 'set not all of its value .*term mass' "$tmp/raised" || { cat "$tmp/raised"; return 1; }
+}
+check an-exception-that-is-not-caught-is-named python_does_not_guard
 
 # --- 5. no code on the stack ---------------------------------------------------------------------------------------
 

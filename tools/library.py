@@ -126,6 +126,9 @@ def build_libraries(build, flags):
 def contents(prefix):
     """The generated files: path below the prefix, text."""
     tandem, major, minor = versions()
+    # The static run-time library of gfortran asks for libquadmath where there is one.
+    quadmath = subprocess.run([FC, "-print-file-name=libquadmath.a"], capture_output=True, text=True).stdout.strip()
+    needed = "-llapack -lblas -lgfortran -lm" + (" -lquadmath" if os.path.isabs(quadmath) else "")
     pkgconfig = f"""\
 prefix={prefix}
 libdir=${{prefix}}/lib
@@ -137,7 +140,20 @@ Name: tandem
 Description: Dynamics of multibody systems with holonomic and nonholonomic constraints
 Version: {tandem}
 Libs: -L${{libdir}} -ltandem
-Libs.private: -llapack -lblas -lgfortran -lm
+Libs.private: {needed}
+Cflags: -I${{includedir}} -I${{moduledir}}
+"""
+    # pkg-config can add to what it prints for the shared library, but not change it: the static one has a file of its own.
+    static = f"""\
+prefix={prefix}
+libdir=${{prefix}}/lib
+includedir=${{prefix}}/include
+moduledir=${{includedir}}/tandem
+
+Name: tandem-static
+Description: Dynamics of multibody systems with holonomic and nonholonomic constraints, the static library
+Version: {tandem}
+Libs: ${{libdir}}/libtandem.a {needed}
 Cflags: -I${{includedir}} -I${{moduledir}}
 """
     config = """\
@@ -176,6 +192,7 @@ endif()
 """
     return {
         "lib/pkgconfig/tandem.pc": pkgconfig,
+        "lib/pkgconfig/tandem-static.pc": static,
         "lib/cmake/tandem/tandem-config.cmake": config,
         "lib/cmake/tandem/tandem-config-version.cmake": version,
     }
