@@ -66,8 +66,8 @@ typedef struct tandem_problem tandem_problem;
 /* --- the functions of a model ---------------------------------------------------------------------------------------
  *
  * Each sets all of `value` and returns 0; > 0 where it cannot be evaluated at this point (a smaller step may help), < 0 to
- * stop. One that returns 0 and leaves the first or the last entry as it was has failed (TANDEM_CALLBACK_FAILED). A matrix of
- * r rows is value[r][n], by rows. q, qd and x must not be changed. No exception may leave a function, and
+ * stop. One that returns 0 and leaves the last entry as it was has failed (TANDEM_CALLBACK_FAILED). A matrix of r rows is
+ * value[r][n], by rows. q, qd and x must not be changed. No exception may leave a function, and
  * a function may call nothing of this interface for its own problem but tandem_get_segment. */
 
 /* holonomic (n_holonomic), holonomic_jacobian (n_holonomic x n), holonomic_rate (n_holonomic), nonholonomic_jacobian

@@ -128,7 +128,13 @@ def disagreements(root, modules):
     for name in sorted(expected.keys() | c_constants.keys()):
         if expected.get(name) != c_constants.get(name):
             problems.append(f"{name} is {c_constants.get(name)} in tandem.h, {expected.get(name)} in the Fortran sources")
-    if sorted(v for k, v in f77_constants.items() if k != "TDHLEN") != sorted(expected.values()):
+    lengths = {name: f77_constants.pop(name, None) for name in ("TDHLEN", "TDTLEN")}
+    for name, file, constant in (("TDHLEN", "handle", "handle_length"), ("TDTLEN", "problem", "message_length")):
+        source = (root / f"src/tandem/legacy/{file}.f90").read_text()
+        length = int(re.search(rf"parameter :: {constant} = (\d+)", source)[1])
+        if lengths[name] != length:
+            problems.append(f"{name} is {lengths[name]} in tandem.inc, {length} in {file}.f90")
+    if sorted(f77_constants.values()) != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
     listed = {entry.split()[1] for entry in read_names(root) if entry.startswith("statistic ")}
     problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - listed)]

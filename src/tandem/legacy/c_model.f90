@@ -186,7 +186,6 @@ contains
         select type (self)
         type is (c_model_type)
             call self%find_places(need, terms, place)
-            call self%mark_terms(need, terms)
             function_ => self%fused
             stat = function_(need, t, q, qd, place(1), place(2), place(3), place(4), place(5), place(6), self%user_data)
             call self%judge_terms(need, terms, stat)

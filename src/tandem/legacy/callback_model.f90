@@ -3,8 +3,8 @@
 !> procedure pointers lead to the procedures of this module, which turn the arguments into contiguous arrays and call one of
 !> three deferred procedures. An extension for each language calls the user's procedure from there.
 !>
-!> A procedure that returns 0 must have set all of its value. The first and the last entry are marked before it is called: where a
-!> mark is left the procedure has failed, as one in Python does that raises an exception.
+!> A procedure that returns 0 must have set all of its value. The last entry is marked before it is called: where the mark is left
+!> the procedure has failed, as one in Python does that raises an exception.
 !>
 !> No pointer to an internal procedure is ever made, so that no code is built on the stack.
 module tandem_legacy_callback_model
@@ -37,7 +37,6 @@ module tandem_legacy_callback_model
         procedure :: release
         procedure :: attach
         procedure, non_overridable :: find_places
-        procedure, non_overridable :: mark_terms
         procedure, non_overridable :: judge_terms
         procedure, non_overridable :: take_jacobian
         procedure(position_interface), deferred :: call_position
@@ -186,47 +185,49 @@ contains
     end subroutine attach
 
     !> Where a fused procedure is to write: those terms that are wanted to their place, the others to where nobody looks, and the
-    !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more.
+    !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more. What is
+    !> wanted is marked.
     subroutine find_places(self, need, terms, place)
         class(callback_model_type), intent(in) :: self
         !> The terms wanted, a sum of need bits.
         integer, intent(in) :: need
-        type(terms_type), intent(in), target :: terms
+        type(terms_type), intent(inout), target :: terms
         !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
         type(c_ptr), intent(out) :: place(n_terms)
 
-        place(1) = self%elsewhere(1)
-        if (iand(need, need_phi) /= 0) place(1) = c_loc(terms%phi)
-        place(2) = self%elsewhere(2)
-        if (iand(need, need_jacobian) /= 0 .and. .not. self%by_rows) place(2) = c_loc(terms%jacobian)
-        place(3) = self%elsewhere(3)
-        if (iand(need, need_nu) /= 0) place(3) = c_loc(terms%nu)
-        place(4) = self%elsewhere(4)
-        if (iand(need, need_gamma) /= 0) place(4) = c_loc(terms%gamma)
-        place(5) = self%elsewhere(5)
-        if (iand(need, need_mass) /= 0) place(5) = c_loc(terms%mass)
-        place(6) = self%elsewhere(6)
-        if (iand(need, need_force) /= 0) place(6) = c_loc(terms%force)
+        place = self%elsewhere
+        if (iand(need, need_phi) /= 0) then
+            place(1) = c_loc(terms%phi)
+            call mark(size(terms%phi), terms%phi)
+        end if
+        if (iand(need, need_jacobian) /= 0) then
+            if (self%by_rows) then
+                call mark(size(self%unwanted%jacobian), self%unwanted%jacobian)
+            else
+                place(2) = c_loc(terms%jacobian)
+                call mark(size(terms%jacobian), terms%jacobian)
+            end if
+        end if
+        if (iand(need, need_nu) /= 0) then
+            place(3) = c_loc(terms%nu)
+            call mark(size(terms%nu), terms%nu)
+        end if
+        if (iand(need, need_gamma) /= 0) then
+            place(4) = c_loc(terms%gamma)
+            call mark(size(terms%gamma), terms%gamma)
+        end if
+        if (iand(need, need_mass) /= 0) then
+            place(5) = c_loc(terms%mass)
+            call mark(size(terms%mass), terms%mass)
+        end if
+        if (iand(need, need_force) /= 0) then
+            place(6) = c_loc(terms%force)
+            call mark(size(terms%force), terms%force)
+        end if
     end subroutine find_places
 
-    !> Mark the terms that a fused procedure is to set.
-    subroutine mark_terms(self, need, terms)
-        class(callback_model_type), intent(in) :: self
-        integer, intent(in) :: need
-        type(terms_type), intent(inout) :: terms
-
-        if (iand(need, need_phi) /= 0) call mark(size(terms%phi), terms%phi)
-        if (iand(need, need_jacobian) /= 0) then
-            if (self%by_rows) call mark(size(self%unwanted%jacobian), self%unwanted%jacobian)
-            if (.not. self%by_rows) call mark(size(terms%jacobian), terms%jacobian)
-        end if
-        if (iand(need, need_nu) /= 0) call mark(size(terms%nu), terms%nu)
-        if (iand(need, need_gamma) /= 0) call mark(size(terms%gamma), terms%gamma)
-        if (iand(need, need_mass) /= 0) call mark(size(terms%mass), terms%mass)
-        if (iand(need, need_force) /= 0) call mark(size(terms%force), terms%force)
-    end subroutine mark_terms
-
-    !> Whether it has set them.
+    !> Whether a fused procedure has set what it was to set. One term tells that of a procedure that has failed before it set
+    !> anything; of one that fails in between, the marks that are left are seen as NaN.
     subroutine judge_terms(self, need, terms, stat)
         class(callback_model_type), intent(in) :: self
         integer, intent(in) :: need
@@ -234,25 +235,29 @@ contains
         !> That of the procedure; negative where it has not.
         integer, intent(inout) :: stat
 
-        if (iand(need, need_phi) /= 0) call judge(size(terms%phi), terms%phi, stat)
-        if (iand(need, need_jacobian) /= 0) then
-            if (self%by_rows) call judge(size(self%unwanted%jacobian), self%unwanted%jacobian, stat)
-            if (.not. self%by_rows) call judge(size(terms%jacobian), terms%jacobian, stat)
+        if (iand(need, need_force) /= 0) then
+            call judge(size(terms%force), terms%force, stat)
+        else if (iand(need, need_mass) /= 0) then
+            call judge(size(terms%mass), terms%mass, stat)
+        else if (iand(need, need_phi) /= 0) then
+            call judge(size(terms%phi), terms%phi, stat)
+        else if (iand(need, need_gamma) /= 0) then
+            call judge(size(terms%gamma), terms%gamma, stat)
+        else if (iand(need, need_nu) /= 0) then
+            call judge(size(terms%nu), terms%nu, stat)
+        else if (self%by_rows) then
+            call judge(size(self%unwanted%jacobian), self%unwanted%jacobian, stat)
+        else
+            call judge(size(terms%jacobian), terms%jacobian, stat)
         end if
-        if (iand(need, need_nu) /= 0) call judge(size(terms%nu), terms%nu, stat)
-        if (iand(need, need_gamma) /= 0) call judge(size(terms%gamma), terms%gamma, stat)
-        if (iand(need, need_mass) /= 0) call judge(size(terms%mass), terms%mass, stat)
-        if (iand(need, need_force) /= 0) call judge(size(terms%force), terms%force, stat)
     end subroutine judge_terms
 
-    !> Mark the first and the last entry of a value.
+    !> Mark the last entry of a value.
     pure subroutine mark(n, value)
         integer, intent(in) :: n
         real(wp), intent(inout) :: value(*)
 
-        if (n == 0) return
-        value(1) = transfer(unset, value(1))
-        value(n) = transfer(unset, value(n))
+        if (n > 0) value(n) = transfer(unset, value(n))
     end subroutine mark
 
     !> A value that still has a mark was not set, whatever the procedure says.
@@ -262,7 +267,7 @@ contains
         integer, intent(inout) :: stat
 
         if (n == 0 .or. stat /= 0) return
-        if (transfer(value(1), unset) == unset .or. transfer(value(n), unset) == unset) stat = -1
+        if (transfer(value(n), unset) == unset) stat = -1
     end subroutine judge
 
     !> The Jacobian that a fused procedure wrote by rows.

@@ -231,7 +231,6 @@ contains
         select type (self)
         type is (f77_model_type)
             call self%find_places(need, terms, place)
-            call self%mark_terms(need, terms)
             sub => self%fused
             stat = 0
             call sub(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, place(1), place(2), place(3), place(4), &
