@@ -227,6 +227,21 @@ class Verify(Damaged):
         self.assertIn("it has no checksums", self.tandem("verify", "run.h5", code=2).stderr)
         self.tandem("resume", "run.h5", *ON)
         self.assertEqual(rows_of(self.folder / "run.h5"), rows_of(self.folder / "whole.h5"))
+        self.limited()
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            del file["checksums"]
+        whole = (self.folder / "run.h5").read_bytes()
+        # Indices of datasets; those of the checksums themselves belong to nothing any more.
+        told = [0, 0]
+        for place in [found.start() for found in re.finditer(b"EAHD|EAIB", whole)]:
+            damaged = bytearray(whole)
+            damaged[place + 12] ^= 8
+            (self.folder / "run.h5").write_bytes(damaged)
+            verified, resumed = self.call("verify", "run.h5"), self.call("resume", "run.h5", *ON)
+            told[0] += "could not read" in verified.stderr
+            told[1] += resumed.returncode == 2
+            self.assertIn(resumed.returncode, (0, 2))
+        self.assertGreaterEqual(min(told), 18)
 
     def test_a_damaged_checkpoint(self):
         """One place is enough to go on from, but the file is not as it was written."""

@@ -9,6 +9,8 @@ module tandem_io_output_checksums
     use hdf5, only: hid_t
     use tandem, only: long
     use tandem_fletcher, only: fletcher_type
+    use tandem_io_output_events, only: event_paths
+    use tandem_io_output_fields, only: fields
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none (type, external)
     private
@@ -136,7 +138,11 @@ contains
 
         finding%problem = ''
         call file%read_all(finding%lost_texts)
-        if (file%has(place)) call read_place(file, finding, is_torn)
+        if (file%has(place)) then
+            call read_place(file, finding, is_torn)
+        else
+            call read_rows(file)
+        end if
         call file%get_text('/', 'status', status)
         if (.not. (finding%has_checksums .and. finding%problem == '') .or. allocated(file%problem)) then
             if (allocated(file%problem)) finding%problem = file%problem
@@ -172,6 +178,29 @@ contains
         end do
         if (status == 'complete' .and. finding%rows_behind > 0) finding%problem = 'it has more rows than checksums'
     end subroutine examine
+
+    !> Read all rows of a file without checksums, so that what cannot be read shows.
+    subroutine read_rows(file)
+        type(hdf5_type), intent(inout) :: file
+        character(len=:), allocatable :: names
+        type(fletcher_type) :: early, sum
+        integer(long) :: there
+        integer :: i, start, last
+
+        names = '/trajectory/time'
+        do i = 1, size(fields)
+            associate (path => '/'//trim(fields(i)%group)//'/'//trim(fields(i)%name))
+                if (file%has(path)) names = names//' '//path
+            end associate
+        end do
+        if (file%has('/events')) names = names//' '//event_paths
+        last = 0
+        do i = 1, count_of(names)
+            start = last + 1
+            last = start + index(names(start:)//' ', ' ') - 1
+            call file%sum_rows(names(start:last - 1), 0_long, huge(0_long), early, sum, there)
+        end do
+    end subroutine read_rows
 
     !> Read the place that was written last and is whole.
     subroutine read_place(file, finding, is_torn)
