@@ -25,7 +25,8 @@ module tandem_app_arguments
     type :: arguments_type
         !> The subcommand, empty where there is none; of `study`, two words.
         character(len=:), allocatable :: command
-        !> The scene, or the file of `resume`, not allocated where there is none; where several are allowed, all are in `scenes`.
+        !> The scene, or the file of `resume` and `verify`, not allocated where there is none; where several are allowed, all are in
+        !> `scenes`.
         character(len=:), allocatable :: scene
         character(len=:), allocatable :: scenes(:)
         !> The settings `table.key=value`, blanks at their ends dropped.
@@ -96,6 +97,8 @@ contains
         end if
         if (self%command == 'resume' .and. .not. allocated(self%scene)) then
             call set_usage_error(error, self%command, 'needs a FILE: the result of a run that was interrupted')
+        else if (self%command == 'verify' .and. .not. allocated(self%scene)) then
+            call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
         else if (takes_scene .and. .not. allocated(self%scene)) then
             call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
         end if

@@ -9,8 +9,8 @@ module tandem_app_help
     public :: help, refuse_command
 
     !> The subcommands.
-    character(len=16), parameter :: commands(10) = [character(len=16) :: 'check', 'help', 'list', 'resume', 'run', 'show', &
-        'statuses', 'study precision', 'study stability', 'study tables']
+    character(len=16), parameter :: commands(11) = [character(len=16) :: 'check', 'help', 'list', 'resume', 'run', 'show', &
+        'statuses', 'study precision', 'study stability', 'study tables', 'verify']
 
     character(len=116), parameter :: text(*) = [character(len=116) :: &
         'tandem simulates multibody systems with holonomic and nonholonomic constraints.', &
@@ -20,6 +20,7 @@ module tandem_app_help
         '  tandem show SCENE [OPTIONS]  the complete scene as TOML, every default filled in', &
         '  tandem run SCENE [OPTIONS]   runs it, writes HDF5, prints a report', &
         '  tandem resume FILE [OPTIONS] goes on with a run that was interrupted, in its result file', &
+        '  tandem verify FILE           whether a result file holds what was written: reads and sums up all of it', &
         '  tandem check SCENE [OPTIONS] its start, and every procedure of its model against differences', &
         '  tandem study precision SCENE... [OPTIONS]  error against run time, of every stepper', &
         '  tandem study stability [CASE...]  a verdict on every stiff and extreme case, with every stepper', &

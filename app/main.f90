@@ -14,6 +14,7 @@ program tandem_program
     use tandem_app_study_precision, only: study_precision
     use tandem_app_study_stability, only: study_stability
     use tandem_app_study_tables, only: study_tables
+    use tandem_app_verify, only: verify_file
     use tandem_io, only: tandem_version
     implicit none (type, external)
     type(arguments_type) :: arguments
@@ -38,6 +39,8 @@ program tandem_program
         call run(arguments, code)
     case ('resume')
         call resume(arguments, code)
+    case ('verify')
+        call verify_file(arguments, code)
     case ('study precision')
         call study_precision(arguments, code)
     case ('study stability')

@@ -12,7 +12,7 @@ module tandem_app_report
     implicit none (type, external)
     private
 
-    public :: print_report, print_warnings, print_line, short, count_text
+    public :: print_report, print_warnings, print_line, short, count_text, counted
 
     !> Columns of the text after its label, and of a whole line.
     integer, parameter :: indent = 18, width = 110

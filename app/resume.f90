@@ -31,7 +31,6 @@ contains
         type(interruptible_error_type), target :: global_error
         type(error_type), allocatable :: error
 
-        call watch_signals()
         call arguments%parse([character(len=10) :: '--set', '--error', '--no-error', '--quiet', '--profile', &
             '--help'], .true., error)
         if (.not. allocated(error) .and. arguments%help) then
@@ -92,6 +91,8 @@ contains
         call check_end(arguments, scene, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
+        ! Before the file is changed, and not earlier: until then a signal ends the program at once.
+        call watch_signals()
         call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
 

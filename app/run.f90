@@ -64,13 +64,16 @@ contains
         type(profiling_type), intent(inout), optional, target :: profiling
         type(error_type), allocatable :: error, output_error, estimate_error, profile_error
         type(mark_type) :: mark
+        logical :: was_interrupted
 
         call integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
+        was_interrupted = is_interruption(error)
         ! The file is complete before the second run begins, which may be ended or killed.
         if (present(profiling)) call profiling%profile%enter(part_open, mark)
         call trajectory%close(simulation, error, output_error, more_follows=.true.)
         if (present(profiling)) call profiling%profile%leave(mark)
-        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        ! Nothing can go on from a file that could not be written, though a signal has ended the run.
+        if (allocated(output_error) .and. (was_interrupted .or. .not. allocated(error))) call move_alloc(output_error, error)
         if (present(profiling)) then
             call profiling%profile%finish()
             if (.not. allocated(error)) call compare(scene, simulation, profiling%profile, profile_error)
@@ -90,8 +93,9 @@ contains
         if (.not. allocated(error)) return
         call complain(error%message)
         code = run_failed
-        if (is_interruption(error)) code = signalled + caught_signal()
-        if (error%stat == status_output_failed) call save_last_state(scene, simulation)
+        if (was_interrupted) code = signalled + caught_signal()
+        if (allocated(output_error) .and. error%stat /= status_output_failed) call complain(output_error%message)
+        if (allocated(output_error) .or. error%stat == status_output_failed) call save_last_state(scene, simulation)
     end subroutine carry_out
 
     !> Whether a signal has ended a run.

@@ -2,9 +2,11 @@
 !> The public face of tandem-io: re-exports only.
 module tandem_io
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
+    use tandem_io_output_checksums, only: finding_type
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_output_trajectory, only: energy_type, trajectory_type
+    use tandem_io_output_verification, only: verify_result
     use tandem_io_path, only: is_same_file
     use tandem_io_scene, only: read_scene, scene_type
     use tandem_io_scene_registry, only: model_names
@@ -24,6 +26,7 @@ module tandem_io
 
     public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, nearest_name, to_toml
     public :: snapshot_type, read_snapshot
+    public :: finding_type, verify_result
     public :: is_same_file
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, brief

@@ -5,11 +5,12 @@
 !> same procedure writes and reads, so that the two cannot disagree. Every bit is kept. The row carries its kind, its version, its
 !> length and a checksum, so that something else, or something damaged, is told from it.
 module tandem_pack
+    use tandem_fletcher, only: fletcher_type
     use tandem_kinds, only: long, wp
     implicit none (type, external)
     private
 
-    public :: pack_type, checksum
+    public :: pack_type, checksum, is_whole
 
     !> What a row begins with, the version of all contents, and the places of kind, version, length and checksum in front of them.
     character(len=8), parameter :: signature = 'tandem!P'
@@ -359,21 +360,22 @@ contains
         word_of = transfer(eight, word_of)
     end function word_of
 
-    !> Fletcher's checksum of the halves of words: J. G. Fletcher, IEEE Transactions on Communications 30 (1982) 247-252.
+    !> Whether a row, of whatever kind and version, is as it was made; more may follow behind it.
+    pure logical function is_whole(words)
+        integer(long), intent(in) :: words(:)
+
+        is_whole = .false.
+        if (size(words) < head) return
+        if (words(1) /= word_of(signature) .or. words(4) < head .or. words(4) > size(words)) return
+        is_whole = words(head) == checksum(words(head + 1:int(words(4))))
+    end function is_whole
+
+    !> The checksum of a row of words.
     pure integer(long) function checksum(words)
         integer(long), intent(in) :: words(:)
-        integer(long), parameter :: modulus = 2_long**32 - 1
-        integer(long) :: first, second
-        integer :: i
+        type(fletcher_type) :: sum
 
-        first = 1
-        second = 0
-        do i = 1, size(words)
-            first = mod(first + iand(words(i), modulus), modulus)
-            second = mod(second + first, modulus)
-            first = mod(first + iand(ishft(words(i), -32), modulus), modulus)
-            second = mod(second + first, modulus)
-        end do
-        checksum = ior(ishft(second, 32), first)
+        call sum%add(words)
+        checksum = sum%value()
     end function checksum
 end module tandem_pack

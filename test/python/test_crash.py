@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Runs that end before their end: killed, interrupted, without a disk. Nothing that was written may be lost, and no file may lie.
 
-Runs build/tandem, or what the environment variable TANDEM names.
+Runs build/tandem, or what the environment variable TANDEM names. TANDEM_MOMENTS is at how many moments a disk is full, or a file too
+large, for each kind of output (default 2); what issue 31 asks for is
+TANDEM_MOMENTS=20 python3 test/python/test_crash.py Disk.test_no_room_at_random_moments
 """
 
 import contextlib
@@ -23,6 +25,15 @@ from test_output import TANDEM, Case
 
 LONG = ["--set", "time.end=20000", "--no-error", "--quiet"]
 MOMENTS = 20
+# How often the room for a file ends, of each kind of run and in either way.
+ROOMS = int(os.environ.get("TANDEM_MOMENTS", "2"))
+# What is written how.
+KINDS = {
+    "fixed steps": ["--set", "output.every=1"],
+    "error control": ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--set", "output.every=1"],
+    "interval": ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--set", "output.interval=0.01"],
+    "short interval": ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--set", "output.interval=1e-5"],
+}
 
 
 class Running(Case):
@@ -267,6 +278,50 @@ class Disk(Running):
             self.assertEqual(before, after)
         finally:
             subprocess.run(["umount", small], check=True)
+
+    def test_no_room_at_random_moments(self):
+        chance = random.Random(1)
+        temporary, small = self.folder / "temporary", self.folder / "small"
+        temporary.mkdir()
+        small.mkdir()
+        for kind, words in KINDS.items():
+            for way in ROOMS*["a limit on files", "a full disk"]:
+                # The least of them is taken up before the first rows are.
+                room = int(1e6*2**chance.uniform(-0.5, 2.5))
+                flush = chance.choice(["0.003", "0.03", "1"])
+                with self.subTest(kind=kind, way=way, room=room, flush=flush):
+                    arguments = ["rolling_disk", *LONG, *words, "--set", f"output.flush={flush}"]
+                    if way == "a limit on files":
+                        _, err = self.end(self.start(*arguments, "--output", "a.h5", limit=room), 1)
+                        (self.folder / "a.h5").rename(self.folder / "b.h5")
+                        folder = None
+                    elif subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={room//4096*4096}", "tmpfs", small],
+                                        capture_output=True).returncode != 0:
+                        self.skipTest("only root may mount a small disk")
+                    else:
+                        process = self.start(*arguments, "--output", "small/a.h5")
+                        try:
+                            _, err = self.end(process, 1)
+                            folder = small if list(small.glob("*.toml")) else temporary
+                            for path in small.glob("*.toml"):
+                                shutil.copy(path, self.folder / path.name)
+                            shutil.copy(small / "a.h5", self.folder / "b.h5")
+                            self.check_rescue(err, folder)
+                        finally:
+                            process.kill()
+                            process.wait()
+                            subprocess.run(["umount", small], check=True)
+                    if folder is None:
+                        self.check_rescue(err)
+                    self.assertIn("File too large" if folder is None else "No space left on device", err)
+                    # What is there is as it was written, and the run goes on with it where there is room.
+                    self.tandem("verify", "b.h5")
+                    with h5py.File(self.folder / "b.h5") as file:
+                        self.assertIn(file.attrs["status"], ("failed", "running"))
+                        end = file["trajectory/time"][-1] + 0.02
+                    self.tandem("resume", "b.h5", "--set", f"time.end={end}", "--no-error")
+                    self.tandem("verify", "b.h5")
+                    (self.folder / "b.h5").unlink()
 
     def test_nowhere_to_save_the_state(self):
         out, err = self.end(self.start("rolling_disk", *LONG, "--output", "a.h5", limit=300), 2)

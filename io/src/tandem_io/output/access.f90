@@ -7,7 +7,7 @@ module tandem_io_output_access
     implicit none (type, external)
     private
 
-    public :: make_access, release_driver, start_swmr, end_of
+    public :: make_access, make_reading_access, release_driver, start_swmr, end_of
 
     interface
         !> From now on, bring metadata to the disk in an order in which the file is whole at every moment.
@@ -84,6 +84,16 @@ contains
         call h5pset_small_data_block_size_f(access, piece, stat)
         call h5pset_meta_block_size_f(access, piece/16, stat)
     end subroutine make_access
+
+    !> Make the properties with which a file is opened that may be damaged; the caller closes them, and gives the driver back.
+    subroutine make_reading_access(access, driver)
+        integer(hid_t), intent(out) :: access
+        integer(c_int64_t), intent(out) :: driver
+        integer :: stat
+
+        call h5pcreate_f(h5p_file_access_f, access, stat)
+        driver = set_driver(int(access, c_int64_t))
+    end subroutine make_reading_access
 
     !> Let only rows be appended to an open file from now on; 0 on success.
     integer function start_swmr(file)

@@ -9,11 +9,12 @@ module tandem_io_output_checkpoint
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_target, only: check_source
     use tandem_io_version, only: format_version, tandem_version
+    use tandem_pack, only: is_whole
     use tandem_status, only: status_invalid_checkpoint
     implicit none (type, external)
     private
 
-    public :: checkpoint_type, snapshot_type, read_snapshot
+    public :: checkpoint_type, snapshot_type, read_snapshot, check_places
 
     !> The places, and how many numbers a chunk of the file has.
     character(len=*), parameter :: place = '/checkpoint', paths(2) = [character(len=19) :: place//'/first', place//'/second']
@@ -155,9 +156,11 @@ contains
         call file%get_text('/', 'status', snapshot%status)
         call file%close()
         snapshot%is_complete = snapshot%status == 'complete'
-        if (snapshot%number > 0) return
-        if (allocated(file%problem)) first_problem = 'it has no checkpoint, or is damaged'
-        call refuse(trim(first_problem))
+        if (allocated(file%problem)) then
+            call refuse('it has no checkpoint, or is damaged: '//file%problem)
+        else if (snapshot%number == 0) then
+            call refuse(trim(first_problem))
+        end if
 
     contains
 
@@ -167,6 +170,23 @@ contains
             call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason)
         end subroutine refuse
     end subroutine read_snapshot
+
+    !> Tell which place is not as it was written; one that was never written is.
+    subroutine check_places(file, problem)
+        type(hdf5_type), intent(inout) :: file
+        !> Empty where both are.
+        character(len=:), allocatable, intent(out) :: problem
+        integer(long), allocatable :: words(:)
+        integer :: i
+
+        problem = ''
+        if (.not. file%has(place)) return
+        do i = 1, size(paths)
+            call file%get_words(trim(paths(i)), words)
+            if (allocated(file%problem)) return
+            if (size(words) > 0 .and. .not. is_whole(words)) problem = trim(paths(i))//' is not as it was written'
+        end do
+    end subroutine check_places
 
     !> All that goes into the file. What comes after the version, only that version understands.
     subroutine pack_snapshot(self, pack, problem)

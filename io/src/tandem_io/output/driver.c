@@ -1,7 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* HDF5's driver for POSIX, but such that a file that is being written can be opened at every moment: the mark "open for writing",
    with which HDF5 would refuse it for ever once its writer was killed, never reaches the disk, and the file never is shorter than
-   its superblock says. Who may write is for guard.c to say. */
+   its superblock says. Who may write is for guard.c to say.
+
+   Nobody else writes the file. One that has become shorter was cut, and nothing more is read from it or written; and what HDF5 reads
+   again and again is damaged: from a file with one writer and many readers it reads metadata whose checksum is wrong 100 times, and
+   sleeps twice as long before each, which ends in no lifetime. Its property for that does not hold for the writer. */
+#include "heap.h"
 #include "superblock.h"
 #include <hdf5.h>
 #if H5_VERSION_GE(1, 14, 0)
@@ -16,11 +21,31 @@
 typedef struct {
     H5FD_t known;
     H5FD_t *inner;
+    /* Bytes that are there unless somebody has cut the file. */
+    uint64_t size;
+    /* The last piece of metadata that was read, if nothing was written since, and how often it was read in a row. */
+    haddr_t last_at;
+    size_t last_size;
+    int times;
 } file_type;
+
+/* Most readings of a piece of metadata in a row. */
+enum { most_times = 10 };
 
 static H5FD_t *inner_of(const H5FD_t *file)
 {
     return ((const file_type *)file)->inner;
+}
+
+/* The bytes of the file; 0 where they cannot be told. */
+static uint64_t size_of(H5FD_t *inner)
+{
+    struct stat about;
+    void *descriptor;
+
+    if (H5FDget_vfd_handle(inner, H5P_DEFAULT, &descriptor) < 0 || fstat(*(int *)descriptor, &about) != 0)
+        return 0;
+    return (uint64_t)about.st_size;
 }
 
 static H5FD_t *open_file(const char *name, unsigned flags, hid_t access, haddr_t largest)
@@ -32,8 +57,10 @@ static H5FD_t *open_file(const char *name, unsigned flags, hid_t access, haddr_t
     if (file && H5Pset_fapl_sec2(plain) >= 0)
         file->inner = H5FDopen(name, flags, plain, largest);
     H5Pclose(plain);
-    if (file && file->inner)
+    if (file && file->inner) {
+        file->size = size_of(file->inner);
         return &file->known;
+    }
     free(file);
     return NULL;
 }
@@ -81,25 +108,52 @@ static herr_t handle(H5FD_t *file, hid_t access, void **handle)
     return H5FDget_vfd_handle(inner_of(file), access, handle);
 }
 
-static herr_t read_piece(H5FD_t *file, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, void *to)
+/* Refuse texts whose lengths are damaged. HDF5 reads the beginning of a collection first, and the rest by what that says. */
+static herr_t check_heap(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const unsigned char *beginning)
 {
-    return H5FDread(inner_of(file), type, transfer, at, size, to);
+    uint64_t length = tandem_heap_length(beginning, size);
+    unsigned char *all;
+    int is_sound;
+
+    if (length == 0)
+        return 0;
+    if (length <= size)
+        return tandem_heap_is_sound(beginning, length) ? 0 : -1;
+    all = length > size_of(inner) ? NULL : malloc((size_t)length);
+    is_sound = all && H5FDread(inner, type, transfer, at, (size_t)length, all) >= 0 && tandem_heap_is_sound(all, length);
+    free(all);
+    return is_sound ? 0 : -1;
+}
+
+static herr_t read_piece(H5FD_t *known, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, void *to)
+{
+    file_type *file = (file_type *)known;
+
+    if (type != H5FD_MEM_DRAW) {
+        file->times = file->last_at == at && file->last_size == size ? file->times + 1 : 1;
+        file->last_at = at;
+        file->last_size = size;
+        if (file->times > most_times || size_of(file->inner) < file->size)
+            return -1;
+    }
+    if (H5FDread(file->inner, type, transfer, at, size, to) < 0)
+        return -1;
+    return check_heap(file->inner, type, transfer, at, size, to);
 }
 
 /* Let the file be so long at least. */
 static herr_t extend(H5FD_t *inner, uint64_t size)
 {
-    struct stat about;
     void *descriptor;
 
-    if (H5FDget_vfd_handle(inner, H5P_DEFAULT, &descriptor) < 0 || fstat(*(int *)descriptor, &about) != 0)
-        return -1;
-    return (uint64_t)about.st_size < size && ftruncate(*(int *)descriptor, (off_t)size) != 0 ? -1 : 0;
+    if (size_of(inner) >= size)
+        return 0;
+    return H5FDget_vfd_handle(inner, H5P_DEFAULT, &descriptor) < 0 || ftruncate(*(int *)descriptor, (off_t)size) != 0 ? -1 : 0;
 }
 
-static herr_t write_piece(H5FD_t *file, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const void *from)
+/* Write a piece; the superblock as it may stand on the disk. */
+static herr_t write_on(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const void *from)
 {
-    H5FD_t *inner = inner_of(file);
     const unsigned char *rest = (const unsigned char *)from + superblock_size;
     unsigned char bytes[superblock_size];
     uint64_t end;
@@ -115,6 +169,17 @@ static herr_t write_piece(H5FD_t *file, H5FD_mem_t type, hid_t transfer, haddr_t
     return extend(inner, end) < 0 ? -1 : H5FDwrite(inner, type, transfer, 0, sizeof bytes, bytes);
 }
 
+static herr_t write_piece(H5FD_t *known, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const void *from)
+{
+    file_type *file = (file_type *)known;
+
+    file->times = 0;
+    if (size_of(file->inner) < file->size || write_on(file->inner, type, transfer, at, size, from) < 0)
+        return -1;
+    file->size = size_of(file->inner);
+    return 0;
+}
+
 static herr_t flush(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 {
     return H5FDflush(inner_of(file), transfer, is_closing);
@@ -122,7 +187,13 @@ static herr_t flush(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 
 static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 {
-    return H5FDtruncate(inner_of(file), transfer, is_closing);
+    file_type *ours = (file_type *)file;
+
+    /* What somebody has cut is not made long again. */
+    if (size_of(ours->inner) < ours->size || H5FDtruncate(ours->inner, transfer, is_closing) < 0)
+        return -1;
+    ours->size = size_of(ours->inner);
+    return 0;
 }
 
 /* Let files that are opened with these properties be written by this driver, and give its number to HDF5; a negative one where

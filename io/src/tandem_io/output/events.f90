@@ -3,13 +3,17 @@
 module tandem_io_output_events
     use hdf5, only: hid_t
     use tandem, only: label_length, long, simulation_type, wp
+    use tandem_fletcher, only: fletcher_type
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none (type, external)
     private
 
-    public :: event_output_type
+    public :: event_output_type, event_paths
 
     character(len=*), parameter :: place = '/events'
+    !> The datasets, with a blank between them, in the order of their sums.
+    character(len=*), parameter :: event_paths = place//'/time '//place//'/name '//place//'/number '//place//'/direction '// &
+        place//'/q '//place//'/qd'
     !> Rows in a chunk of the file, and most rows written at once.
     integer, parameter :: chunk = 64
 
@@ -17,8 +21,10 @@ module tandem_io_output_events
         integer(hid_t), private :: time = -1_hid_t, name = -1_hid_t, number = -1_hid_t, direction = -1_hid_t
         integer(hid_t), private :: q = -1_hid_t, qd = -1_hid_t
         !> Whether there is anything to write, and the rows in the file.
-        logical, private :: is_open = .false.
+        logical :: is_open = .false.
         integer(long) :: rows = 0
+        !> The sums of the rows of time, name, number, direction, q and qd.
+        type(fletcher_type) :: sums(6)
     contains
         procedure :: open
         procedure :: take_up
@@ -126,6 +132,14 @@ contains
             call file%append(self%direction, place//'/direction', 0, self%rows, n, direction)
             call file%append(self%q, place//'/q', size(q, 1), self%rows, n, q)
             call file%append(self%qd, place//'/qd', size(qd, 1), self%rows, n, qd)
+            do i = 1, n
+                call self%sums(1)%add(time(:, i))
+                call self%sums(2)%add(transfer(names(i), [0_long]))
+                call self%sums(3)%add(number(:, i))
+                call self%sums(4)%add(direction(:, i))
+                call self%sums(5)%add(q(:, i))
+                call self%sums(6)%add(qd(:, i))
+            end do
             self%rows = self%rows + n
         end do
     end subroutine append

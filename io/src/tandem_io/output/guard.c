@@ -58,6 +58,17 @@ static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint6
     return 1;
 }
 
+/* Whether the file begins with a superblock, and is as long as that says: what this program writes is at every moment (driver.c). */
+int tandem_guard_is_whole(int file)
+{
+    unsigned char bytes[superblock_size];
+    struct stat about;
+
+    return pread(file, bytes, superblock_size, 0) == superblock_size && fstat(file, &about) == 0 &&
+           tandem_superblock_is_signed(bytes) &&
+           (!tandem_superblock_is_known(bytes) || tandem_superblock_end(bytes) <= (uint64_t)about.st_size);
+}
+
 /* Remove the mark of a writer from the superblock, and let the file end where it says, or at `end` if that is later: before a
    flush, so that what the flush brings is never behind the end. What is no superblock as we know it is left alone. */
 void tandem_guard_mend(int file, int64_t end)

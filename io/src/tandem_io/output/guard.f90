@@ -18,6 +18,7 @@ module tandem_io_output_guard
         procedure :: trim => trim_file
         procedure :: has_room
         procedure :: is_there
+        procedure :: is_whole
         procedure :: release
     end type guard_type
 
@@ -63,6 +64,13 @@ module tandem_io_output_guard
             character(kind=c_char), intent(in) :: path(*)
             integer(c_int) :: answer
         end function c_is_there
+
+        function c_is_whole(file) result(answer) bind(c, name='tandem_guard_is_whole')
+            import :: c_int
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int) :: answer
+        end function c_is_whole
 
         function c_is_taken(path) result(answer) bind(c, name='tandem_guard_is_taken')
             import :: c_char, c_int
@@ -132,6 +140,14 @@ contains
         is_there = .true.
         if (self%file >= 0) is_there = c_is_there(self%file, self%path) /= 0
     end function is_there
+
+    !> Whether the file is as long as its superblock says, and has one; true where there is no guard.
+    logical function is_whole(self)
+        class(guard_type), intent(in) :: self
+
+        is_whole = .true.
+        if (self%file >= 0) is_whole = c_is_whole(self%file) /= 0
+    end function is_whole
 
     !> Let the file go.
     subroutine release(self)

@@ -13,7 +13,8 @@ module tandem_io_output_hdf5
         h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, &
         h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
     use tandem, only: long, wp
-    use tandem_io_output_access, only: end_of, make_access, release_driver, start_swmr
+    use tandem_fletcher, only: fletcher_type
+    use tandem_io_output_access, only: end_of, make_access, make_reading_access, release_driver, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
@@ -25,6 +26,9 @@ module tandem_io_output_hdf5
     !> Up to so many attributes stand in the header of their group, whose pieces HDF5 writes such that they are whole at every
     !> moment. What it has for many attributes else is not.
     integer, parameter :: most_attributes = 1000
+    !> What is said of a file that is shorter than it was written.
+    character(len=*), parameter :: was_cut = &
+        'somebody else has cut or overwritten the file while the run wrote it; what it held is lost'
 
     type :: hdf5_type
         !> The first failure; not allocated while all is well.
@@ -32,6 +36,8 @@ module tandem_io_output_hdf5
         integer(hid_t), private :: file = -1_hid_t
         !> Its driver, where it has one of ours.
         integer(c_int64_t), private :: driver = -1
+        !> Whether rows are being appended.
+        logical, private :: is_growing = .false.
         type(guard_type), private :: guard
     contains
         procedure :: create
@@ -68,6 +74,10 @@ module tandem_io_output_hdf5
         procedure :: add_words
         procedure :: write_words
         procedure :: get_words
+        ! What is there, and whether it can be read.
+        procedure :: has
+        procedure :: sum_rows
+        procedure :: read_all
     end type hdf5_type
 
     interface
@@ -148,6 +158,34 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: path
             integer(long), allocatable, target, intent(out) :: words(:)
         end subroutine get_words
+
+        !> Whether there is an object of this path; its group must be there.
+        module function has(self, path) result(is_there)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            logical :: is_there
+        end function has
+
+        !> Read the first rows of a dataset of numbers or of texts, and sum them up row by row.
+        module subroutine sum_rows(self, path, early_rows, rows, early, sum, all_rows)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> Rows after which the first sum is taken, and the second one; fewer where fewer are there.
+            integer(long), intent(in) :: early_rows, rows
+            type(fletcher_type), intent(out) :: early, sum
+            !> Rows that the dataset has.
+            integer(long), intent(out) :: all_rows
+        end subroutine sum_rows
+
+        !> Read every object of the file with all its attributes, so that what is damaged shows.
+        module subroutine read_all(self, lost_texts)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            !> Texts among them that cannot be read.
+            integer, intent(out) :: lost_texts
+        end subroutine read_all
 
         !> Cut a dataset back to its first rows.
         module subroutine cut(self, dataset, path, width, rows)
@@ -326,6 +364,7 @@ contains
 
         if (allocated(self%problem)) return
         call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
+        self%is_growing = .not. allocated(self%problem)
     end subroutine start_appending
 
     !> Open a file again that `close` has closed, to attach what is left to say.
@@ -355,12 +394,19 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
-        call self%guard%mend(end_of(self%file))
-        call forget_reason()
-        call h5fflush_f(self%file, h5f_scope_global_f, stat)
-        call self%note(stat, 'bring the rows to the disk')
-        if (self%guard%is_there() .or. allocated(self%problem)) return
-        self%problem = 'the file was removed or replaced while the run wrote it'
+        ! Before the flush too, which might hide that the file was cut.
+        if (self%guard%is_whole()) then
+            call self%guard%mend(end_of(self%file))
+            call forget_reason()
+            call h5fflush_f(self%file, h5f_scope_global_f, stat)
+            call self%note(stat, 'bring the rows to the disk')
+            if (allocated(self%problem)) return
+        end if
+        if (.not. self%guard%is_there()) then
+            self%problem = 'the file was removed or replaced while the run wrote it'
+        else if (.not. self%guard%is_whole()) then
+            self%problem = was_cut
+        end if
     end subroutine flush
 
     !> Close the file, if it is open. After a failure HDF5 is not asked again: what it still held back would spoil what is there.
@@ -383,6 +429,7 @@ contains
         end if
         self%file = -1_hid_t
         self%driver = -1
+        self%is_growing = .false.
         if (.not. keeps_lock_) call self%guard%release()
     end subroutine close
 
@@ -555,6 +602,10 @@ contains
 
         if (stat >= 0 .or. allocated(self%problem)) return
         reason = trim(system_reason())
+        if (self%is_growing .and. .not. self%guard%is_whole()) then
+            self%problem = was_cut
+            return
+        end if
         self%problem = 'HDF5 could not '//action
         if (reason /= '') self%problem = self%problem//' ('//reason//')'
     end subroutine note

@@ -24,7 +24,8 @@ contains
         integer(hsize_t) :: new_size
         integer :: stat, ignored
 
-        if (.not. self%guard%is_there()) return
+        ! What somebody has cut stays as it is, so that nobody takes it for a result.
+        if (.not. (self%guard%is_there() .and. self%guard%is_whole())) return
         call self%guard%take(path)
         ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
         inquire (file=path, size=size)

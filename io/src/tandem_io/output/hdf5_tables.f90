@@ -72,13 +72,17 @@ contains
     module subroutine open_to_read(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
+        integer(hid_t) :: access
         integer :: stat
 
         call start_library(stat)
         call self%note(stat, 'start HDF5')
         if (allocated(self%problem)) return
-        call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat)
+        call make_reading_access(access, self%driver)
+        call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path)
+        if (stat /= 0) self%file = -1_hid_t
+        call h5pclose_f(access, stat)
     end subroutine open_to_read
 
     !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.

@@ -3,6 +3,7 @@
 module tandem_io_output_series
     use hdf5, only: hid_t
     use tandem, only: label_length, long, model_type, to_text, wp
+    use tandem_fletcher, only: fletcher_type
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_type, fields, one
     use tandem_io_output_hdf5, only: hdf5_type
     implicit none (type, external)
@@ -19,6 +20,8 @@ module tandem_io_output_series
         character(len=:), allocatable :: path
         integer(hid_t) :: dataset = -1_hid_t
         real(wp), allocatable :: rows(:, :)
+        !> The sum of the rows that the dataset has.
+        type(fletcher_type) :: sum
     contains
         procedure :: make
         procedure :: append
@@ -72,13 +75,16 @@ contains
 
     !> Write the gathered rows.
     subroutine append(self, file, before, gathered)
-        class(series_type), intent(in) :: self
+        class(series_type), intent(inout), target :: self
         type(hdf5_type), intent(inout) :: file
         !> Rows that the dataset has, and rows in the buffer.
         integer(long), intent(in) :: before
         integer, intent(in) :: gathered
+        real(wp), pointer :: numbers(:)
 
         call file%append(self%dataset, self%path, self%width, before, gathered, self%rows)
+        numbers(1:size(self%rows)) => self%rows
+        call self%sum%add(numbers(:size(self%rows, 1)*gathered))
     end subroutine append
 
     !> Names and units of a field's columns.

@@ -53,11 +53,16 @@ static void put_number(unsigned char *bytes, int size, uint64_t number)
         bytes[i] = (unsigned char)(number >> 8 * i);
 }
 
-int tandem_superblock_is_known(const unsigned char *bytes)
+int tandem_superblock_is_signed(const unsigned char *bytes)
 {
     static const unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
 
-    return memcmp(bytes, signature, sizeof signature) == 0 && bytes[version_at] == 3 && bytes[sizes_at] == 8 &&
+    return memcmp(bytes, signature, sizeof signature) == 0;
+}
+
+int tandem_superblock_is_known(const unsigned char *bytes)
+{
+    return tandem_superblock_is_signed(bytes) && bytes[version_at] == 3 && bytes[sizes_at] == 8 &&
            bytes[sizes_at + 1] == 8 && number_at(bytes + checksum_at, 4) == checksum(bytes);
 }
 

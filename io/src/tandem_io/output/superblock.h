@@ -10,6 +10,9 @@ enum { superblock_size = 48 };
 /* Whether the bytes are a superblock of that version, and undamaged. */
 int tandem_superblock_is_known(const unsigned char *bytes);
 
+/* Whether a file that begins with the bytes is HDF5. */
+int tandem_superblock_is_signed(const unsigned char *bytes);
+
 /* Where the file ends by its superblock. */
 uint64_t tandem_superblock_end(const unsigned char *bytes);
 

@@ -87,11 +87,13 @@ contains
         end if
     end subroutine check_existing
 
-    !> Refuse a file that is no result of tandem, and one that somebody is writing. A mark that a killed writer has left (of another
-    !> program: ours makes none) is removed.
-    subroutine check_source(path, error)
+    !> Refuse a file that is no result of tandem, and one that somebody is writing. Where it is to be changed, a mark that a killed
+    !> writer has left (of another program: ours makes none) is removed.
+    subroutine check_source(path, error, purpose)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
+        !> What cannot be done with the file otherwise; to go on from it, and to change it, where absent.
+        character(len=*), intent(in), optional :: purpose
         type(guard_type) :: guard
         logical :: exists
 
@@ -108,7 +110,7 @@ contains
             call refuse('it is in use: another run is writing it, or somebody reads it')
             return
         end if
-        if (is_marked(path)) then
+        if (.not. present(purpose) .and. is_marked(path)) then
             call guard%take(path)
             call guard%mend(0_c_int64_t)
             call guard%release()
@@ -126,8 +128,13 @@ contains
         subroutine refuse(reason)
             character(len=*), intent(in) :: reason
 
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, &
-                'give the result of a run; one that was killed before its first row must be started anew')
+            if (present(purpose)) then
+                call set_error(error, status_invalid_checkpoint, 'cannot '//purpose//' '//path//': '//reason, &
+                    'give the result of a run')
+            else
+                call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, &
+                    'give the result of a run; one that was killed before its first row must be started anew')
+            end if
         end subroutine refuse
     end subroutine check_source
 

@@ -7,8 +7,10 @@ module tandem_io_output_trajectory
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, mark_type, &
         observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
         status_output_failed, to_text, wp
+    use tandem_fletcher, only: fletcher_type
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
-    use tandem_io_output_events, only: event_output_type
+    use tandem_io_output_checksums, only: checksums_type, examine, finding_type
+    use tandem_io_output_events, only: event_output_type, event_paths
     use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_kinetic_energy, field_lambda, &
         field_length, field_names, field_position_error, field_potential_energy, field_q, field_qd, field_qdd, field_step, &
         field_velocity_error, fields, output_type
@@ -56,6 +58,7 @@ module tandem_io_output_trajectory
         type(hdf5_type), private :: file
         !> Where and what the run would go on from, and when that was written last; what watches the run besides.
         type(checkpoint_type), private :: checkpoint
+        type(checksums_type), private :: checksums
         type(snapshot_type), private :: snapshot
         type(pack_type), private :: pack
         integer(long), private :: saved_at = 0
@@ -142,6 +145,7 @@ contains
         call self%checkpoint%make(self%file)
         call self%prepare(output, simulation)
         call open_events(self, simulation)
+        call self%checksums%make(self%file, summed_paths(self, simulation))
         call self%file%start_appending(self%path)
         if (allocated(self%file%problem)) then
             call self%fail(error)
@@ -163,6 +167,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> As for `open`; restored too.
         class(global_error_type), intent(inout), target :: watcher
+        type(finding_type) :: finding
         integer :: i
 
         self%path = output%file
@@ -177,14 +182,24 @@ contains
         call self%events%take_up(self%file, simulation)
         do i = 0, ubound(self%series, 1)
             if (self%file%rows_of(self%series(i)%dataset) >= snapshot%rows .or. allocated(self%file%problem)) cycle
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//self%path//': rows of '//self%series(i)%path// &
-                ' are missing')
-            call self%close_datasets()
-            call self%file%close()
+            call refuse('rows of '//self%series(i)%path//' are missing')
             return
         end do
+        ! All of it is read before anything of it is changed.
+        call examine(self%file, finding, snapshot%rows, snapshot%events)
+        if (finding%problem == '' .and. finding%has_checksums) then
+            if (finding%names /= summed_paths(self, simulation)) finding%problem = 'its checksums are those of another run'
+        end if
+        if (finding%problem /= '') then
+            call refuse('it is damaged: '//finding%problem)
+            return
+        end if
+        call self%checksums%take_up(self%file, finding)
+        if (finding%has_checksums) call set_sums(self, finding%sums)
         call self%file%start_appending(self%path)
         call self%file%attach('/', 'status', 'running')
+        ! Before rows are cut off that the last sums are of.
+        call self%checksums%write(self%file, snapshot%rows, snapshot%events, sums_of(self))
         call self%file%flush()
         do i = 0, ubound(self%series, 1)
             call self%file%cut(self%series(i)%dataset, self%series(i)%path, self%series(i)%width, snapshot%rows)
@@ -203,7 +218,59 @@ contains
         call self%fail(error)
         if (snapshot%status /= '') call self%file%replace_text(self%path, 'status', snapshot%status)
         call self%file%close()
+
+    contains
+
+        subroutine refuse(reason)
+            character(len=*), intent(in) :: reason
+
+            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//self%path//': '//reason)
+            call self%close_datasets()
+            call self%file%close()
+        end subroutine refuse
     end subroutine go_on
+
+    !> The datasets that have sums, with a blank between their paths.
+    function summed_paths(self, simulation) result(paths)
+        class(trajectory_type), intent(in) :: self
+        class(simulation_type), intent(in) :: simulation
+        character(len=:), allocatable :: paths
+        integer :: i
+
+        paths = self%series(0)%path
+        do i = 1, ubound(self%series, 1)
+            paths = paths//' '//self%series(i)%path
+        end do
+        if (allocated(simulation%events)) paths = paths//' '//event_paths
+    end function summed_paths
+
+    !> Their sums; those of events come last, and count for nothing where there are none.
+    pure function sums_of(self) result(sums)
+        class(trajectory_type), intent(in) :: self
+        type(fletcher_type) :: sums(size(self%series) + merge(size(self%events%sums), 0, self%events%is_open))
+        integer :: i
+
+        do i = 1, size(self%series)
+            sums(i) = self%series(i - 1)%sum
+        end do
+        do i = 1, size(sums) - size(self%series)
+            sums(size(self%series) + i) = self%events%sums(i)
+        end do
+    end function sums_of
+
+    !> Go on with sums.
+    subroutine set_sums(self, sums)
+        class(trajectory_type), intent(inout) :: self
+        type(fletcher_type), intent(in) :: sums(:)
+        integer :: i
+
+        do i = 1, size(self%series)
+            self%series(i - 1)%sum = sums(i)
+        end do
+        do i = 1, size(sums) - size(self%series)
+            self%events%sums(i) = sums(size(self%series) + i)
+        end do
+    end subroutine set_sums
 
     !> What `open` and `go_on` have in common: the datasets of the rows and their buffers.
     subroutine prepare(self, output, simulation)
@@ -287,6 +354,7 @@ contains
         self%more_follows = .false.
         if (present(more_follows)) self%more_follows = more_follows
         call self%bring(simulation)
+        if (allocated(self%series)) call self%checksums%write(self%file, self%rows, self%events%rows, sums_of(self))
         call self%close_datasets()
         if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
         if (.not. allocated(self%file%problem)) return
@@ -369,6 +437,7 @@ contains
 
         call self%events%close(self%file)
         call self%checkpoint%close(self%file)
+        call self%checksums%close(self%file)
         if (.not. allocated(self%series)) return
         do i = lbound(self%series, 1), ubound(self%series, 1)
             call self%file%close_dataset(self%series(i)%dataset)
@@ -465,6 +534,7 @@ contains
             if (allocated(error)) return
             self%intervals = self%intervals + 1
             if (self%gathered == self%capacity) call self%bring(simulation)
+            if (allocated(self%file%problem)) return
         end do
     end subroutine gather_between
 
@@ -491,8 +561,8 @@ contains
         do i = 0, ubound(self%series, 1)
             call self%series(i)%append(self%file, self%rows, self%gathered)
         end do
-        if (allocated(self%file%problem)) return
-        self%rows = self%rows + self%gathered
+        if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
+        ! What could not be written never will be, and leaves its place all the same.
         self%gathered = 0
     end subroutine write_rows
 
@@ -558,6 +628,8 @@ contains
             call self%watcher%pack_state(self%pack)
             call self%pack%end_writing('watcher', self%snapshot%watcher)
         end if
+        ! The sums first, so that no state counts rows without them.
+        call self%checksums%write(self%file, self%rows, self%events%rows, sums_of(self))
         call self%checkpoint%write(self%file, self%snapshot)
         call self%file%flush()
     end subroutine save_simulation

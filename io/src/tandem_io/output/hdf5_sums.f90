@@ -1,0 +1,157 @@
+! SPDX-License-Identifier: MIT
+!> What is there in a file, and whether it can be read: all its objects, and sums of the rows of its datasets.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
+    use hdf5, only: h5dget_type_f, h5dread_f, h5lexists_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
+        h5t_string_f, h5tget_class_f, h5tget_size_f, size_t
+    implicit none (type, external)
+
+    !> Bytes that are read at once, and most words of a row: more is damage.
+    integer(long), parameter :: piece = 2_long**20, longest_row = 2_long**24
+
+    interface
+        !> Read all that is no row: how many texts cannot be read, negative where something else cannot (contents.c).
+        function c_read_all(file) result(stat) bind(c, name='tandem_contents_read')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: file
+            integer(c_int) :: stat
+        end function c_read_all
+    end interface
+
+contains
+
+    !> Whether there is an object of this path; its group must be there.
+    module function has(self, path) result(is_there)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        logical :: is_there
+        integer :: stat
+
+        is_there = .false.
+        if (allocated(self%problem)) return
+        call h5lexists_f(self%file, path, is_there, stat)
+        call self%note(stat, 'find '//path)
+        is_there = is_there .and. stat == 0
+    end function has
+
+    !> Read every object of the file with all its attributes, so that what is damaged shows.
+    module subroutine read_all(self, lost_texts)
+        class(hdf5_type), intent(inout) :: self
+        integer, intent(out) :: lost_texts
+
+        lost_texts = 0
+        if (allocated(self%problem)) return
+        lost_texts = int(c_read_all(int(self%file, c_int64_t)))
+        call self%note(lost_texts, 'read all that is in it')
+    end subroutine read_all
+
+    !> Read the first rows of a dataset of numbers or of texts, and sum them up row by row.
+    module subroutine sum_rows(self, path, early_rows, rows, early, sum, all_rows)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer(long), intent(in) :: early_rows, rows
+        type(fletcher_type), intent(out) :: early, sum
+        integer(long), intent(out) :: all_rows
+        integer(hid_t) :: dataset, space, text_type
+        integer(hsize_t) :: sizes(2), largest(2)
+        integer(size_t) :: length
+        integer(long) :: at, last, next, words, rows_at_once
+        logical :: are_texts
+        integer :: rank, class, stat
+
+        all_rows = 0
+        call self%open_dataset(path, dataset)
+        if (allocated(self%problem)) return
+        call h5dget_type_f(dataset, text_type, stat)
+        call h5tget_class_f(text_type, class, stat)
+        call h5tget_size_f(text_type, length, stat)
+        call h5tclose_f(text_type, stat)
+        are_texts = class == h5t_string_f
+        call h5dget_space_f(dataset, space, stat)
+        call h5sget_simple_extent_ndims_f(space, rank, stat)
+        sizes = 1
+        if (rank == 1 .or. rank == 2) then
+            call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
+            all_rows = int(sizes(2), long)
+        else
+            call self%note(-1, 'read '//path)
+        end if
+        call h5sclose_f(space, stat)
+        words = int(sizes(1), long)
+        if (are_texts) words = words*((int(length, long) + 7)/8)
+        if (words > longest_row) call self%note(-1, 'read '//path)
+        last = min(rows, all_rows)
+        rows_at_once = max(1_long, piece/max(8*words, 8_long))
+        at = 0
+        do while (at < last .and. .not. allocated(self%problem))
+            next = min(at + rows_at_once, last)
+            ! The first sum is taken where it is due.
+            if (at < early_rows) next = min(next, early_rows)
+            call add_piece(self, dataset, path, rank, [sizes(1), int(next - at, hsize_t)], at, merge(int(length), 0, are_texts), &
+                sum)
+            at = next
+            if (at == early_rows) early = sum
+        end do
+        if (early_rows >= last) early = sum
+        call h5dclose_f(dataset, stat)
+    end subroutine sum_rows
+
+    !> Add some rows of a dataset to a sum: numbers as reals of 8 bytes, texts as they are, with blanks up to a whole word.
+    subroutine add_piece(self, dataset, path, rank, block, before, length, sum)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path
+        integer, intent(in) :: rank
+        !> Numbers in a row, and rows.
+        integer(hsize_t), intent(in) :: block(2)
+        !> Rows before.
+        integer(long), intent(in) :: before
+        !> Letters of a text; 0 for numbers.
+        integer, intent(in) :: length
+        type(fletcher_type), intent(inout) :: sum
+        real(wp), target :: values(merge(1_hsize_t, block(1), length > 0), block(2))
+        character(kind=c_char), target :: letters(length, block(2))
+        type(c_ptr) :: place
+        integer(hid_t) :: file_space, memory_space, memory_type
+        integer :: first, stat, i
+
+        first = 3 - rank
+        call h5dget_space_f(dataset, file_space, stat)
+        associate (start => [0_hsize_t, int(before, hsize_t)])
+            call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
+        end associate
+        call h5screate_simple_f(rank, block(first:), memory_space, stat)
+        if (length > 0) then
+            call make_fixed_type(length, memory_type)
+            place = c_loc(letters)
+            call h5dread_f(dataset, memory_type, place, stat, memory_space, file_space)
+            call self%note(stat, 'read '//path)
+            call h5tclose_f(memory_type, stat)
+        else
+            place = c_loc(values)
+            call h5dread_f(dataset, h5t_native_double, place, stat, memory_space, file_space)
+            call self%note(stat, 'read '//path)
+        end if
+        call h5sclose_f(memory_space, stat)
+        call h5sclose_f(file_space, stat)
+        if (allocated(self%problem)) return
+        do i = 1, size(values, 2)
+            if (length > 0) then
+                call sum%add(words_of(letters(:, i)))
+            else
+                call sum%add(values(:, i))
+            end if
+        end do
+    end subroutine add_piece
+
+    !> Letters as words, with blanks up to a whole one.
+    pure function words_of(letters) result(words)
+        character(kind=c_char), intent(in) :: letters(:)
+        integer(long) :: words((size(letters) + 7)/8)
+        character(kind=c_char) :: padded(8*size(words))
+
+        padded = ' '
+        padded(:size(letters)) = letters
+        words = transfer(padded, words)
+    end function words_of
+end submodule tandem_io_output_hdf5_sums

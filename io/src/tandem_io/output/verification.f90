@@ -1,0 +1,41 @@
+! SPDX-License-Identifier: MIT
+!> Whether a result file holds what was written.
+module tandem_io_output_verification
+    use tandem, only: error_type
+    use tandem_io_output_checkpoint, only: check_places
+    use tandem_io_output_checksums, only: examine, finding_type
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_target, only: check_source
+    implicit none (type, external)
+    private
+
+    public :: verify_result
+
+contains
+
+    !> Read all of a result file, which stays as it is.
+    subroutine verify_result(path, finding, status, error)
+        character(len=*), intent(in) :: path
+        !> What it was found to be.
+        type(finding_type), intent(out) :: finding
+        !> Its status, blank where it cannot be read.
+        character(len=:), allocatable, intent(out) :: status
+        !> It is no result, or cannot be opened.
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+        character(len=:), allocatable :: problem
+
+        status = ''
+        call check_source(path, error, 'verify')
+        if (allocated(error)) return
+        call file%open_to_read(path)
+        call file%get_text('/', 'status', status)
+        call examine(file, finding)
+        call check_places(file, problem)
+        if (finding%lost_texts > 0) problem = 'texts among its attributes cannot be read'
+        if (allocated(file%problem)) problem = file%problem
+        ! A run that was killed may have left one of these half written.
+        if (finding%problem == '' .and. (status /= 'running' .or. allocated(file%problem))) finding%problem = problem
+        call file%close()
+    end subroutine verify_result
+end module tandem_io_output_verification

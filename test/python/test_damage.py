@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: MIT
+"""Result files that were damaged: `tandem verify` tells, `tandem resume` refuses; neither hangs, crashes or takes them for whole.
+
+Runs build/tandem, or what the environment variable TANDEM names. TANDEM_MUTATIONS is how many random mutations each of the two
+gets (default 24), and TANDEM_SEED chooses them. What issue 31 asks for is
+TANDEM_MUTATIONS=540 python3 test/python/test_damage.py Mutations
+"""
+
+import fcntl
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import time
+import unittest
+
+import h5py
+import numpy as np
+from test_crash import Running
+from test_output import STRICT, TANDEM, Case
+
+MUTATIONS = int(os.environ.get("TANDEM_MUTATIONS", "24"))
+SEED = int(os.environ.get("TANDEM_SEED", "1"))
+LONGEST = 10
+LIMITED = ["--set", "solver.max_steps=250", "--no-error", "--quiet"]
+ON = ["--set", "solver.max_steps=100000", "--set", "time.end=0.6", "--no-error", "--quiet"]
+EVENTS = '[[event]]\nname = "low"\nwatch = "rz"\nvalue = 0.999\n'
+
+
+def rows_of(path, most=None):
+    """Every dataset that grows, bit by bit, or its first rows."""
+    found = {}
+    with h5py.File(path) as file:
+        for name in ("trajectory", "diagnostics", "events"):
+            if name in file:
+                for part, item in file[name].items():
+                    found[f"{name}/{part}"] = item.shape[1:], item[:most].tobytes()
+    return found
+
+
+def holds(path, rows, most=None):
+    """Whether a file holds these rows to another program: one of its own, which a damaged file may bring down."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(LONGEST)
+        same = False
+        try:
+            same = rows_of(path, most) == rows
+        finally:
+            os._exit(0 if same else 1)
+    return os.waitpid(child, 0)[1] == 0
+
+
+def fletcher(blocks):
+    """Fletcher's checksum of the halves of 64-bit words, word by word, as doc/output.md says."""
+    first, second = 1, 0
+    for block in blocks:
+        for half in np.frombuffer(block, "<u4").tolist():
+            first = (first + half) % 0xFFFFFFFF
+            second = (second + first) % 0xFFFFFFFF
+    return second << 32 | first
+
+
+class Damaged(Case):
+    def call(self, *arguments):
+        """Run it; no crash, no hang, and an exit code of the table."""
+        try:
+            done = subprocess.run([TANDEM, *arguments], cwd=self.folder, env=os.environ | STRICT, capture_output=True, text=True,
+                                  errors="replace", timeout=LONGEST, check=False)
+        except subprocess.TimeoutExpired:
+            self.fail(f"{arguments} has not ended after {LONGEST} s")
+        self.assertIn(done.returncode, (0, 1, 2), done.stdout + done.stderr)
+        self.assertNotIn("Backtrace", done.stderr)
+        if done.returncode:
+            self.assertRegex(done.stderr, "^tandem: ")
+        return done
+
+    def limited(self, name="run.h5"):
+        self.tandem("run", "rolling_disk", *LIMITED, "--output", name, "--force", code=1)
+        return (self.folder / name).read_bytes()
+
+
+class Blocks(Damaged):
+    def test_a_bit_of_each_block_with_a_checksum(self):
+        """HDF5 would read such a block again and again, and sleep twice as long each time."""
+        whole = self.limited()
+        places = [found.start() for found in re.finditer(b"OHDR|OCHK|FRHP|FHDB|BTHD|BTLF|EAHD|EAIB|EASB|EADB|FAHD|FADB", whole)]
+        self.assertGreater(len(places), 20)
+        for place in places:
+            for behind in (5, 12, 20):
+                with self.subTest(block=whole[place:place + 4], at=place + behind):
+                    damaged = bytearray(whole)
+                    damaged[place + behind] ^= 8
+                    (self.folder / "run.h5").write_bytes(damaged)
+                    self.assertIn(self.call("verify", "run.h5").returncode, (1, 2))
+                    self.assertEqual(self.call("resume", "run.h5", *ON).returncode, 2)
+                    self.assertEqual((self.folder / "run.h5").read_bytes(), damaged)
+
+
+class Mutations(Damaged):
+    def bases(self):
+        """Results of several kinds, and what takes each of them up."""
+        self.limited("limited.h5")
+        yield "limited.h5", ON
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.3", "--set", "output.every=1", "--no-error", "--quiet", "--output",
+                    "complete.h5")
+        yield "complete.h5", ON
+        scene = self.disk(solver='stepper = "dop853"\nrtol = 1e-9\nmax_steps = 120\n', time="end = 40.0",
+                          output="interval = 0.01\n" + EVENTS)
+        self.tandem("run", scene, "--no-error", "--quiet", "--output", "events.h5", code=1)
+        yield "events.h5", ["--set", "solver.max_steps=140", "--no-error", "--quiet"]
+        process = subprocess.Popen([TANDEM, "run", "rolling_disk", "--set", "output.every=1", "--set", "output.flush=0",
+                                    "--set", "time.end=20000", "--no-error", "--quiet", "--output", "killed.h5"], cwd=self.folder,
+                                   env=os.environ | STRICT)
+        time.sleep(0.5)
+        process.kill()
+        process.wait()
+        with h5py.File(self.folder / "killed.h5") as file:
+            last = file["trajectory/time"][-1]
+        yield "killed.h5", ["--set", f"time.end={np.floor(last) + 1}", "--no-error", "--quiet"]
+
+    def mutated(self, whole):
+        """Something of it is changed, half the time where it is not empty; and what was done."""
+        chance, data = self.random, bytearray(whole)
+        place = chance.randrange(len(data))
+        while chance.random() < 0.5 and data[place] == 0:
+            place = chance.randrange(len(data))
+        kind = chance.choice(["bit", "bit", "bit", "bytes", "zeros", "cut", "copy", "insert", "remove"])
+        length = int(2**chance.uniform(0, 12))
+        if kind == "bit":
+            data[place] ^= 1 << chance.randrange(8)
+        elif kind == "bytes":
+            data[place:place + min(length, 64)] = chance.randbytes(len(data[place:place + min(length, 64)]))
+        elif kind == "zeros":
+            data[place:place + length] = bytes(len(data[place:place + length]))
+        elif kind == "cut":
+            del data[place:]
+        elif kind == "copy":
+            data[place:place + length] = data[chance.randrange(len(data)):][:length]
+        elif kind == "insert":
+            data[place:place] = chance.randbytes(min(length, 64))
+        else:
+            del data[place:place + min(length, 64)]
+        return bytes(data), f"{kind} at {place}, length {length}"
+
+    def test_random_mutations(self):
+        self.random = random.Random(SEED)
+        bases = []
+        for name, on in self.bases():
+            shutil.copy(self.folder / name, self.folder / "whole.h5")
+            self.tandem("verify", "whole.h5")
+            self.tandem("resume", "whole.h5", *on, code=1 if name == "events.h5" else 0)
+            # Where the run was killed, rows may come after those that have checksums.
+            with h5py.File(self.folder / name) as file:
+                sure = max(place[:2].tolist() for place in file["checksums"].values())[1]
+            bases.append((name, on, sure, rows_of(self.folder / name, sure), rows_of(self.folder / "whole.h5")))
+        told = {"changed rows": 0, "verify refuses": 0, "resume refuses": 0}
+        path = self.folder / "mutated.h5"
+        for count in range(MUTATIONS):
+            name, on, sure, before, after = bases[count % len(bases)]
+            data, what = self.mutated((self.folder / name).read_bytes())
+            with self.subTest(count=count, file=name, what=what):
+                path.write_bytes(data)
+                same = holds(path, before, sure)
+                verified = self.call("verify", "mutated.h5").returncode
+                self.assertEqual(path.read_bytes(), data)
+                resumed = self.call("resume", "mutated.h5", *on).returncode
+                told["changed rows"] += not same
+                told["verify refuses"] += verified != 0
+                told["resume refuses"] += resumed == 2
+                if not same:
+                    self.assertNotEqual(verified, 0)
+                    self.assertEqual(resumed, 2)
+                elif resumed != 2:
+                    self.assertTrue(holds(path, after))
+        print("\n" + ", ".join(f"{key}: {value}" for key, value in told.items()), f"of {MUTATIONS}", flush=True)
+
+
+class Verify(Damaged):
+    def test_what_is_whole(self):
+        self.limited()
+        done = self.tandem("verify", "run.h5")
+        self.assertIn('run.h5: 26 rows as they were written, in 9 datasets; status "failed"', done.stdout)
+        self.tandem("resume", "run.h5", *ON)
+        self.assertIn('61 rows as they were written, in 9 datasets; status "complete"', self.tandem("verify", "run.h5").stdout)
+        self.tandem("resume", "run.h5", "--set", "time.end=0.8", "--error", "--quiet")
+        self.assertIn("81 rows", self.tandem("verify", "run.h5").stdout)
+
+    def test_the_sums_are_those_that_are_documented(self):
+        scene = self.disk(time="end = 3.0", output="every = 7\n" + EVENTS)
+        self.tandem("run", scene, "--no-error", "--quiet", "--output", "run.h5")
+        self.assertIn("1 event as they were written, in 15 datasets", self.tandem("verify", "run.h5").stdout)
+        with h5py.File(self.folder / "run.h5") as file:
+            group = file["checksums"]
+            names = group.attrs["datasets"].split()
+            words = max((place[:] for place in group.values()), key=lambda place: place[0]).astype("u8")
+            self.assertEqual((words[1], words[2]), (len(file["trajectory/time"]), len(file["events/time"])))
+            self.assertGreater(words[2], 0)
+            for name, word in zip(names, words[3:-1], strict=True):
+                rows = file[name][:]
+                blocks = [text.ljust(32) for text in rows] if rows.dtype.kind == "S" else [rows.astype("<f8").tobytes()]
+                self.assertEqual(fletcher(blocks), int(word), name)
+
+    def test_a_changed_row(self):
+        self.limited()
+        for name in ("trajectory/time", "trajectory/q", "diagnostics/chart"):
+            with self.subTest(name):
+                self.limited()
+                with h5py.File(self.folder / "run.h5", "r+") as file:
+                    if file[name].ndim == 2:
+                        file[name][3, 0] = np.nextafter(file[name][3, 0], 9.0)
+                    else:
+                        file[name][3] += 1
+                says = f"the rows of /{name} are not those that were written"
+                self.assertIn(f"run.h5 is damaged: {says}", self.tandem("verify", "run.h5", code=1).stderr)
+                self.assertIn(f"cannot go on from run.h5: it is damaged: {says}",
+                              self.tandem("resume", "run.h5", *ON, code=2).stderr)
+
+    def test_a_file_without_checksums(self):
+        """As earlier programs wrote it: it cannot be verified, and goes on as before."""
+        self.limited()
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.6", "--no-error", "--quiet", "--output", "whole.h5")
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            del file["checksums"]
+        self.assertIn("it has no checksums", self.tandem("verify", "run.h5", code=2).stderr)
+        self.tandem("resume", "run.h5", *ON)
+        self.assertEqual(rows_of(self.folder / "run.h5"), rows_of(self.folder / "whole.h5"))
+        self.limited()
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            del file["checksums"]
+        whole = (self.folder / "run.h5").read_bytes()
+        # Indices of datasets; those of the checksums themselves belong to nothing any more.
+        told = [0, 0]
+        for place in [found.start() for found in re.finditer(b"EAHD|EAIB", whole)]:
+            damaged = bytearray(whole)
+            damaged[place + 12] ^= 8
+            (self.folder / "run.h5").write_bytes(damaged)
+            verified, resumed = self.call("verify", "run.h5"), self.call("resume", "run.h5", *ON)
+            told[0] += "could not read" in verified.stderr
+            told[1] += resumed.returncode == 2
+            self.assertIn(resumed.returncode, (0, 2))
+        self.assertGreaterEqual(min(told), 18)
+
+    def test_a_damaged_checkpoint(self):
+        """One place is enough to go on from, but the file is not as it was written."""
+        self.tandem("run", "rolling_disk", *LIMITED, "--set", "output.flush=0", "--output", "run.h5", code=1)
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            file["checkpoint/first"][100] += 1
+        self.assertIn("/checkpoint/first is not as it was written", self.tandem("verify", "run.h5", code=1).stderr)
+        self.tandem("resume", "run.h5", *ON)
+        self.tandem("verify", "run.h5")
+
+    def test_damaged_sums(self):
+        self.limited()
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            for place in file["checksums"].values():
+                if place[0] == max(other[0] for other in file["checksums"].values()):
+                    place[1] -= 1
+                    break
+        self.assertIn("its checksums are damaged", self.tandem("verify", "run.h5", code=1).stderr)
+        self.assertIn("its checksums are damaged", self.tandem("resume", "run.h5", *ON, code=2).stderr)
+
+    def test_what_is_no_result(self):
+        self.refused("verify", says="needs a FILE")
+        self.refused("verify", "none.h5", says="cannot verify none.h5: there is no such file")
+        (self.folder / "text.h5").write_text("[scene]")
+        self.refused("verify", "text.h5", says="it is no result of tandem")
+        whole = self.limited()
+        (self.folder / "run.h5").write_bytes(whole[:len(whole)//2])
+        self.refused("verify", "run.h5", says="it is damaged: HDF5 cannot open it")
+
+    def test_a_file_in_use(self):
+        self.limited()
+        with open(self.folder / "run.h5", "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)
+            self.refused("verify", "run.h5", says="it is in use")
+
+
+class Cut(Running):
+    """Somebody cuts the file off while a run writes it."""
+
+    def test_it_is_noticed(self):
+        for length in (0, 100, 5000):
+            with self.subTest(length):
+                name = f"{length}.h5"
+                process = self.start("rolling_disk", "--set", "time.end=20000", "--no-error", "--quiet", "--set", "output.every=1",
+                                     "--output", name)
+                self.wait_for(self.has_rows(name, 2), process)
+                os.truncate(self.folder / name, length)
+                out, err = self.end(process, 1)
+                self.assertIn("output_failed", err)
+                self.assertIn("has cut or overwritten the file while the run wrote it", err)
+                self.assertIn("is saved: tandem run", err)
+                self.assertNotIn("resume", out + err)
+                # It is not made to look whole again.
+                with self.assertRaises(OSError):
+                    h5py.File(self.folder / name)
+
+    def test_a_signal_is_heard(self):
+        process = self.start("rolling_disk", "--set", "time.end=20000", "--no-error", "--quiet", "--set", "output.flush=1000",
+                             "--set", "output.every=1000", "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        # Until what belongs to the first row is there.
+        time.sleep(0.3)
+        os.truncate(self.folder / "a.h5", 5000)
+        process.send_signal(signal.SIGTERM)
+        _, err = self.end(process, 128 + signal.SIGTERM)
+        self.assertIn("has cut or overwritten the file", err)
+        self.assertNotIn("tandem resume", err)
+
+    def test_at_the_very_end(self):
+        """No flush comes before the report."""
+        process = self.start("rolling_disk", "--set", "time.end=100", "--no-error", "--quiet", "--set", "output.flush=1000", "--set",
+                             "output.every=1000", "--output", "a.h5")
+        self.wait_for(self.has_rows("a.h5"), process)
+        time.sleep(0.1)
+        os.truncate(self.folder / "a.h5", 0)
+        out, err = self.end(process, 1)
+        self.assertIn("has cut or overwritten the file", err)
+        self.assertIn("INCOMPLETE", out)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
