@@ -35,7 +35,7 @@ import mutations
 import scenes
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-SECONDS = 10.0
+SECONDS = 60.0
 MEMORY = 1 << 30
 
 
