@@ -8,6 +8,7 @@ module tandem_app_check
     use tandem_app_moves, only: moves_text
     use tandem_app_report, only: print_warnings
     use tandem_io, only: brief, find_scene, read_scene, scene_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -62,7 +63,7 @@ contains
     subroutine print_findings(scene, findings)
         type(scene_type), intent(in) :: scene
         type(finding_type), intent(in) :: findings(:)
-        character(len=:), allocatable :: place
+        character(len=:), allocatable :: place, verdict
         integer :: i
 
         call say('procedures against differences at '//to_text(n_states)//' random states:')
@@ -79,9 +80,10 @@ contains
                 place = 'row '//to_text(finding%row)
                 if (finding%column > 0) place = place//', column '//to_text(finding%column)// &
                     ' ('//scene%model%coordinate_label(finding%column)//')'
-                call say(padded('  '//trim(finding%name), name_width)//'WRONG by '//brief(finding%error)// &
-                    ' of its largest entry: '//place//' is '//to_text(finding%value)//', differences give '// &
-                    to_text(finding%expected))
+                verdict = 'FAILED: no number: '
+                if (ieee_is_finite(finding%error)) verdict = 'WRONG by '//brief(finding%error)//' of its largest entry: '
+                call say(padded('  '//trim(finding%name), name_width)//verdict//place//' is '//to_text(finding%value)// &
+                    ', differences give '//to_text(finding%expected))
             end associate
         end do
     end subroutine print_findings

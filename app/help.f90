@@ -32,7 +32,8 @@ module tandem_app_help
         'looked for in the folder that TANDEM_SCENES names, in ./scenes, and in the checkout.', &
         '', &
         'Options of run, show, check and study precision:', &
-        '  --set table.key=value   override a key of the scene, as often as you like', &
+        '  --set table.key=value   override a key of the scene, as often as you like; of events, event.NUMBER.key=value,', &
+        '                          or all of them anew, event=[{name="low", watch="rz", value=0.5}]', &
         'Options of run, show and study:', &
         '  --output FILE           the result file, as --set output.file=FILE; a study: its folder (study)', &
         'Options of resume:', &
@@ -91,7 +92,7 @@ contains
             code = input_wrong
             return
         end if
-        guess = nearest_name(command, commands)
+        guess = nearest_name(command, [character(len=len(commands)) :: commands, '--help', '--version'])
         if (guess /= '') guess = ' Did you mean "'//guess//'"?'
         call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
         code = input_wrong

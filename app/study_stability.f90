@@ -6,7 +6,7 @@ module tandem_app_study_stability
     use tandem_app_help, only: help
     use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
     use tandem_app_study_progress, only: study_progress_type
-    use tandem_io, only: brief, case_names, nearest_name, select_cases, stability_columns, stability_type
+    use tandem_io, only: brief, case_groups, case_names, listed, nearest_name, select_cases, stability_columns, stability_type
     implicit none (type, external)
     private
 
@@ -53,8 +53,9 @@ contains
         if (allocated(unknown)) then
             allocate (error)
             error%message = 'there is no case "'//unknown//'"'
-            unknown = nearest_name(unknown, case_names)
+            unknown = nearest_name(unknown, [case_names, case_groups])
             if (unknown /= '') error%message = error%message//'; did you mean "'//unknown//'"?'
+            error%message = error%message//new_line('a')//'The cases, after the names of their groups:'//all_cases()
             return
         end if
         progress%quiet = arguments%quiet
@@ -80,6 +81,18 @@ contains
         call print_matrix(stability)
         code = merge(run_failed, done, stability%count_of('wrong') > 0)
     end subroutine study
+
+    !> A line a group: its name, and those of its cases.
+    function all_cases() result(text)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ''
+        do i = 1, size(case_groups)
+            if (any(case_groups(:i - 1) == case_groups(i))) cycle
+            text = text//new_line('a')//'  '//trim(case_groups(i))//': '//listed(pack(case_names, case_groups == case_groups(i)))
+        end do
+    end function all_cases
 
     !> The last row in words, for the progress.
     function row_text(stability, total) result(text)

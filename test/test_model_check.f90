@@ -201,6 +201,9 @@ contains
         model%holonomic_name = one
         model%nonholonomic_name = two
         call check_refused(model, 'nonholonomic_name has 2 entries instead of 1', error)
+        model%nonholonomic_name = one
+        model%multiplier_unit = one
+        call check_refused(model, 'multiplier_unit has 1 entries instead of 2', error)
     end subroutine test_names
 
     subroutine test_scale_size(error)

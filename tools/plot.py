@@ -13,7 +13,8 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py build/bench/chain.h5 picture.png  time of a step against the size of a system
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
 
-PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib: tools/setup.sh plot brings them.
+PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib, which `tools/setup.sh plot` brings into .venv: then call it by
+.venv/bin/python tools/plot.py.
 """
 
 import argparse
@@ -21,8 +22,14 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from plots import animation, motion, performance, precision, stability  # noqa: E402
-from plots.files import kind_of, read_result  # noqa: E402
+try:
+    from plots import animation, motion, performance, precision, stability
+    from plots.files import kind_of, read_result
+except ModuleNotFoundError as missing:
+    print(f"plot.py: there is no package {missing.name} for {sys.executable}\n"
+          "Call tools/setup.sh plot once, which brings all that is needed into .venv, and then .venv/bin/python tools/plot.py ...",
+          file=sys.stderr)
+    sys.exit(2)
 
 
 def main():

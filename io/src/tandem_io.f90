@@ -11,8 +11,8 @@ module tandem_io
     use tandem_io_scene, only: read_scene, scene_type
     use tandem_io_scene_registry, only: model_names
     use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
-    use tandem_io_scene_text, only: nearest_name, to_toml
-    use tandem_io_study_cases, only: case_names
+    use tandem_io_scene_text, only: listed, nearest_name, to_toml
+    use tandem_io_study_cases, only: case_groups, case_names
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_measure, only: make_reference, settle_scene
     use tandem_io_study_paper, only: paper_columns, paper_type
@@ -24,7 +24,7 @@ module tandem_io
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, nearest_name, to_toml
+    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, listed, nearest_name, to_toml
     public :: snapshot_type, read_snapshot
     public :: finding_type, verify_result
     public :: is_same_file
@@ -33,6 +33,6 @@ module tandem_io
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
         write_reference
-    public :: stability_type, stability_columns, select_cases, case_names
+    public :: stability_type, stability_columns, select_cases, case_groups, case_names
     public :: tandem_version, format_version
 end module tandem_io

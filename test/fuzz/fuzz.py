@@ -195,6 +195,7 @@ def main():
     parser.add_argument("program", nargs="+", help="tandem-fuzz")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=12000)
+    parser.add_argument("--kind", help="inputs of this kind alone")
     parser.add_argument("--again", type=Path, help="a folder of inputs that were kept")
     options = parser.parse_args()
 
@@ -205,7 +206,7 @@ def main():
     else:
         folder = ROOT / "build" / "fuzz"
         shutil.rmtree(folder, ignore_errors=True)
-        cases = mutations.cases(scenes.all_scenes(ROOT / "scenes"), random.Random(options.seed), options.count)
+        cases = mutations.cases(scenes.all_scenes(ROOT / "scenes"), random.Random(options.seed), options.count, options.kind)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     found, verdicts, slowest = run(program, cases, folder)
     for kind in sorted(found):

@@ -139,8 +139,9 @@ def setting(word):
     document, why = parsed(word)
     value = word.split("=", 1)[1].strip(" ")
     if document is None and value[:1] not in ("'", '"', "[", "{"):
-        table, key = word.split("=", 1)[0].split(".", 1)
-        return {table: {key: value}}, None
+        for key in reversed(word.split("=", 1)[0].split(".")):
+            value = {key: value}
+        return value, None
     return document, why
 
 
@@ -168,13 +169,20 @@ def wrong_scene(case, text):
 
 def wrong_values(document, settings, shown):
     """Whether the complete scene says what file and settings say."""
-    given = {}
+    given, events = {}, []
     for source in [document, *settings]:
         for table, content in source.items():
             if table not in [*SINGLE, "event"]:
                 return f"{table!r} was accepted, and is no table of a scene"
             if table != "event":
                 given.setdefault(table, {}).update(content)
+            elif isinstance(content, list):
+                events = [dict(event) for event in content]
+            else:
+                for number, event in content.items():
+                    if not 1 <= int(number) <= len(events) + 1:
+                        return f"a key of event {number} was accepted, and there are {len(events)}"
+                    events[int(number) - 1 : int(number)] = [(events[int(number) - 1 : int(number)] or [{}])[0] | event]
     for table, content in given.items():
         for key, value in content.items():
             if key not in shown[table]:
@@ -183,7 +191,7 @@ def wrong_values(document, settings, shown):
                 return f"{key!r} in [{table}] was accepted, and left out"
             if not same(value, shown[table][key]):
                 return f"{key} in [{table}] is {value!r}, and was taken for {shown[table][key]!r}"
-    events, told = document.get("event", []), shown.get("event", [])
+    told = shown.get("event", [])
     if len(events) != len(told):
         return f"{len(events)} events were taken for {len(told)}"
     for event, other in zip(events, told):

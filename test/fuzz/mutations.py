@@ -406,6 +406,56 @@ def huge(random, texts):
     return "\n".join(line for i, line in enumerate(lines) if i == own[0] + 1 or not line.startswith(f"{key} ="))
 
 
+# --- texts from a grammar ---------------------------------------------------------------------------------------------
+
+# Few names, so that they meet.
+NAMES = ["a", "b", "solver", "step", "model", "event", "name", '"a"', "'a'", '"a.b"', "1", "''"]
+
+
+def a_path(random):
+    """A key of one or several names."""
+    dot = random.choice([".", ".", " . ", "\t.", ". "])
+    return dot.join(random.choices(NAMES, k=random.choice([1, 1, 1, 2, 2, 3, 5])))
+
+
+def a_value(random, broken, depth=0):
+    """A number, a text, an array that may go over several lines, an inline table."""
+    what = random.randrange(10) if depth < 4 else 0
+    if what < 5:
+        return random.choice(["1", "0.5", "true", '"rk4"', "'x'", "1979-05-27", '"""\n[a.b]\n"""', "'''[[a]]'''",
+                              any_value(random) if broken else "-2e3"])
+    if what < 8:
+        items = [a_value(random, broken, depth + 1) for _ in range(random.choice([0, 1, 1, 2, 3]))]
+        comma = random.choice([", ", ",", " ,\n", ", # [a.b]\n"])
+        last = random.choice(["]", " ]", "\n]", ",]", ",\n\n]"]) if items or broken else "]"
+        return random.choice(["[", "[ ", "[\n"]) + comma.join(items) + last
+    pairs_of = [f"{a_path(random)} = {a_value(random, broken, depth + 1)}" for _ in range(random.choice([0, 1, 1, 2, 3]))]
+    first, last = (random.choice(["{", "{\n"]), random.choice(["}", ", }"])) if broken else ("{ ", " }")
+    return first + ", ".join(pairs_of) + last
+
+
+def a_heading(random, broken):
+    opened, shut = random.choice([("[", "]"), ("[[", "]]"), ("[ ", " ]"), ("[[ ", " ]]")])
+    if broken and random.random() < 0.1:
+        opened, shut = random.choice([("[", "]]"), ("[[", "]"), ("[", "")])
+    end = random.choice([" x = 1", ".b", "]"]) if broken and random.random() < 0.1 else random.choice(["", "", " # [a.b]"])
+    return random.choice(["", "", " ", "\t"]) + opened + a_path(random) + shut + end
+
+
+def grammatical(random, texts):
+    """Tables, arrays of tables, dotted keys, arrays and inline tables that extend, repeat and contradict each other."""
+    lines = []
+    broken = random.random() < 0.3
+    for _ in range(random.choice([1, 2, 2, 3, 5, 10, 30])):
+        if random.random() < 0.45:
+            lines.append(a_heading(random, broken))
+        else:
+            lines.append(f"{a_path(random)} = {a_value(random, broken)}" + random.choice(["", "", " # why", " x" if broken else ""]))
+    if random.random() < 0.3:
+        lines.insert(random.randrange(len(lines) + 1), random.choice(texts))
+    return random.choice(["\n", "\n", "\n\n", "\r\n"]).join(lines) + random.choice(["", "\n"])
+
+
 # --- right, though unusual --------------------------------------------------------------------------------------------
 
 
@@ -498,6 +548,7 @@ KINDS = [
     ("line ends", 2, line_ends_changed),
     ("characters", 5, characters_put_in),
     ("garbage", 3, garbage),
+    ("grammar", 20, grammatical),
     ("nested", 1.5, nested),
     ("huge", 1.0, huge),
     ("same line ends", 1, same_line_ends),
@@ -515,14 +566,35 @@ SETTINGS_SHARE = 0.14
 # --- settings of the command line -------------------------------------------------------------------------------------
 
 
+def an_event(random):
+    """Events as settings give them: one by its number, all of them, and nearly so."""
+    keys = {"name": ['"a"', "b", '""', "1"], "watch": ["rz", '"qd:rz"', "x1", "'lambda:contact height'", "no"],
+            "value": ["0.5", "1e300", "nan", "x"], "direction": ["rising", '"both"', "up"], "action": ["stop", "explode"], "x": ["1"]}
+    if random.random() < 0.6:
+        key = random.choice(list(keys))
+        number = random.choice("1 1 1 2 3 0 -1 01 1.5 x 99999999999999999999".split())
+        return f"event.{number}.{key}={random.choice(keys[key])}"
+    tables = []
+    for _ in range(random.choice([0, 1, 1, 2, 5])):
+        some = random.sample(list(keys), random.choice([0, 2, 3])) if random.random() < 0.3 else ["name", "watch", "value"]
+        tables.append("{" + ", ".join(f"{key} = {random.choice(keys[key])}" for key in some) + "}")
+    if random.random() < 0.7:
+        tables = [re.sub(r"(name|watch) = (\w+)([,}])", r'\1 = "\2"\3', table) for table in tables]
+    return f"event{random.choice(['', '', '.1', ' '])}=[{', '.join(tables)}]"
+
+
 def a_setting(random, texts):
     table, key = random.choice(keys_of(texts))
     value = any_value(random)
     if random.random() < 0.3:
         value = random.choice('1.0 1e-3 10 dopri5 "dopri5" sdirk54 adaptive abc disk_2 [1,2,3] true'.split())
     word = f"{table}.{key}={value}"
-    what = random.randrange(20)
-    if what == 0:
+    what = random.randrange(26)
+    if what > 23:
+        word = f"{random.choice(TABLES)}={a_value(random, True)}"
+    elif what > 19:
+        word = an_event(random)
+    elif what == 0:
         word = random.choice("= . .= a.b a=1 solver.step solver.=1 .step=1 solver.step==1 --set a.b.c=1".split())
     elif what == 1:
         at = random.randrange(len(word) + 1)
@@ -538,14 +610,14 @@ def a_setting(random, texts):
     return word.replace("\n", " ").replace("\r", " ").replace("\0", " ")
 
 
-def cases(texts, random, count):
-    """(number, case) so many times; the scenes themselves first."""
+def cases(texts, random, count, only=None):
+    """(number, case) so many times, of one kind where it is given; the scenes themselves first."""
     for number, text in enumerate(texts, 1):
         yield number, Case("same scene", text.encode())
-    shares = [share for _, share, _ in KINDS]
-    shares.append(sum(shares) * SETTINGS_SHARE)
+    kinds = [*KINDS, ("settings", sum(share for _, share, _ in KINDS) * SETTINGS_SHARE, None)]
+    shares = [share * (only in (None, kind)) for kind, share, _ in kinds]
     for number in range(len(texts) + 1, count + 1):
-        kind, _, change = random.choices([*KINDS, ("settings", 0, None)], shares)[0]
+        kind, _, change = random.choices(kinds, shares)[0]
         if change:
             text = change(random, texts)
             yield number, Case(kind, text if isinstance(text, bytes) else text.encode("utf-8", "surrogateescape"))

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 import unittest
 from pathlib import Path
 
@@ -138,6 +139,15 @@ class Check(Case):
         self.assertIn("needs a SCENE", self.tandem("check", code=2).stderr)
 
 
+    def test_procedures_that_give_no_numbers(self):
+        """The steering turns so fast that its square overflows."""
+        for frequency in "1e200", "1e300":
+            done = self.tandem("check", "motorcycle", "--set", f"model.frequency={frequency}", code=2)
+            self.assertIn("not_finite", done.stderr)
+            self.assertRegex(done.stdout, r"constraint_acceleration +FAILED: no number: row 1 is NaN")
+            self.assertNotIn("by NaN", done.stdout)
+
+
 class ResultFile(Case):
     def result(self, *arguments, scene="rolling_disk"):
         self.tandem("run", scene, "--output", "result.h5", "--force", *arguments)
@@ -162,7 +172,7 @@ class ResultFile(Case):
             time = file["trajectory/time"]
             np.testing.assert_allclose(time, 0.01 * np.arange(11), rtol=0, atol=1e-15)
             names = [*file["trajectory"], *file["diagnostics"]]
-            self.assertEqual(sorted(names), sorted(["time", *DEFAULT]))
+            self.assertEqual(sorted(names), sorted(["time", "coordinate", "time", *DEFAULT]))
             for name in "q", "qd", "qdd":
                 self.assertEqual(file["trajectory"][name].shape, (11, 9))
                 self.assertEqual(file["trajectory"][name].dtype, np.float64)
@@ -197,6 +207,14 @@ class ResultFile(Case):
             self.assertEqual(len(set(rows)), 6)
             self.assertEqual(file["trajectory/time"].attrs["unit"], "s")
 
+    def test_multipliers_have_units(self):
+        """Work over the unit of the row: rows of a length N, of a square of a length N/m, the norm of Euler parameters J."""
+        for scene, units in {"rolling_disk": "N N J N/m N N", "articulated_vehicle": "N N N N N",
+                             "motorcycle": "N N N N J N/m N N/m"}.items():
+            self.tandem("run", scene, "--set", "time.end=0.01", "--set", 'output.fields=["lambda"]', "--output", "result.h5", "--force")
+            with h5py.File(self.folder / "result.h5") as file:
+                self.assertEqual(list(file["trajectory/lambda"].attrs["units"]), units.split())
+
     def test_time_is_the_dimension_scale_of_the_others(self):
         with self.result(*SHORT, "--set", 'output.fields=["q", "lambda", "kinetic_energy", "chart"]') as file:
             time = file["trajectory/time"]
@@ -206,6 +224,29 @@ class ResultFile(Case):
                 self.assertEqual(scale.keys(), ["time"])
                 np.testing.assert_array_equal(scale[0], time)
                 self.assertEqual(len(time), len(file[path]))
+
+    def test_every_dimension_has_a_scale_in_its_group(self):
+        """So that readers of netCDF take the file: xarray refuses data of which some dimensions have scales and others none, and
+        looks for a scale in the group of the data alone."""
+        event = 'event=[{name="a", watch="ry", value=0.05}]'
+        fields = 'output.fields=["q", "qd", "qdd", "lambda", "kinetic_energy", "chart"]'
+        with self.result(*SHORT, "--set", fields, "--set", event) as file:
+            seen = set()
+            for group in "trajectory", "diagnostics", "events":
+                for name, data in file[group].items():
+                    if data.is_scale:
+                        continue
+                    for axis, dimension in enumerate(data.dims):
+                        self.assertEqual(len(dimension), 1, f"{group}/{name}, dimension {axis}")
+                        scale = dimension[0]
+                        label = scale.name.rsplit("/", 1)[1]
+                        self.assertEqual(file[group][label], scale, f"{group}/{name}, dimension {axis}")
+                        self.assertEqual(scale.shape, (data.shape[axis],))
+                        seen.add(label)
+            self.assertEqual(seen, {"time", "coordinate", "constraint"})
+            for path, scale in {"q": "coordinate", "qdd": "coordinate", "lambda": "constraint"}.items():
+                names = file["trajectory"][scale].asstr()[:]
+                self.assertEqual(list(names), list(file["trajectory"][path].attrs["names"]))
 
     def test_attributes_of_the_root(self):
         with self.result(*SHORT) as file:
@@ -237,7 +278,7 @@ class ResultFile(Case):
     def test_only_what_is_asked_for(self):
         with self.result(*SHORT, "--set", 'output.fields=["potential_energy"]', "--set", "output.every=10") as file:
             self.assertEqual(list(file["trajectory"]), ["time"])
-            self.assertEqual(list(file["diagnostics"]), ["potential_energy"])
+            self.assertEqual(list(file["diagnostics"]), ["potential_energy", "time"])
             report = file["report"].attrs
             self.assertEqual((report["potential_energies"], report["kinetic_energies"], report["multipliers"]), (11, 0, 0))
         with self.result(*SHORT, "--set", "output.fields=[]") as file:
@@ -339,7 +380,7 @@ action = "stop"
                               solver='stepper = "dop853"\nrtol = 1e-10')
         done = self.tandem("run", name, "--output", "result.h5")
         with h5py.File(self.folder / "result.h5") as file:
-            self.assertEqual(sorted(file["events"]), ["direction", "name", "number", "q", "qd", "time"])
+            self.assertEqual(sorted(file["events"]), ["coordinate", "direction", "name", "number", "q", "qd", "time"])
             time, q, qd = (file["trajectory/" + field][:] for field in ("time", "q", "qd"))
             events = file["events"]
             names = [name.decode() for name in events["name"][:]]
@@ -418,7 +459,35 @@ action = "stop"
             with self.subTest(lines):
                 self.refused("run", self.disk_with("[[event]]\n" + lines), says=says)
         self.refused("run", self.disk_with("[event]\n" + good), says="write [[event]] on a line of its own")
-        self.refused("run", self.disk_with("[[event]]\n" + good), "--set", "event.value=3", says="--set cannot change [[event]]")
+
+    def test_settings_give_events(self):
+        name = self.disk_with('[[event]]\nname = "a"\nwatch = "rx"\nvalue = 3.0\n')
+
+        def told(*settings):
+            words = [word for setting in settings for word in ("--set", setting)]
+            shown = tomllib.loads(self.tandem("show", name, *words).stdout).get("event", [])
+            return [(event["name"], event["watch"], event["value"]) for event in shown]
+
+        self.assertEqual(told(), [("a", "rx", 3.0)])
+        self.assertEqual(told("event.1.value=4", "event.1.watch=ry"), [("a", "ry", 4.0)])
+        self.assertEqual(told("event.2.name=b", "event.2.watch=rz"), [("a", "rx", 3.0), ("b", "rz", 0.0)])
+        self.assertEqual(told('event=[{name="c", watch="rz", value=0.5}, {name="d", watch="qd:rz"}]', "event.2.value=1"),
+                         [("c", "rz", 0.5), ("d", "qd:rz", 1.0)])
+        self.assertEqual(told("event.1.value=4", "event=[]"), [])
+        self.assertEqual(told("event=[]", 'event.1={name="e", watch="rx"}'), [("e", "rx", 0.0)])
+        for setting, says in {
+            "event.value=3": ["there are 1", "event.NUMBER.key=value, with a number from 1 to 2"],
+            "event.3.name=b": "a number from 1 to 2", "event.0.name=b": "a number from 1 to 2", "event.01.name=b": "1 to 2",
+            "event.1=3": "event.NUMBER.key=value", "event=[1]": "write event=[{...}, ...]", "event={name=1}": "must be table.key=value",
+            'event=[{watch="rz"}]': "the key name is missing in [[event]] of --set",
+            "event.2.name=b": "the key watch is missing in [[event]] of --set", "event.1.wath=rz": ['unknown key "wath"', "--set"],
+            'event=[{name="a", watch="rq"}]': ["names no coordinate", "--set:1:25"],
+        }.items():
+            with self.subTest(setting):
+                self.refused("run", name, "--set", setting, says=says)
+        self.tandem("run", "rolling_disk", *SHORT, "--set", 'event=[{name="a", watch="ry", value=0.05}]', "--output", "result.h5")
+        with h5py.File(self.folder / "result.h5") as file:
+            self.assertEqual(list(file["events/name"][:]), [b"a"])
 
 
 class Outcome(Case):
@@ -593,6 +662,12 @@ class Target(Case):
         for name in ("pipe", "/dev/null", "/dev/stdin"):
             self.refused("run", "rolling_disk", *SHORT, "--output", name, "--force", input="", says=[f"cannot write {name}", "a pipe or a device"])
 
+    def test_standard_output(self):
+        for words in ["--output", "-"], ["--set", "output.file=-"]:
+            self.refused("run", "rolling_disk", *SHORT, *words, "--force", says=["cannot write to standard output", "./-"])
+        self.refused("study", "precision", "rolling_disk", "--output", "-", says=["standard output", "./-"])
+        self.tandem("run", "rolling_disk", *SHORT, "--output", "./-")
+
     def test_no_such_folder(self):
         self.refused("run", "rolling_disk", "--output", "no/such/a.h5", says="there is no folder no/such/")
 
@@ -766,6 +841,21 @@ class SceneErrors(Case):
                 (self.folder / "scene.toml").write_bytes(head + more + b"\n")
                 self.refused("show", "scene.toml", says=["scene.toml", says])
 
+    def test_tables_within_tables(self):
+        """No scene has any, and the parser would follow such a heading into what is no table."""
+        for text, place in {
+            "a = [1]\n[a.b]\n": "2:3", "a = [1]\n[[a.b]]\n": "2:4", "a=[{}]\n[a.b]\n": "2:3", "a=[{}]\n[[a.b]]": "2:4",
+            "solver=[1]\n[[solver.step]]\n": "2:9", "a=1\n[a.b.c]\n": "2:3", "a={b=[1]}\n[a.b.c]": "2:3",
+            "[[a]]\n[[a.b]]\n[[a.b.c]]": "2:4", '["a"\t.\t"b"]': "1:6", "[solver]\nx = [\n[1],\n{y=[[2]]}]\n [ model . mass ] # why": "5:10",
+        }.items():
+            with self.subTest(text):
+                self.scene(text)
+                self.refused("show", "scene.toml", says=["a scene has no tables within tables", f"scene.toml:{place}\n"])
+        # Dots elsewhere are no headings.
+        head = 'model.mass = 7.0\nmodel.inertia = [\n1.0,\n# [a.b]\n2.0, 3.0]\n'
+        text = head + '["scene"]\nmodel = "rolling_disk"\ndescription = \'\'\'\n[a.b]\'\'\'\n[time]\nend = 1.0 # [a.b]\n'
+        self.assertIn("mass = 7.0", self.tandem("show", self.scene(text)).stdout)
+
     def test_characters_of_any_script(self):
         text = "é \u07ff \u0800 \ud7ff \uffff \U00010000 \U0010ffff"
         shown = self.tandem("show", self.disk(scene=f'model = "rolling_disk"\ndescription = "{text}"')).stdout
@@ -896,6 +986,8 @@ class CommandLine(Case):
 
     def test_words_that_do_not_exist(self):
         self.refused("runn", "rolling_disk", says=['no subcommand "runn"', 'Did you mean "run"?'])
+        self.refused("--verison", says=['no subcommand "--verison"', 'Did you mean "--version"?'])
+        self.refused("--hlep", says='Did you mean "--help"?')
         self.refused("run", "rolling_disk", "--quite", says=["no option --quite", "did you mean --quiet?"])
         self.refused("show", "rolling_disk", "--quiet", says="no option --quiet")
         self.refused("list", "rolling_disk", says="does not know what to do")

@@ -306,9 +306,26 @@ class Stability(Case):
 
     def test_usage(self):
         self.study("stability", "egde", code=2, says='"edge"')
+        # The cases that there are, in their groups, as in the help.
+        told = self.study("stability", "foo", code=2, says='there is no case "foo"').stderr
+        for line in r"  stiff: \w+, ", r"  disk: .*\bedge\b", "  million: milliondisk, millionvehicle$":
+            self.assertRegex(told, "(?m)^" + line)
+        self.study("stability", "paralel", code=2, says='did you mean "parallel"?')
         self.study("stability", "--set", "a=1", code=2, says="no option")
         self.assertIn("study stability", self.study("stability", "--help").stdout)
         self.assertEqual(list(self.folder.iterdir()), [])
+
+
+class PicturesWithoutPackages(Case):
+    def test_what_to_do_is_said(self):
+        # -I and -S leave out all packages but those of Python itself.
+        done = subprocess.run([sys.executable, "-I", "-S", ROOT / "tools/plot.py", "a.h5", "a.png"], cwd=self.folder,
+                              capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 2)
+        self.assertNotIn("Traceback", done.stderr)
+        self.assertRegex(done.stderr, r"^plot\.py: there is no package (numpy|h5py|matplotlib) for ")
+        self.assertIn("tools/setup.sh plot", done.stderr)
+        self.assertIn(".venv/bin/python", done.stderr)
 
 
 @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "needs matplotlib: tools/setup.sh plot")

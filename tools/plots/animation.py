@@ -3,6 +3,7 @@
 
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.transforms import Bbox
 
 from .files import read_result
 from .style import BLUE, GREY, ORANGE, plt
@@ -23,14 +24,33 @@ def at_frames(result, t_end=None):
     return np.searchsorted(result.time, times - 1e-9).clip(0, len(result.time) - 1)
 
 
-def space(figure, limits, zoom):
+def space(figure, limits):
     axes = figure.add_subplot(projection="3d", proj_type="persp")
-    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x [m]", ylabel="y [m]", zlabel="")
-    axes.set_box_aspect([np.ptp(limit) for limit in limits], zoom=zoom)
+    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set_box_aspect([np.ptp(limit) for limit in limits])
     for axis in axes.xaxis, axes.yaxis, axes.zaxis:
         axis.pane.set_visible(False)
     axes.tick_params(labelsize=7)
+    axes.zaxis.labelpad = -6
     return axes
+
+
+def fit(figure, show, rows):
+    """Axes in space as large as they can be with all their labels in the picture, at the first, a middle and the last frame."""
+    axes, = figure.axes
+    aspect = np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()), np.ptp(axes.get_zlim())])
+    for zoom in np.arange(1.25, 0.4, -0.05):
+        axes.set_box_aspect(aspect, zoom=zoom)
+        boxes = []
+        for row in rows[[0, len(rows) // 2, -1]]:
+            show(row)
+            figure.canvas.draw()
+            boxes.append(axes.get_tightbbox())
+        box = Bbox.union(boxes).transformed(figure.transFigure.inverted())
+        if max(box.width, box.height) <= 0.98:
+            break
+    place = axes.get_position(original=True)
+    axes.set_position([place.x0 + 0.5 - (box.x0 + box.x1) / 2, place.y0 + 0.5 - (box.y0 + box.y1) / 2, place.width, place.height])
 
 
 def circle(n=41):
@@ -46,9 +66,8 @@ def draw_disk(result, picture):
     low, high = r[: rows[-1]].min(axis=0), r[: rows[-1]].max(axis=0)
     limits = [(low[0] - 1.2, high[0] + 1.2), (low[1] - 1.2, high[1] + 1.2), (0, 2.1)]
     figure = plt.figure(figsize=(4.8, 3.0))
-    axes = space(figure, limits, 1.0)
+    axes = space(figure, limits)
     axes.view_init(elev=28, azim=-20)
-    axes.set_position([-0.05, -0.12, 1.1, 1.25])
     axes.set_zticks([0, 1, 2])
     axes.tick_params(axis="z", labelsize=7)
     track, = axes.plot([], [], [], color=ORANGE, linewidth=1)
@@ -65,6 +84,7 @@ def draw_disk(result, picture):
         track.set_data_3d(*contact[: row + 1].T)
         clock.set_text(f"t = {result.time[row]:4.1f} s")
 
+    fit(figure, show, rows)
     animate(figure, show, rows, picture)
 
 
@@ -107,9 +127,8 @@ def draw_motorcycle(result, picture):
     rows = at_frames(result)
     figure = plt.figure(figsize=(4.8, 3.2))
     # Along the road the picture follows; across it stands still, so that the lane change shows.
-    axes = space(figure, [(min(0, r[:, 0].min()) - 1, max(0, r[:, 0].max()) + 1), (-1.6, 1.6), (0, 1.3)], 1.12)
+    axes = space(figure, [(min(0, r[:, 0].min()) - 1, max(0, r[:, 0].max()) + 1), (-1.6, 1.6), (0, 1.3)])
     axes.view_init(elev=24, azim=-62)
-    axes.set_position([-0.05, -0.16, 1.1, 1.3])
     axes.set_zticks([0, 1])
     frame, = axes.plot([], [], [], color=BLUE, linewidth=2)
     fork, = axes.plot([], [], [], color=ORANGE, linewidth=2)
@@ -135,6 +154,7 @@ def draw_motorcycle(result, picture):
         axes.set(ylim=(centre[1] - 1.6, centre[1] + 1.6))
         clock.set_text(f"t = {result.time[row]:4.1f} s")
 
+    fit(figure, show, rows)
     animate(figure, show, rows, picture)
 
 

@@ -63,7 +63,7 @@ def draw_errors(axes, result, span):
     if tolerance:
         axes.axhline(tolerance, color=RED, linewidth=1, linestyle="--")
         axes.text(span[1], tolerance, "tolerance", color=RED, ha="right", va="bottom", fontsize=8)
-    axes.set(xlabel="time [s]", ylabel="part of the natural scale", title="constraint errors", xlim=span)
+    axes.set(xlabel="time [s]", ylabel="part of the natural scale [1]", title="constraint errors", xlim=span)
     low, _ = axes.get_ylim()
     axes.set_ylim(max(low, 1e-18), (tolerance or 1e-12) * 30)
     axes.legend(loc="upper center", ncols=3, fontsize=8, columnspacing=1, handlelength=1.2)
@@ -75,7 +75,7 @@ def draw_energy(axes, result, span):
         return missing(axes, "energies")
     axes.plot(result.time, (energy - energy[0]) / energy[0], color=BLUE, linewidth=0.9)
     axes.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
-    axes.set(xlabel="time [s]", ylabel="(E - E(0)) / E(0)", title=f"change of the energy, {energy[0]:.6g} J at the start", xlim=span)
+    axes.set(xlabel="time [s]", ylabel="(E - E(0)) / E(0) [1]", title=f"change of the energy, {energy[0]:.6g} J at the start", xlim=span)
 
 
 def draw_steps(axes, result, span):

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from .files import read_study
+from .precision import ERROR
 from .style import GREY, RED, STEPPERS, plt, save
 from .tables import brief, head, row
 
@@ -42,7 +43,7 @@ def draw(paths, picture):
     for axes in grid[-1]:
         axes.set_xlabel("run time [s]")
     for axes in grid[:, 0]:
-        axes.set_ylabel("error at t = 10 s")
+        axes.set_ylabel(f"{ERROR}\nat t = 10 s")
     spare = list(grid.flat[len(scenes):])
     for axes in spare:
         axes.set_visible(False)

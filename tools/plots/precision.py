@@ -7,7 +7,8 @@ from matplotlib.lines import Line2D
 from .files import read_study
 from .style import GREY, STEPPERS, plt, save
 
-ERROR = "largest error of a coordinate"
+# The coordinates of a scene have several units; the largest error is one of them in its own.
+ERROR = "largest error of a coordinate [m, rad or 1]"
 
 
 def setting(study, row):

@@ -10,7 +10,8 @@ from .style import STEPPERS, plt, save
 # A colour and a letter a verdict, light enough for black letters, dark enough to tell apart in grey.
 VERDICTS = {"held": ("#9BD8C4", "h"), "degraded": ("#F6D27A", "d"), "refused": ("#D9D9D9", "r"), "failed": ("#B5B5B5", "f"),
             "wrong": ("#E2622F", "W")}
-MEANINGS = {"held": "held: the error is within what is allowed", "degraded": "degraded: it is not, and a warning says so",
+MEANINGS = {"held": "held: the error, a part of s + |y|, is within what is allowed",
+            "degraded": "degraded: it is not, and a warning says so",
             "refused": "refused at the start", "failed": "failed, with a status", "wrong": "wrong: it is not, and nobody is warned"}
 # Long names of statuses, as a cell shows them.
 SHORT = {"position_diverged": "pos. diverged", "work_limit": "work limit", "singular_mass": "singular M", "newton_failed": "Newton failed",

@@ -95,6 +95,9 @@ contains
         if (allocated(model%nonholonomic_name)) then
             call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
         end if
+        if (allocated(model%multiplier_unit)) then
+            call check_length('multiplier_unit', size(model%multiplier_unit), model%n_constraints())
+        end if
         if (allocated(model%coordinate_scale)) then
             call check_length('coordinate_scale', size(model%coordinate_scale), model%n)
             if (allocated(error)) return

@@ -46,6 +46,8 @@ module tandem_model
         real(wp), allocatable :: coordinate_scale(:)
         !> Names of the constraint rows (nh) and (nd); defaults holonomic 1, ..., nonholonomic 1, ...
         character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
+        !> Units of the multipliers (nh + nd), for files: J over that of a row of Phi, W over that of a row of E qd.
+        character(len=label_length), allocatable :: multiplier_unit(:)
         !> Ascending times at which a function of time has a kink or a jump: steps end there exactly.
         real(wp), allocatable :: breakpoints(:)
         !> Whether nu jumps at each breakpoint, so that qd must jump with it; default false.

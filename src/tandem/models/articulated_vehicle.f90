@@ -54,6 +54,7 @@ contains
         self%coordinate_unit = [character(len=label_length) :: 'm', 'm', 'rad', 'm', 'm', 'rad']
         self%holonomic_name = [character(len=label_length) :: 'joint x', 'joint y']
         self%nonholonomic_name = [character(len=label_length) :: 'front wheel', 'joint wheel', 'rear wheel']
+        self%multiplier_unit = [character(len=label_length) :: 'N', 'N', 'N', 'N', 'N']
         self%breakpoints = [real(wp) ::]
         if (abs(self%frequency) > 0.0_wp) self%breakpoints = [two_pi/abs(self%frequency)]
         self%evaluate => evaluate

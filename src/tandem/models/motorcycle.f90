@@ -91,6 +91,7 @@ contains
         self%holonomic_name = [character(len=label_length) :: 'right rear wheel height', 'left rear wheel height', &
             'front contact height', 'front contact tangent', 'Euler parameters', 'front contact radius']
         self%nonholonomic_name = [character(len=label_length) :: 'no slip rear', 'no slip front']
+        self%multiplier_unit = [character(len=label_length) :: 'N', 'N', 'N', 'N', 'J', 'N/m', 'N', 'N/m']
         self%breakpoints = [real(wp) ::]
         self%nu_jumps = [logical ::]
         if (abs(self%frequency) > 0.0_wp) then

@@ -47,6 +47,7 @@ contains
         self%holonomic_name = [character(len=label_length) :: 'contact height', 'contact tangent', 'Euler parameters', &
             'contact radius']
         self%nonholonomic_name = [character(len=label_length) :: 'no slip x', 'no slip y']
+        self%multiplier_unit = [character(len=label_length) :: 'N', 'N', 'J', 'N/m', 'N', 'N']
         self%evaluate => evaluate
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives

@@ -60,10 +60,12 @@ contains
         associate (n => size(names))
             call file%add_dataset(place//'/q', n, chunk, .false., self%q, self%time)
             call file%attach(place//'/q', 'meaning', 'coordinates at the event')
+            call file%name_columns(self%q, place//'/q', place//'/coordinate', names)
             call file%attach(place//'/q', 'names', names)
             call file%attach(place//'/q', 'units', q_units)
             call file%add_dataset(place//'/qd', n, chunk, .false., self%qd, self%time)
             call file%attach(place//'/qd', 'meaning', 'velocities at the event, before its action')
+            call file%name_columns(self%qd, place//'/qd', place//'/coordinate', names)
             call file%attach(place//'/qd', 'names', names)
             call file%attach(place//'/qd', 'units', qd_units)
         end associate

@@ -63,6 +63,8 @@ module tandem_io_output_hdf5
         ! Whole datasets.
         generic :: put => put_integers, put_reals, put_strings
         procedure, private :: put_integers, put_reals, put_strings
+        procedure :: name_columns
+        procedure :: link
         procedure :: open_to_read
         procedure :: get
         ! Runs that go on.
@@ -314,6 +316,23 @@ module tandem_io_output_hdf5
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine open_to_read
+
+        !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
+        module subroutine name_columns(self, dataset, path, scale, names)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages, and that of the other.
+            character(len=*), intent(in) :: path, scale
+            character(len=*), intent(in) :: names(:)
+        end subroutine name_columns
+
+        !> Give an object that is there a second path, unless something is there.
+        module subroutine link(self, path, second)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path, second
+        end subroutine link
 
         !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
         module subroutine get(self, path, values)

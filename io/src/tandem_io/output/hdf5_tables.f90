@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Datasets that are there at once, all their values in one call: written for reports, and read.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
-    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, &
+    use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, h5lcreate_hard_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
     use tandem_io_output_hdf5_texts, only: make_text_type, set_letters
     implicit none (type, external)
@@ -67,6 +67,47 @@ contains
         end if
         call h5sclose_f(space, stat)
     end subroutine put_values
+
+    !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
+    module subroutine name_columns(self, dataset, path, scale, names)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path, scale
+        character(len=*), intent(in) :: names(:)
+        integer(hid_t) :: other
+        integer :: stat
+        logical :: exists
+
+        if (allocated(self%problem)) return
+        call h5lexists_f(self%file, scale, exists, stat)
+        call self%note(stat, 'look for '//scale)
+        if (.not. exists) call self%put_strings(scale, names)
+        if (allocated(self%problem)) return
+        call h5dopen_f(self%file, scale, other, stat)
+        call self%note(stat, 'find '//scale)
+        if (stat /= 0) return
+        if (.not. exists) then
+            stat = int(h5ds_set_scale(int(other, c_int64_t), [character(kind=c_char) :: 'n', 'a', 'm', 'e', c_null_char]))
+            call self%note(stat, 'make '//scale)
+        end if
+        stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
+        call self%note(stat, 'attach the names to '//path)
+        call h5dclose_f(other, stat)
+    end subroutine name_columns
+
+    !> Give an object that is there a second path, unless something is there.
+    module subroutine link(self, path, second)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, second
+        integer :: stat
+        logical :: exists
+
+        if (allocated(self%problem)) return
+        call h5lexists_f(self%file, second, exists, stat)
+        if (exists) return
+        call h5lcreate_hard_f(self%file, path, self%file, second, stat)
+        call self%note(stat, 'make '//second)
+    end subroutine link
 
     !> Open a file to read from it.
     module subroutine open_to_read(self, path)

@@ -27,6 +27,9 @@ module tandem_io_output_series
         procedure :: append
     end type series_type
 
+    !> The names of columns, as a dataset that the series of a group share.
+    character(len=10), parameter :: columns(each_coordinate:each_constraint) = ['coordinate', 'constraint']
+
     !> Most rows in a chunk of the file, which is there as a whole for a single row.
     integer, parameter :: longest_chunk = 512
 
@@ -62,14 +65,18 @@ contains
             call file%attach(self%path, 'meaning', 'the time of each row')
         else
             call file%add_dataset(self%path, self%width, min(capacity, longest_chunk), fields(field)%counts, self%dataset, time)
+            ! Readers look for the dimensions of a group in that group.
+            call file%link('/trajectory/time', '/'//trim(fields(field)%group)//'/time')
             call file%attach(self%path, 'meaning', fields(field)%meaning)
             if (fields(field)%width == one) then
                 call file%attach(self%path, 'unit', fields(field)%unit)
                 return
             end if
             call label_columns(model, fields(field), names, units)
+            call file%name_columns(self%dataset, self%path, &
+                '/'//trim(fields(field)%group)//'/'//trim(columns(fields(field)%width)), names)
             call file%attach(self%path, 'names', names)
-            if (fields(field)%width == each_coordinate) call file%attach(self%path, 'units', units)
+            if (size(units) > 0) call file%attach(self%path, 'units', units)
         end if
     end subroutine make
 
@@ -87,7 +94,7 @@ contains
         call self%sum%add(numbers(:size(self%rows, 1)*gathered))
     end subroutine append
 
-    !> Names and units of a field's columns.
+    !> Names and units of a field's columns; no units where the model does not tell them.
     subroutine label_columns(model, field, names, units)
         class(model_type), intent(in) :: model
         type(field_type), intent(in) :: field
@@ -99,7 +106,8 @@ contains
         case (one)
             return
         case (each_constraint)
-            allocate (names(model%n_constraints()))
+            allocate (names(model%n_constraints()), units(0))
+            if (allocated(model%multiplier_unit)) units = model%multiplier_unit
             do i = 1, size(names)
                 names(i) = model%row_name(i)
             end do

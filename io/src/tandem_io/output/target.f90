@@ -31,6 +31,11 @@ contains
         integer :: unit, stat, last
 
         is_new = .false.
+        if (path == '-') then
+            call set_error(error, status_output_failed, 'cannot write to standard output: HDF5 goes back and forth in its file', &
+                'choose a file; one of this name is ./-')
+            return
+        end if
         last = index(path, '/', back=.true.)
         folder = path(:last)
         if (last == 0) folder = './'

@@ -7,9 +7,10 @@ module tandem_io_scene_reader
     use tandem, only: error_type, wp
     use tandem_io_scene_ledger, only: heading, key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
+    use tandem_io_scene_tables, only: count_elements, first_source, table_of
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_scene_values, only: convert, place_of
-    use tomlf, only: len, toml_array, toml_key, toml_table, toml_value
+    use tomlf, only: toml_array, toml_key, toml_table, toml_value
     implicit none (type, external)
     private
 
@@ -77,7 +78,7 @@ contains
         end do
     end subroutine open_sources
 
-    !> Refuse what stands at the top level and is none of the tables.
+    !> Refuse what stands at the top level and is none of the tables. `count_tables` looks into those that may come several times.
     subroutine check_tables(self, tables, arrays)
         class(reader_type), intent(inout), target :: self
         !> The tables of a scene, and those that may come several times.
@@ -91,20 +92,8 @@ contains
             call self%sources(i)%root%get_keys(names)
             do j = 1, size(names)
                 call self%sources(i)%root%get(names(j)%key, found)
-                if (any(names(j)%key == arrays)) then
-                    if (i > 0) then
-                        call set_input_error(self%error, '--set cannot change [['//names(j)%key// &
-                            ']]; copy the scene and edit it there')
-                        return
-                    end if
-                    select type (found)
-                    type is (toml_array)
-                        cycle
-                    end select
-                    call set_input_error(self%error, self%sources(i)%describe('"'//names(j)%key// &
-                        '" is a table that may come several times', found%origin, 'write [['//names(j)%key// &
-                        ']] on a line of its own'))
-                else if (any(names(j)%key == tables)) then
+                if (any(names(j)%key == arrays)) cycle
+                if (any(names(j)%key == tables)) then
                     select type (found)
                     type is (toml_table)
                         cycle
@@ -134,16 +123,11 @@ contains
     integer function count_tables(self, table)
         class(reader_type), intent(inout), target :: self
         character(len=*), intent(in) :: table
-        class(toml_value), pointer :: found
 
         count_tables = 0
         if (self%failed()) return
-        call self%sources(0)%root%get(table, found)
-        if (.not. associated(found)) return
-        select type (found)
-        type is (toml_array)
-            count_tables = len(found)
-        end select
+        call count_elements(self%sources, table, count_tables, self%error)
+        if (self%failed()) count_tables = 0
     end function count_tables
 
     !> The calls of `get` that follow are about this one of several tables of a name.
@@ -168,7 +152,7 @@ contains
 
         if (self%failed()) return
         known = self%ledger%keys(self%table, self%element)
-        do i = 0, ubound(self%sources, 1)
+        do i = first_source(self%sources, self%table), ubound(self%sources, 1)
             table => table_of(self%sources(i), self%table, self%element)
             if (.not. associated(table)) cycle
             call table%get_keys(names)
@@ -501,18 +485,25 @@ contains
         integer, intent(out) :: source
         logical, intent(in), optional :: required
         type(toml_table), pointer :: table
+        integer :: first, place
 
         nullify (found)
         source = -1
         if (self%failed()) return
-        do source = ubound(self%sources, 1), 0, -1
+        first = first_source(self%sources, self%table)
+        place = first
+        do source = ubound(self%sources, 1), first, -1
             table => table_of(self%sources(source), self%table, self%element)
-            if (associated(table)) call table%get(key, found)
+            if (.not. associated(table)) cycle
+            call table%get(key, found)
             if (associated(found)) return
+            ! A table of several stands where it is given first.
+            if (self%element > 0) place = source
         end do
+        source = -1
         if (.not. present(required)) return
         if (required) call set_input_error(self%error, 'the key '//key//' is missing in '// &
-            heading(self%table, self%element)//' of '//self%sources(0)%context%filename)
+            heading(self%table, self%element)//' of '//self%sources(place)%context%filename)
     end subroutine find
 
     !> Remember a key and its value.
@@ -543,31 +534,6 @@ contains
         call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(found), &
             'in '//heading(self%table, self%element)))
     end subroutine refuse_value
-
-    !> A table of a source, or null.
-    function table_of(source, name, element) result(table)
-        type(source_type), intent(inout), target :: source
-        character(len=*), intent(in) :: name
-        !> Its number in an array of tables, 0 for a table of its own.
-        integer, intent(in) :: element
-        type(toml_table), pointer :: table
-        class(toml_value), pointer :: found, member
-
-        nullify (table)
-        call source%root%get(trim(name), found)
-        if (.not. associated(found)) return
-        select type (found)
-        type is (toml_table)
-            if (element == 0) table => found
-        type is (toml_array)
-            if (element < 1 .or. element > len(found)) return
-            call found%get(element, member)
-            select type (member)
-            type is (toml_table)
-                table => member
-            end select
-        end select
-    end function table_of
 
     !> What a number violates; nothing where it is as it must be.
     pure function violated(value, check) result(problem)

@@ -8,7 +8,7 @@ module tandem_io_scene_source
     use tandem_io_scene_lexer, only: scene_lexer_type
     use tandem_io_scene_text, only: to_toml
     use tomlf, only: toml_context, toml_error, toml_parser_config, toml_table
-    use tomlf_de_lexer, only: new_lexer_from_string
+    use tomlf_de_lexer, only: new_lexer_from_string, toml_token
     use tomlf_de_parser, only: parse
     implicit none (type, external)
     private
@@ -64,40 +64,53 @@ contains
         if (.not. allocated(error)) call parse_text(text, name, self, error)
     end subroutine load_text
 
-    !> Take `table.key=value`. The value is TOML; a bare word that is no TOML stands for itself as text.
+    !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`. The value is
+    !> TOML; a bare word that is no TOML stands for itself as text.
     subroutine load_argument(self, argument, error)
         class(source_type), intent(inout) :: self
         !> What followed `--set`.
         character(len=*), intent(in) :: argument
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-'
-        character(len=*), parameter :: usage = ' must be table.key=value, as in --set solver.step=1e-3'
+        character(len=*), parameter :: usage = ' must be table.key=value, as in --set solver.step=1e-3; an event has a number, '// &
+            'as in --set event.1.value=0.5'
         type(error_type), allocatable :: second
         character(len=:), allocatable :: value
-        integer :: dot, equals
+        integer :: dot, second_dot, equals
 
         equals = index(argument, '=')
-        dot = index(argument, '.')
+        dot = index(argument(:max(equals - 1, 0)), '.')
+        second_dot = dot
+        if (dot > 0) second_dot = dot + index(argument(dot + 1:equals - 1), '.')
+        value = trim(adjustl(argument(equals + 1:)))
         call check_text('--set', argument, error)
         if (allocated(error)) return
         if (scan(argument, achar(10)//achar(13)) > 0) then
             call set_input_error(error, '--set takes one line')
-        else if (dot < 2 .or. equals < dot + 2) then
+        else if (.not. is_path()) then
             call set_input_error(error, '--set '//argument//usage)
-        else if (verify(argument(:dot - 1)//argument(dot + 1:equals - 1), letters) > 0) then
-            call set_input_error(error, '--set '//argument//usage)
+        else if (len(value) == 0) then
+            call set_input_error(error, '--set '//argument//' has no value')
         end if
         if (allocated(error)) return
-        value = trim(adjustl(argument(equals + 1:)))
-        if (len(value) == 0) then
-            call set_input_error(error, '--set '//argument//' has no value')
-            return
-        end if
         self%argument = argument
         call parse_text(argument, '--set', self, error)
         if (.not. allocated(error) .or. scan(value(1:1), '"''[{') > 0) return
         call parse_text(argument(:equals)//to_toml(value), '--set', self, second)
         if (.not. allocated(second)) deallocate (error)
+    contains
+        !> Whether what is set is the key of a table, or all tables of a name.
+        pure logical function is_path()
+            is_path = equals > second_dot + 1
+            if (.not. is_path) return
+            if (dot == 0) then
+                is_path = index(value, '[') == 1 .and. verify(argument(:equals - 1), letters) == 0
+            else
+                is_path = dot > 1 .and. verify(argument(:dot - 1)//argument(second_dot + 1:equals - 1), letters) == 0
+                if (second_dot > dot) is_path = is_path .and. second_dot > dot + 1 .and. &
+                    verify(argument(dot + 1:second_dot - 1), '0123456789') == 0
+            end if
+        end function is_path
     end subroutine load_argument
 
     !> A message about a place of the source: the file, the line number, the line, a marker under the place, a remark beside it.
@@ -296,12 +309,20 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(scene_lexer_type) :: lexer
         type(toml_error), allocatable :: parse_error
+        type(toml_context) :: place
 
         ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
         call new_lexer_from_string(lexer%toml_lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
         call parse(lexer, source%root, toml_parser_config(color=.false.), source%context, parse_error)
-        if (allocated(parse_error)) call set_input_error(error, without_level(parse_error%message))
+        if (.not. allocated(parse_error)) return
+        if (lexer%nested > 0) then
+            place%filename = name
+            place%source = lexer%chunk
+            call place%push_back(toml_token(first=lexer%nested, last=lexer%nested))
+            parse_error%message = place%report('a scene has no tables within tables', 1, 'a heading has one name')
+        end if
+        call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text
 
     !> The text with a newline for each end of a line as Windows has them.

@@ -39,6 +39,11 @@ contains
         logical :: exists
         integer(c_int) :: stat
 
+        if (path == '-') then
+            call set_error(error, status_output_failed, 'a study writes several files, which do not go to standard output', &
+                'choose a folder; one of this name is ./-')
+            return
+        end if
         inquire (file=path//'/.', exist=exists)
         if (exists) return
         stat = c_mkdir(c_text(path), int(for_all, c_int))

@@ -3,7 +3,7 @@
 !>
 !> Cells are kept as text in full precision, as the CSV file holds them, so that what is read back equals what was written.
 module tandem_io_study_table
-    use tandem, only: long, wp
+    use tandem, only: long, to_text, wp
     use tandem_io_scene_text, only: to_toml
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -229,14 +229,16 @@ contains
         if (kind /= text_column) cell = adjustr(cell)
     end function aligned
 
-    !> A number with two significant digits, without an exponent where that is as short.
+    !> A number with two significant digits, without an exponent where that is as short; infinite ones and NaN by name.
     pure function brief(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
         character(len=16) :: buffer
         integer :: point, exponent
 
-        if (abs(value) <= 0.0_wp) then
+        if (.not. ieee_is_finite(value)) then
+            buffer = to_text(value)
+        else if (abs(value) <= 0.0_wp) then
             buffer = '0'
         else if (abs(value) >= 10.0_wp .and. abs(value) < 1.0e4_wp) then
             write (buffer, '(i0)') nint(value)
