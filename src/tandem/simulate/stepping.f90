@@ -4,7 +4,8 @@
 submodule(tandem_simulation) tandem_simulate_stepping
     implicit none (type, external)
 
-    !> Steps approach a loss of rank until its singular value has fallen to this part: closer, rounding decides where they go.
+    !> Steps approach a loss of rank, or of what ties a coordinate without mass, until its singular value has fallen to this part:
+    !> closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
     !> The statuses of a motion that is no longer determined.
     integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
@@ -376,13 +377,16 @@ contains
         self%last_gap = huge(1.0_wp)
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then
-            ! To name the rows.
+        if (self%room < huge(1.0_wp) .and. min(self%chart%fallen, self%chart%loosened) < least_independence) then
+            ! To name the rows, and to see whether a coordinate without mass is lost or turns aside.
             associate (state => self%state)
                 loss = self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
             end associate
-            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t + self%room), error)
-            return
+            if (self%chart%fallen < least_independence) loss = status_rank_deficient
+            if (loss /= status_ok) then
+                call self%fail(loss, 'at t = '//to_text(self%state%t + self%room), error)
+                return
+            end if
         end if
         ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
         if (0.5_wp*self%room < self%control%h) then

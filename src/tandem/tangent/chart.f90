@@ -52,6 +52,8 @@ module tandem_tangent_chart
         real(wp) :: best_independence = 0.0_wp
         !> The part of it that `measure_rank` found left, where it looked; else 1.
         real(wp) :: fallen = 1.0_wp
+        !> The same of how firmly the constraints tie the coordinates without mass.
+        real(wp) :: loosened = 1.0_wp
         integer :: n_dropped = 0
         !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
         character(len=:), allocatable :: failed_term
@@ -398,6 +400,7 @@ contains
         call pack%item(self%independence)
         call pack%item(self%best_independence)
         call pack%item(self%fallen)
+        call pack%item(self%loosened)
         call pack%item(self%n_dropped)
         call pack%text(self%failed_term)
     end subroutine pack_contract

@@ -15,9 +15,6 @@ contains
         integer, intent(out) :: stat
         !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
         real(wp), parameter :: largest_rest = 1.0e-6_wp
-        !> The squared singular value of the columns of coordinates without mass falls to this part of the largest so far where
-        !> steps end, as they do before a loss of rank: closer, rounding decides where the contact of a disk goes.
-        real(wp), parameter :: least_tie = 1.0e-10_wp
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
         real(wp) :: smallest, smallest_before, fall
@@ -27,6 +24,7 @@ contains
         self%failed_row = 0
         self%failed_coordinate = 0
         self%fallen = 1.0_wp
+        self%loosened = 1.0_wp
         room = huge(1.0_wp)
         stat = status_ok
         if (self%m == 0) return
@@ -66,21 +64,44 @@ contains
             call look_within(self, t_from, q_from, t, q, stat)
             return
         end if
-        if (self%weakest_tie <= least_tie*self%best_tie) then
-            self%failed_coordinate = self%loosest
-            stat = status_singular_mass
-            return
-        end if
-        self%best_tie = max(self%best_tie, self%weakest_tie)
         self%origin_orientation = self%split%orientation
         self%last_independence = self%split%independence
+        call measure_ties(self, horizon, room)
         if (.not. falls) return
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
-        if (smallest_before > smallest) room = smallest/(smallest_before - smallest)
+        if (smallest_before > smallest) room = min(room, smallest/(smallest_before - smallest))
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (room <= horizon) call self%blame_dependent(0)
     end subroutine measure_rank
+
+    !> How many steps as the last one the constraints are away from no longer tying a coordinate without mass, where they hardly do.
+    subroutine measure_ties(self, horizon, room)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: horizon
+        !> Replaced where it is less.
+        real(wp), intent(inout) :: room
+        !> Squares are looked at more closely below this part of the largest so far.
+        real(wp), parameter :: loose = 1.0e-4_wp
+        real(wp) :: before, after
+        logical :: keeps
+
+        if (self%n_massless == 0) return
+        if (.not. self%weakest_tie < loose*self%best_tie) then
+            self%best_tie = max(self%best_tie, self%weakest_tie)
+            return
+        end if
+        ! Columns that have turned far have small pivots too; these are those of A' A.
+        associate (m => self%m, n => self%n, k => self%n_massless, from => self%step_jacobian, to => self%model%terms%jacobian)
+            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%ties, self%loosest, before, keeps)
+            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%ties, self%loosest, after, keeps)
+        end associate
+        before = sqrt(max(before, 0.0_wp))
+        after = sqrt(max(after, 0.0_wp))
+        if (.not. after < horizon*(before - after)) return
+        room = min(room, max(after/(before - after), tiny(1.0_wp)))
+        self%loosened = after/sqrt(self%best_tie)
+    end subroutine measure_ties
 
     !> Between the ends of a step C seems to have lost what it has to keep. Find where, on the straight way, or that it has merely
     !> turned: then both parts of the way keep it, and only a shorter step could tell what has happened.
@@ -149,8 +170,8 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
 
-        call compare_columns(self%m, self%n, self%n_massless, self%massless, from, to, self%ties, self%loosest, self%weakest_tie, &
-            keeps_ties)
+        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%loosest, &
+            self%weakest_tie, keeps_ties)
         self%failed_coordinate = merge(0, self%loosest, keeps_ties)
     end function keeps_ties
 
@@ -169,31 +190,43 @@ contains
         if (self%n_massless > self%m) self%n_massless = 0
     end subroutine find_massless
 
-    !> Whether det(A' B) of some columns of two matrices is positive, and the smallest pivot of an elimination. Near each other, A
-    !> and B have pivots as those of A' A, which need no exchange of rows.
-    pure subroutine compare_columns(m, n, k, columns, a, b, product, weakest, smallest, is_positive)
+    !> Whether det(A' B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with rows of unit
+    !> length in A and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
+    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weakest, smallest, is_positive)
         !> Rows, columns, those to compare and their numbers.
         integer, intent(in) :: m, n, k, columns(n)
-        real(wp), intent(in) :: a(m, n), b(m, n)
+        !> Scales of the unknowns, A and B.
+        real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
         !> Work space.
         real(wp), intent(inout) :: product(m, m)
         !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive
-        real(wp) :: f
+        real(wp) :: weight(m), f
         integer :: i, j, l
 
         weakest = 0
         smallest = huge(1.0_wp)
         is_positive = .true.
+        if (k == 0) return
+        weight = 0.0_wp
+        do j = 1, n
+            f = scale(j)**2
+            do l = 1, m
+                weight(l) = weight(l) + f*a(l, j)**2
+            end do
+        end do
+        do l = 1, m
+            weight(l) = 1.0_wp/max(weight(l), tiny(1.0_wp))
+        end do
         do j = 1, k
             do i = 1, k
                 f = 0.0_wp
                 do l = 1, m
-                    f = f + a(l, columns(i))*b(l, columns(j))
+                    f = f + weight(l)*a(l, columns(i))*b(l, columns(j))
                 end do
-                product(i, j) = f
+                product(i, j) = scale(columns(i))*scale(columns(j))*f
             end do
         end do
         do l = 1, k
