@@ -378,15 +378,13 @@ contains
         call renew_by_policy(self, error)
         if (allocated(error)) return
         if (self%room < huge(1.0_wp) .and. min(self%chart%fallen, self%chart%loosened) < least_independence) then
-            ! To name the rows, and to see whether a coordinate without mass is lost or turns aside.
+            ! To name the rows.
             associate (state => self%state)
                 loss = self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
             end associate
-            if (self%chart%fallen < least_independence) loss = status_rank_deficient
-            if (loss /= status_ok) then
-                call self%fail(loss, 'at t = '//to_text(self%state%t + self%room), error)
-                return
-            end if
+            loss = merge(status_rank_deficient, status_singular_mass, self%chart%fallen < least_independence)
+            call self%fail(loss, 'at t = '//to_text(self%state%t + self%room), error)
+            return
         end if
         ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
         if (0.5_wp*self%room < self%control%h) then

@@ -101,6 +101,7 @@ contains
         if (.not. after < horizon*(before - after)) return
         room = min(room, max(after/(before - after), tiny(1.0_wp)))
         self%loosened = after/sqrt(self%best_tie)
+        self%failed_coordinate = self%loosest
     end subroutine measure_ties
 
     !> Between the ends of a step C seems to have lost what it has to keep. Find where, on the straight way, or that it has merely
@@ -172,7 +173,7 @@ contains
 
         call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%loosest, &
             self%weakest_tie, keeps_ties)
-        self%failed_coordinate = merge(0, self%loosest, keeps_ties)
+        if (.not. keeps_ties) self%failed_coordinate = self%loosest
     end function keeps_ties
 
     !> The coordinates without mass at the current point: a zero on the diagonal of M, which has no negative eigenvalue.
