@@ -164,7 +164,7 @@ contains
         keeps_rank = self%row_space%keeps_orientation(self%m, self%n, from, to, self%scale)
     end function keeps_rank
 
-    !> Whether the columns of C that belong to the coordinates without mass have kept theirs: det(A' B) of these columns is positive.
+    !> Whether the columns of C that belong to the coordinates without mass have kept theirs: det(A' B) of these is positive.
     !> `loosest` is then the coordinate of the smallest pivot, `weakest_tie` that pivot: where the columns hardly differ, about the
     !> square of their smallest singular value.
     logical function keeps_ties(self, from, to)
