@@ -2,7 +2,8 @@
 !> Tests of mechanisms that lose a rank, by the solver: the planar four-bar stops in its flat position, where its rank changes,
 !> Bricard's mechanism, which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
 module test_singular
-    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
+        check_true
     use model_bricard, only: bricard_type
     use model_crank_pair, only: crank_pair_type
     use model_crossing, only: crossing_type
@@ -357,7 +358,7 @@ contains
             spin = k*1.0e-6_wp
             call disk%start([spin, 0.0_wp, 0.0_wp], 0.5_wp, q, qd)
             call run(simulation, disk, options, 0.0_wp, q, qd, 2.0_wp, failure)
-            call check_failure(error, failure, 'singular_mass', 'a1')
+            call check_failure(error, failure, 'singular_mass', 'nothing ties')
             if (allocated(error)) return
             ! It falls with 3.6 m/s: less than two steps above the plane, and never below. Controlled steps come nearer.
             associate (rz => simulation%state%q(3))
@@ -410,7 +411,9 @@ contains
                 spin = 2.0e3_wp + 2.0e2_wp*i
                 call sleigh%motion(0.0_wp, [0.0_wp, 0.0_wp, 0.3_wp, 1.0_wp, spin], q, qd)
                 call run(simulation, sleigh, choose(stepper=trim(steppers(l)), step=1.0e-3_wp), 0.0_wp, q, qd, 0.1_wp, failure)
-                call check_failure(error, failure, 'chart_left', 'smaller step')
+                ! Where the first steps go through, the velocity that they leave may be too large for the next ones.
+                call check_stopped(error, failure, [character(len=10) :: 'chart_left', 'not_finite'], 'smaller step', &
+                    trim(steppers(l)))
                 if (allocated(error)) return
             end do
         end do
