@@ -1,16 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of mechanisms that lose a rank, by the solver: the planar four-bar stops in its flat position, where its rank changes, and
-!> Bricard's mechanism, which lacks a rank everywhere, runs.
+!> Tests of mechanisms that lose a rank, by the solver: the planar four-bar stops in its flat position, where its rank changes,
+!> Bricard's mechanism, which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
 module test_singular
-    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
+        check_true
     use model_bricard, only: bricard_type
     use model_crank_pair, only: crank_pair_type
     use model_crossing, only: crossing_type
     use model_four_bar, only: crank_rocker, four_bar_type
+    use model_sleigh, only: sleigh_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use ranks, only: bricard_angle
     use runs, only: choose, run
-    use tandem, only: chart_policies, failure_type => error_type, options_type, simulation_type, wp
+    use tandem, only: chart_policies, failure_type => error_type, options_type, rolling_disk_type, simulation_type, stepper_names, &
+        wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: energy_watch_type, error_watch_type
     implicit none (type, external)
@@ -36,7 +39,10 @@ contains
             new_unittest('a-bead-does-not-turn-off-where-its-curves-cross', test_crossing), &
             new_unittest('crank-rocker-runs-through', test_crank_rocker), &
             new_unittest('bricard-runs-with-one-redundant-row', test_bricard), &
-            new_unittest('bricard-stops-where-a-missing-row-was-needed', test_missing_row)]
+            new_unittest('bricard-stops-where-a-missing-row-was-needed', test_missing_row), &
+            new_unittest('a-disk-stops-flat-on-its-plane', test_flat_disk), &
+            new_unittest('a-disk-that-rises-again-runs-through', test_rising_disk), &
+            new_unittest('a-row-that-turns-too-far-in-a-step-is-no-loss', test_turned_row)]
     end subroutine collect_singular
 
     !> All rods on one line: the four rows in x depend on each other there.
@@ -302,4 +308,115 @@ contains
                 merge(options%max_step, options%step, options%is_adaptive()), trim(steppers(l))//': distance of the stop in angle')
         end do
     end subroutine test_missing_row
+
+    !> A disk falls flat on its plane, where every point of its rim is one of contact: the contact point, which has no mass, may go
+    !> anywhere. No stepper passes that, whatever its steps are.
+    subroutine test_flat_disk(error)
+        type(error_type), allocatable, intent(out) :: error
+        !> Fixed steps, or the tolerances; the disk takes 0.74 s from a tilt of 0.5.
+        real(wp), parameter :: steps(3) = [1.0e-3_wp, 1.0e-3_wp, 1.0e-2_wp], tolerances(4) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, &
+            1.0e-10_wp]
+        type(options_type) :: options
+        integer :: i, l
+
+        do l = 1, size(stepper_names)
+            do i = 1, size(steps)
+                options = choose(stepper=trim(stepper_names(l)), step=steps(i))
+                if (i == 2) options%chart = 'adaptive'
+                call check_flat_disk(options, error)
+                options%projection = 'step_ends'
+                if (any(stepper_names(l) == ['trapezoid', 'sdirk54  '])) cycle
+                call check_flat_disk(options, error)
+                if (allocated(error)) return
+            end do
+            if (stepper_names(l) == 'rk4') cycle
+            do i = 1, size(tolerances)
+                ! It would take so many steps that nobody waits for them.
+                if (stepper_names(l) == 'trapezoid' .and. tolerances(i) < 1.0e-7_wp) cycle
+                options = choose(stepper=trim(stepper_names(l)))
+                options%rtol = tolerances(i)
+                options%atol = tolerances(i)
+                call check_flat_disk(options, error)
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_flat_disk
+
+    !> The disk of the scene, from rest at a tilt of 0.5, without a spin about its axis, and with 1e-6 rad/s.
+    subroutine check_flat_disk(options, error)
+        type(options_type), intent(in) :: options
+        type(error_type), allocatable, intent(inout) :: error
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9), spin
+        integer :: k
+
+        if (allocated(error)) return
+        call disk%define()
+        do k = 0, 1
+            spin = k*1.0e-6_wp
+            call disk%start([spin, 0.0_wp, 0.0_wp], 0.5_wp, q, qd)
+            call run(simulation, disk, options, 0.0_wp, q, qd, 2.0_wp, failure)
+            call check_failure(error, failure, 'singular_mass', 'nothing ties')
+            if (allocated(error)) return
+            ! It falls with 3.6 m/s: less than two steps above the plane, and never below. Controlled steps come nearer.
+            associate (rz => simulation%state%q(3))
+                call check_true(error, rz > 0.0_wp, trim(options%stepper)//': it is above the plane')
+                call check_below(error, rz, merge(1.0e-3_wp, 7.2_wp*options%step, options%is_adaptive()), trim(options%stepper)// &
+                    ': height where it stops')
+            end associate
+            if (allocated(error)) return
+        end do
+    end subroutine check_flat_disk
+
+    !> The control: with a spin that steps can follow, the disk comes near the plane, and its contact point runs round the rim
+    !> until it rises again. Its height is that of two steppers.
+    subroutine test_rising_disk(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q0(9), qd0(9), height(2)
+        integer :: k
+
+        call disk%define()
+        call disk%start([0.3_wp, 0.0_wp, 0.0_wp], 0.5_wp, q0, qd0)
+        do k = 1, 2
+            options = choose(stepper=merge('dop853', 'dopri5', k == 1))
+            options%rtol = 1.0e-10_wp
+            options%atol = 1.0e-10_wp
+            call run(simulation, disk, options, 0.0_wp, q0, qd0, 1.2_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            height(k) = simulation%state%q(3)
+        end do
+        call check_close(error, height(:1), height(2:), 1.0e-6_wp, 'height')
+    end subroutine test_rising_disk
+
+    !> A sleigh turns by 2 rad in a step: its only row has the length that it had, and says the opposite. That is no loss of rank,
+    !> and the row cannot be spared; it is the step that is too large.
+    subroutine test_turned_row(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(sleigh_type), target :: sleigh
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(3), qd(3), spin
+        integer :: i, l
+
+        call sleigh%define(1.0_wp)
+        ! The explicit ones: Newton's iteration does not get as far.
+        do l = 1, 2
+            do i = 0, 4
+                spin = 2.0e3_wp + 2.0e2_wp*i
+                call sleigh%motion(0.0_wp, [0.0_wp, 0.0_wp, 0.3_wp, 1.0_wp, spin], q, qd)
+                call run(simulation, sleigh, choose(stepper=trim(steppers(l)), step=1.0e-3_wp), 0.0_wp, q, qd, 0.1_wp, failure)
+                ! Where the first steps go through, the velocity that they leave may be too large for the next ones.
+                call check_stopped(error, failure, [character(len=10) :: 'chart_left', 'not_finite'], 'smaller step', &
+                    trim(steppers(l)))
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_turned_row
 end module test_singular

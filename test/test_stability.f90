@@ -33,6 +33,7 @@ contains
             new_unittest('every-case-can-be-run', test_cases), &
             new_unittest('hidden-breakpoints-change-nothing-else', test_hidden), &
             new_unittest('verdicts-are-what-they-say', test_verdicts), &
+            new_unittest('a-disk-that-falls-flat-ends-there', test_falling), &
             new_unittest('cases-go-by-names-and-groups', test_selection), &
             new_unittest('a-case-in-other-units-is-compared', test_units), &
             new_unittest('growth-of-errors-and-memory-is-seen', test_endurance), &
@@ -320,6 +321,36 @@ contains
         call check_verdict(error, trial, 'refused')
         call check_true(error, trial%status == 'singular_mass', 'its status is singular_mass')
     end subroutine test_verdicts
+
+    !> A disk that falls flat ends there with every stepper, with fixed steps and under error control, and says why.
+    subroutine test_falling(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=12), parameter :: names(2) = [character(len=12) :: 'falling', 'falling_1e-6']
+        type(case_type), target :: subject
+        type(truth_type) :: truth
+        type(trial_type) :: trial
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer :: i, k, l
+
+        do i = 1, size(names)
+            call build_case(trim(names(i)), subject, failure)
+            call find_truth(subject, truth, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do l = 1, size(stepper_names)
+                do k = 0, merge(0, 1, stepper_names(l) == 'rk4')
+                    options = subject%options
+                    options%stepper = stepper_names(l)
+                    options%rtol = k*subject%rtol
+                    call run_trial(subject, truth, options, trial)
+                    call check_verdict(error, trial, 'failed')
+                    call check_true(error, trial%status == 'singular_mass', trim(stepper_names(l))//' ends with singular_mass')
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_falling
 
     !> Fail unless a trial has a verdict.
     subroutine check_verdict(error, trial, verdict)

@@ -38,7 +38,7 @@ module tandem_profile_chart
         procedure :: measure_rank
         procedure :: measure_health
         procedure :: kinetic_energy
-        procedure :: loses_rank_ahead
+        procedure :: loss_ahead
     end type profiled_chart_type
 
 contains
@@ -210,16 +210,16 @@ contains
         call self%profile%leave(mark)
     end subroutine constraint_errors
 
-    subroutine measure_rank(self, t, q, room, stat)
+    subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
         class(profiled_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:)
         real(wp), intent(out) :: room
         integer, intent(out) :: stat
         type(mark_type) :: mark
 
         call self%profile%enter(part_rank, mark)
-        call self%dense_chart_type%measure_rank(t, q, room, stat)
+        call self%dense_chart_type%measure_rank(t_from, q_from, t, q, room, stat)
         call self%profile%leave(mark)
     end subroutine measure_rank
 
@@ -249,7 +249,7 @@ contains
         call self%profile%leave(mark)
     end subroutine kinetic_energy
 
-    logical function loses_rank_ahead(self, t, q, qd, h)
+    integer function loss_ahead(self, t, q, qd, h)
         class(profiled_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
@@ -257,7 +257,7 @@ contains
         type(mark_type) :: mark
 
         call self%profile%enter(part_rank, mark)
-        loses_rank_ahead = self%dense_chart_type%loses_rank_ahead(t, q, qd, h)
+        loss_ahead = self%dense_chart_type%loss_ahead(t, q, qd, h)
         call self%profile%leave(mark)
-    end function loses_rank_ahead
+    end function loss_ahead
 end module tandem_profile_chart

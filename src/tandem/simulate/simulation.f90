@@ -22,7 +22,8 @@ module tandem_simulation
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
         status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
-        status_position_diverged, status_rank_deficient, status_step_limit, status_step_underflow, status_work_limit
+        status_position_diverged, status_rank_deficient, status_singular_mass, status_step_limit, status_step_underflow, &
+        status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: check_stepper, new_stepper
     use tandem_stepper_state, only: state_type

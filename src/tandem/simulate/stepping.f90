@@ -4,8 +4,11 @@
 submodule(tandem_simulation) tandem_simulate_stepping
     implicit none (type, external)
 
-    !> Steps approach a loss of rank until its singular value has fallen to this part: closer, rounding decides where they go.
+    !> Steps approach a loss of rank, or of what ties a coordinate without mass, until its singular value has fallen to this part:
+    !> closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
+    !> The statuses of a motion that is no longer determined.
+    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
     !> A loss of rank at the very end of a step belongs to it.
     real(wp), parameter :: hair = 1.0e-7_wp
 
@@ -124,13 +127,15 @@ contains
     !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.
     subroutine check_rank(self, stat)
         class(simulation_type), intent(inout) :: self
-        !> ok, rank_deficient, or what evaluating the model may give.
+        !> ok, or what `measure_rank` has found.
         integer, intent(out) :: stat
         real(wp) :: room
 
         associate (state => self%state, next => self%next)
-            call self%chart%measure_rank(next%t, next%q, room, stat)
+            call self%chart%measure_rank(state%t, state%q, next%t, next%q, room, stat)
             if (stat == status_ok .and. .not. room > 0.0_wp) stat = status_rank_deficient
+            ! What turns that far may hide it.
+            if (stat == status_chart_left) call look_for_lost_rank(self, next%t - state%t, stat)
             ! What a step has found that is not kept says nothing of the next.
             if (stat /= status_ok) return
             self%room = room
@@ -145,8 +150,8 @@ contains
         !> The reason.
         integer, intent(in) :: stat
 
-        if (all(stat /= [status_rank_deficient, status_position_diverged, status_chart_left, status_newton_failed])) return
-        if (self%state%t > self%loss_until .or. self%loss /= status_rank_deficient) self%loss = stat
+        if (all(stat /= [losses, status_position_diverged, status_chart_left, status_newton_failed])) return
+        if (self%state%t > self%loss_until .or. all(self%loss /= losses)) self%loss = stat
         self%loss_until = max(self%loss_until, self%next%t + h)
     end subroutine remember_loss
 
@@ -189,12 +194,15 @@ contains
         real(wp), intent(in) :: h
         !> The reason, replaced where this is it.
         integer, intent(inout) :: stat
+        integer :: loss
 
         if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
         associate (state => self%state, next => self%next)
-            ! From a little behind, since the state may lie just beyond, and a little further, since the way bends.
+            ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first
+            ! to notice.
             next%q = state%q - h*state%qd
-            if (self%chart%loses_rank_ahead(state%t - h, next%q, state%qd, 2.5_wp*h)) stat = status_rank_deficient
+            loss = self%chart%loss_ahead(state%t - h, next%q, state%qd, 3.0_wp*h)
+            if (loss /= status_ok) stat = loss
         end associate
     end subroutine look_for_lost_rank
 
@@ -220,7 +228,7 @@ contains
         stat = status_ok
         if (self%room < 1.5_wp*h) then
             associate (state => self%state)
-                if (self%chart%loses_rank_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)) stat = status_rank_deficient
+                stat = self%chart%loss_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)
             end associate
         end if
         if (stat == status_ok) then
@@ -363,24 +371,25 @@ contains
         !> Whether its size is the first one.
         logical, intent(out) :: is_first
         type(error_type), allocatable, intent(out) :: error
-        logical :: loses
+        integer :: loss
 
         is_first = .false.
         self%last_gap = huge(1.0_wp)
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        if (self%room < huge(1.0_wp) .and. self%chart%fallen < least_independence) then
+        if (self%room < huge(1.0_wp) .and. min(self%chart%fallen, self%chart%loosened) < least_independence) then
             ! To name the rows.
             associate (state => self%state)
-                loses = self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)
+                loss = self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
             end associate
-            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t + self%room), error)
+            loss = merge(status_rank_deficient, status_singular_mass, self%chart%fallen < least_independence)
+            call self%fail(loss, 'at t = '//to_text(self%state%t + self%room), error)
             return
         end if
         ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
         if (0.5_wp*self%room < self%control%h) then
             associate (state => self%state)
-                if (.not. self%chart%loses_rank_ahead(state%t, state%q, state%qd, 2*self%room)) self%room = huge(1.0_wp)
+                if (self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room) == status_ok) self%room = huge(1.0_wp)
             end associate
         end if
         is_first = .not. self%control%h > 0.0_wp
@@ -466,8 +475,8 @@ contains
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%state%t <= self%loss_until .and. self%loss == status_rank_deficient) then
-            call self%fail(status_rank_deficient, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
+        if (self%state%t <= self%loss_until .and. any(self%loss == losses)) then
+            call self%fail(self%loss, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
                 error)
         else if (reason /= status_ok) then
             call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)

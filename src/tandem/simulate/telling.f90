@@ -2,7 +2,7 @@
 !> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
 submodule(tandem_simulation) tandem_simulate_telling
     use tandem_simulate_warning, only: add_warning
-    use tandem_status, only: status_invalid_model, status_not_evaluable, status_of, status_singular_mass, status_type
+    use tandem_status, only: status_invalid_model, status_not_evaluable, status_of, status_type
     implicit none (type, external)
 
 contains
@@ -25,6 +25,8 @@ contains
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
             end if
         end if
+        if (stat == status_singular_mass .and. self%chart%failed_coordinate > 0) message = message//': nothing ties "'// &
+            trim(self%model%coordinate_label(self%chart%failed_coordinate))//'", which has no mass'
         if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
             associate (term => self%chart%failed_term)
                 if (index(term, 'outside') == 1) then

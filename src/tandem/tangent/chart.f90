@@ -38,6 +38,8 @@ module tandem_tangent_chart
         real(wp) :: failed_value = 0.0_wp
         !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
         integer, allocatable :: failed_rows(:)
+        !> After `singular_mass`: the coordinate without mass that no constraint ties, where it is known; else 0.
+        integer :: failed_coordinate = 0
         !> Set by a stepper while it evaluates stages: their positions need be no better than its tolerance, and what rounding
         !> leaves of the constraints does not matter.
         logical :: is_stage = .false.
@@ -50,6 +52,8 @@ module tandem_tangent_chart
         real(wp) :: best_independence = 0.0_wp
         !> The part of it that `measure_rank` found left, where it looked; else 1.
         real(wp) :: fallen = 1.0_wp
+        !> The same of how firmly the constraints tie the coordinates without mass.
+        real(wp) :: loosened = 1.0_wp
         integer :: n_dropped = 0
         !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
         character(len=:), allocatable :: failed_term
@@ -77,7 +81,7 @@ module tandem_tangent_chart
         procedure(project_velocity_interface), deferred :: project_velocity
         procedure(errors_interface), deferred :: constraint_errors
         procedure(rank_interface), deferred :: measure_rank
-        procedure(ahead_interface), deferred :: loses_rank_ahead
+        procedure(ahead_interface), deferred :: loss_ahead
         procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
@@ -310,22 +314,23 @@ module tandem_tangent_chart
         end subroutine errors_interface
 
         !> How many steps as the last one C is away from losing rank, as its smallest singular value falls; huge where it does not,
-        !> 0 where one has passed through zero within the step, or redundant rows have become independent. `failed_rows` are then
-        !> those that depend on each other.
-        subroutine rank_interface(self, t, q, room, stat)
+        !> 0 where redundant rows have become independent. `failed_rows` are then those that depend on each other.
+        subroutine rank_interface(self, t_from, q_from, t, q, room, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The end of the step; its start is where the chart was made or refreshed last.
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:)
+            !> The start of the step, where the chart was made or refreshed last, and its end.
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:)
             real(wp), intent(out) :: room
-            !> A status code.
+            !> Within the step C has lost its rank and regained it (`rank_deficient`), it has ceased to tie the coordinates without
+            !> mass (`singular_mass`), or it has turned too far to tell (`chart_left`); or what evaluating the model gives.
             integer, intent(out) :: stat
         end subroutine rank_interface
 
-        !> Whether C loses rank on the straight way from a state within the time h: for a step that cannot be taken.
-        logical function ahead_interface(self, t, q, qd, h)
+        !> What C loses on the straight way from a state within the time h, as in `measure_rank`, or ok: for a step that cannot be
+        !> taken.
+        integer function ahead_interface(self, t, q, qd, h)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
@@ -390,10 +395,12 @@ contains
         call pack%item(self%failed_row)
         call pack%item(self%failed_value)
         call pack%item(self%failed_rows)
+        call pack%item(self%failed_coordinate)
         call pack%item(self%is_stage)
         call pack%item(self%independence)
         call pack%item(self%best_independence)
         call pack%item(self%fallen)
+        call pack%item(self%loosened)
         call pack%item(self%n_dropped)
         call pack%text(self%failed_term)
     end subroutine pack_contract

@@ -23,7 +23,8 @@ module tandem_tangent_dense
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_options, only: options_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient, &
+        status_singular_mass
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_dynamics, only: dynamics_type
     use tandem_tangent_natural_scale, only: find_errors => constraint_errors
@@ -77,6 +78,12 @@ module tandem_tangent_dense
         !> C where the current step starts (m, n), and a closer look at how C changes from there.
         real(wp), allocatable :: step_jacobian(:, :)
         type(row_space_type) :: row_space
+        !> The coordinates without mass, and work space (m, m) to see how C ties them; the one that it ties least, how firmly, and
+        !> how firmly it was tied at best.
+        integer, allocatable :: massless(:)
+        integer :: n_massless = 0, loosest = 0
+        real(wp), allocatable :: ties(:, :)
+        real(wp) :: weakest_tie = 0.0_wp, best_tie = 0.0_wp
         !> Where bases are kept: C X there (m, m), and its factors.
         real(wp), allocatable :: origin_c_x(:, :)
         type(lu_type) :: origin_lu
@@ -116,7 +123,7 @@ module tandem_tangent_dense
         procedure :: project_velocity
         procedure :: constraint_errors
         procedure :: measure_rank
-        procedure :: loses_rank_ahead
+        procedure :: loss_ahead
         procedure :: relative_change
         procedure :: measure_health
         procedure :: kinetic_energy
@@ -258,12 +265,12 @@ module tandem_tangent_dense
             integer, intent(out) :: stat
         end subroutine restore_motion
 
-        !> How many steps as the one that ends at (t, q) C is away from losing rank.
-        module subroutine measure_rank(self, t, q, room, stat)
+        !> How many steps as the one to (t, q) C is away from losing rank.
+        module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:)
             real(wp), intent(out) :: room
             integer, intent(out) :: stat
         end subroutine measure_rank
@@ -274,13 +281,13 @@ module tandem_tangent_dense
             class(dense_chart_type), intent(inout) :: self
         end subroutine measure_split
 
-        !> Whether C loses rank on the straight way ahead of a state, soon enough for that way to mean something.
-        module logical function loses_rank_ahead(self, t, q, qd, h)
+        !> What C loses on the straight way ahead of a state, soon enough for that way to mean something.
+        module integer function loss_ahead(self, t, q, qd, h)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t, h
             real(wp), intent(in), contiguous :: q(:), qd(:)
-        end function loses_rank_ahead
+        end function loss_ahead
 
         !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
         module real(wp) function relative_change(self)

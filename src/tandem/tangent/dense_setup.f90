@@ -57,7 +57,9 @@ contains
             if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)
-            allocate (self%step_jacobian(m, n), source=0.0_wp)
+            allocate (self%step_jacobian(m, n), self%ties(m, m), source=0.0_wp)
+            self%massless = spread(0, 1, n)
+            self%best_tie = 0.0_wp
             call self%row_space%forget()
             if (self%has_bases) then
                 allocate (self%origin_c_x(m, m), source=0.0_wp)
@@ -199,6 +201,7 @@ contains
         call pack%item(self%dropped)
         call pack%item(self%origin_orientation)
         call pack%item(self%last_independence)
+        call pack%item(self%best_tie)
         call pack%item(self%step_jacobian)
         call pack%item(self%has_point)
         call pack%item(self%is_finite_here)

@@ -26,6 +26,8 @@ module tandem_tangent_reduced
         integer :: n = 0, m = 0, k = 0, height = 0, width = 0
         !> The choice of pivots that D belongs to.
         integer :: choice = -1
+        !> That of the chart's origin.
+        integer :: origin_choice = -1
         !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' D with factors in place (width, width), inverse pivots (k).
@@ -67,6 +69,7 @@ contains
         self%m = m
         self%k = n - m
         self%choice = -1
+        self%origin_choice = -1
         self%height = lane*((m + lane - 1)/lane)
         self%width = short*((n - m + short - 1)/short)
         self%square = scale**2
@@ -102,6 +105,7 @@ contains
         class(reduced_type), intent(inout) :: self
 
         call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
+        self%origin_choice = self%choice
     end subroutine set_origin
 
     !> How independent the rows of C are: 1/|C+|, in the Frobenius norm, of C with rows of unit length in scaled unknowns. A lower
@@ -135,6 +139,7 @@ contains
         real(wp), intent(inout) :: qd(self%n)
         !> A status code.
         integer, intent(out) :: stat
+        integer :: i
 
         if (self%is_large) then
             call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix(:, :self%k), &
@@ -151,12 +156,27 @@ contains
                 return
             end if
             stat = 1
-            if (self%has_few .and. .not. polishes) call find_few_velocity(m, n, e%order, e%eliminated, self%basis, self%origin, &
-                has_nu, nu, qd, stat)
-            if (stat == 0) return
-            call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
-                has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
-            if (stat == 0) return
+            ! With the pivots of the origin D0' D is near a diagonal matrix. With others it is not, and where a motion is symmetric,
+            ! what rounding leaves of a zero on the diagonal may be all that its pivot is compared with.
+            if (self%choice == self%origin_choice) then
+                if (self%has_few .and. .not. polishes) call find_few_velocity(m, n, e%order, e%eliminated, self%basis, &
+                    self%origin, has_nu, nu, qd, stat)
+                if (stat == 0) return
+                call find_velocity(m, n, k, self%height, self%width, e%order, e%matrix, e%eliminated, self%basis, self%origin, &
+                    has_nu, polishes, nu, self%matrix, self%z, self%r, self%x, self%work, qd, stat)
+                if (stat == 0) return
+            else
+                self%r(:) = 0.0_wp
+                self%work(:) = qd
+                if (has_nu) then
+                    do i = 1, m
+                        self%r(:) = self%r + e%eliminated(:, i)*nu(i)
+                    end do
+                    do i = 1, m
+                        self%work(e%order(i)) = self%work(e%order(i)) - self%r(i)
+                    end do
+                end if
+            end if
             ! D0' D wants a search for pivots.
             call set_overlap(n, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
             call self%overlap_lu%factor(self%matrix(:k, :k), stat)
@@ -217,5 +237,6 @@ contains
         call pack%item(self%basis)
         call pack%item(self%origin)
         call pack%item(self%choice)
+        call pack%item(self%origin_choice)
     end subroutine pack_state
 end module tandem_tangent_reduced

@@ -25,7 +25,7 @@ module tandem_io_study_cases
     real(wp), parameter :: pi = 4.0_wp*atan(1.0_wp)
 
     !> The cases. The name before the last underscore says which scene, see `build_case`.
-    type(entry_type), parameter :: entries(56) = [ &
+    type(entry_type), parameter :: entries(57) = [ &
         entry_type('motorcycle_1', 'stiff', 1.0_wp), &
         entry_type('motorcycle_1e2', 'stiff', 1.0e2_wp), &
         entry_type('motorcycle_1e4', 'stiff', 1.0e4_wp), &
@@ -44,7 +44,8 @@ module tandem_io_study_cases
         entry_type('flat_1e-1', 'disk', 1.0e-1_wp), &
         entry_type('flat_1e-2', 'disk', 1.0e-2_wp), &
         entry_type('flat_1e-3', 'disk', 1.0e-3_wp), &
-        entry_type('falling', 'disk', 0.1_wp), &
+        entry_type('falling', 'disk', 0.0_wp), &
+        entry_type('falling_1e-6', 'disk', 1.0e-6_wp), &
         entry_type('spinning_1e3', 'disk', 1.0e3_wp), &
         entry_type('rolling_1e3', 'disk', 1.0e3_wp), &
         entry_type('rest', 'disk', 0.0_wp), &
@@ -146,8 +147,10 @@ contains
             case ('flat')
                 call build_flat(subject, x)
             case ('falling')
-                subject%description = 'the disk falls from a tilt of 0.1 and passes through the plane'
-                call build_disk(subject, [0.0_wp, 0.0_wp, 0.0_wp], x, 1.0_wp, 2.0_wp, 1.0e-2_wp)
+                subject%description = 'the disk falls flat from a tilt of 0.1, spinning at '//to_toml(x)//' rad/s'
+                call build_disk(subject, [x, 0.0_wp, 0.0_wp], 0.1_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
+                ! Flat on the plane its motion ends: no run may be complete.
+                subject%is_at_rest = .true.
             case ('spinning')
                 subject%description = 'the disk spins about its diameter at 1000 rad/s, tilted by 0.1'
                 call build_disk(subject, [0.0_wp, 0.0_wp, x], 0.1_wp, 1.0_wp, 0.05_wp, 1.0e-4_wp)
