@@ -100,8 +100,8 @@ class Precision(Case):
                         ratio = float(row[error]) / float(file[key][error])
                         self.assertAlmostEqual(ratio, 1, delta=0.1, msg=f"{scene} {key} {error}")
                     compared += 1
-            # Fewer where the machine is slow; of each series some are done.
-            self.assertGreater(compared, 8, scene)
+            # Four series; how far each goes within its budget depends on the machine.
+            self.assertGreater(compared, 3, scene)
 
     def test_resumes_after_an_interruption(self):
         """An interrupted study is continued: no row twice, none lost, those that were there untouched."""
