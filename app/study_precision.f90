@@ -226,8 +226,8 @@ contains
             text = 'errors: the largest over '//to_text(size(reference%t))//' times up to t = '// &
                 to_toml(reference%t(size(reference%t)))//' s; reference: '//reference%origin
             if (reference%agreement_q >= 0.0_wp) then
-                text = text//'; the two differ by '//brief(reference%agreement_q)//' in q and '// &
-                    brief(reference%agreement_qd)//' in qd: errors of less than ten times that are not quoted'
+                text = text//'; these runs differ from it by '//brief(reference%agreement_q)//' in q and '// &
+                    brief(reference%agreement_qd)//' in qd at most: errors of less than ten times that are not quoted'
             else
                 text = text//', whose accuracy it does not state'
             end if

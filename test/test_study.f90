@@ -257,29 +257,35 @@ contains
         call check_true(error, allocated(failure), 'no file is refused')
     end subroutine test_reference_refused
 
-    !> The reference that a study makes differs from the file's, which shares nothing with it, by no more than a few times the
-    !> difference of its two solutions: rounding has as much room in each.
+    !> The reference that a study makes differs from the file's, which shares nothing with it and is known to 1e-14, by no more than
+    !> its solutions differ from it: that errors of ten times that are right to ten per cent rests on it. Rounding, which another
+    !> processor or a bound on the steps changes, decides how far each of them is off; the mean of ten is nearer to the truth than the
+    !> farthest of them is to the mean in all but two of ten thousand cases.
     subroutine test_made_reference(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
         type(reference_type) :: made
         type(table_of_reference) :: table
         type(failure_type), allocatable :: failure
+        real(wp), parameter :: max_steps(3) = [0.0_wp, 0.02_wp, 0.015_wp]
         real(wp) :: worst
-        integer :: i
+        integer :: i, j
 
         call read_scene('scenes/rolling_disk.toml', [character(len=16) :: 'time.end=10'], scene, failure)
-        call make_reference(scene, 20, no_limit, made, failure)
-        call check_true(error,.not. allocated(failure), 'two steppers agree')
-        if (allocated(error)) return
         call read_test_reference('disk', table)
-        worst = 0.0_wp
-        do i = 1, size(made%t)
-            worst = max(worst, maxval(abs(made%q(:, i) - table%q_at(made%t(i)))))
+        do j = 1, size(max_steps)
+            scene%options%max_step = max_steps(j)
+            call make_reference(scene, 20, no_limit, made, failure)
+            call check_true(error,.not. allocated(failure), 'two steppers agree')
+            if (allocated(error)) return
+            worst = 0.0_wp
+            do i = 1, size(made%t)
+                worst = max(worst, maxval(abs(made%q(:, i) - table%q_at(made%t(i)))))
+            end do
+            call check_below(error, worst, made%agreement_q, 'difference from the file')
+            ! Rounding of 1e-16 a step, ten thousand steps, multiplied by the disk's growth of about a hundred.
+            call check_between(error, made%agreement_q, 1.0e-13_wp, 1.0e-7_wp, 'agreement')
         end do
-        call check_below(error, worst, 5*made%agreement_q, 'difference from the file')
-        ! Rounding of 1e-16 a step, ten thousand steps, multiplied by the disk's growth of about a hundred.
-        call check_between(error, made%agreement_q, 1.0e-13_wp, 1.0e-7_wp, 'agreement')
     end subroutine test_made_reference
 
     !> The timed run, without an observer, and the sampled one take the same steps, and the samples between steps are right.

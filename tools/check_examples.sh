@@ -90,7 +90,8 @@ check steered-skate-finds-its-procedures-right finds_nothing_wrong "$tmp/steered
 # --- 3. a project that depends on tandem ---------------------------------------------------------------------------
 
 copy_outside() { # the files of the checkout, without anything that set-up or a build made
-    git ls-files -z --cached --others --exclude-standard | tar --null --ignore-failed-read -T - -cf - |
+    # Also where the checkout is somebody else's, as that of a machine is in its container.
+    git -c safe.directory="$PWD" ls-files -z --cached --others --exclude-standard | tar --null --ignore-failed-read -T - -cf - |
         tar -C "$tmp/copy" -xf - && [ -f "$tmp/copy/example/dependent/fpm.toml" ]
 }
 

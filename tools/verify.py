@@ -264,6 +264,17 @@ PARTS = [
 # ----------------------------------------------------------------------------------------------------------------------
 
 
+def environment():
+    """What every part runs in, whatever the caller's own is: one thread of BLAS unless he says otherwise, messages that tests and
+    readers know, and no repository of git that a hook has named."""
+    own = {
+        name: value
+        for name, value in os.environ.items()
+        if name != "LANGUAGE" and not (name.startswith("GIT_") and name.endswith(("DIR", "TREE", "FILE", "DIRECTORY")))
+    }
+    return {"OPENBLAS_NUM_THREADS": "1"} | own | {"LC_ALL": "C.UTF-8"}
+
+
 def run(part):
     """Run one part: its Count, after the rules that hold for all of them."""
     LOGS.mkdir(parents=True, exist_ok=True)
@@ -275,6 +286,7 @@ def run(part):
         process = subprocess.Popen(
             part.command,
             cwd=part.folder,
+            env=environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -335,11 +347,6 @@ def main(names):
     if unknown:
         print(f"verify: no part {', '.join(unknown)}; there are {', '.join(known)}", file=sys.stderr)
         return 2
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    for name in [
-        name for name in os.environ if name.startswith("GIT_") and name.endswith(("DIR", "TREE", "FILE", "DIRECTORY"))
-    ]:
-        del os.environ[name]
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     for part in PARTS:

@@ -68,7 +68,7 @@ class Tables:
 
     def references(self):
         """How far the references of the studies can be trusted."""
-        lines = head("scene", "the two solutions differ in q", "in qd", "errors quoted from")
+        lines = head("scene", "its runs differ from it in q", "in qd", "errors quoted from")
         for name in self.names():
             study = self.study(name)
             a = study.attributes

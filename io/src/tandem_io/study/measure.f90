@@ -17,6 +17,8 @@ module tandem_io_study_measure
     character(len=*), parameter :: over_budget = 'over_budget'
     !> Steps between two looks at the clock.
     integer, parameter :: steps_unwatched = 16
+    !> The tightest tolerance of a reference.
+    real(wp), parameter :: tightest = 1.0e-15_wp
 
     !> The observer that takes the motion at given times, by dense output, and watches the clock.
     type, extends(observer_type) :: sampler_type
@@ -153,63 +155,49 @@ contains
         outcome%cpu_seconds = median(cpu(:outcome%repeats))
     end subroutine time_run
 
-    !> Make a reference at `samples` times, evenly spread: dop853 at its tightest tolerance, accepted only if a second stepper
-    !> agrees with it. Where one of the two cannot do it in time, as on stiff scenes, SDIRK54 stands in.
+    !> Make a reference at `samples` times, evenly spread: the mean of some solutions of dop853 at its tightest tolerances, accepted
+    !> only if a second stepper agrees with it. Where one of the two cannot do it in time, as on stiff scenes, SDIRK54 stands in.
+    !>
+    !> At such tolerances rounding decides how wrong a solution is, and a motion that multiplies disturbances multiplies rounding: two
+    !> solutions may lie close together far from the truth. Ten that take other steps show how far rounding goes, and their mean is
+    !> nearer to the truth than the farthest of them is to the mean, but for one case in some thousands.
     subroutine make_reference(scene, samples, most_seconds, reference, error)
         type(scene_type), intent(inout), target :: scene
         integer, intent(in) :: samples
-        !> Most seconds for each of the runs.
+        !> Most seconds for the run of each stepper, and once more for all the others of the mean.
         real(wp), intent(in) :: most_seconds
         type(reference_type), intent(out) :: reference
         type(error_type), allocatable, intent(out) :: error
         character(len=8), parameter :: steppers(3) = [character(len=8) :: 'dop853', 'dopri5', 'sdirk54']
-        !> The tolerances that are tried, the tightest that a run completes with counts; the first with the tightest `utol`.
-        real(wp), parameter :: tolerances(4) = [1.0e-15_wp, 1.0e-14_wp, 1.0e-13_wp, 1.0e-12_wp]
+        !> The tolerances that are tried; the tightest that a run completes with counts.
+        real(wp), parameter :: tolerances(4) = [tightest, 1.0e-14_wp, 1.0e-13_wp, 1.0e-12_wp]
         !> Solutions that differ by more than this part of the motion do not agree.
         real(wp), parameter :: worst = 1.0e-3_wp
         type(sampler_type) :: sampler
-        type(simulation_type) :: simulation
-        type(options_type) :: options
+        type(reference_type) :: mean
         type(error_type), allocatable :: problem
         character(len=:), allocatable :: why, name
-        integer :: i, j, k, agreed
+        integer :: i, k
 
-        agreed = 0
         why = ''
         do i = 1, size(steppers)
             ! An implicit stepper of order 4 would need a million steps for less.
             do k = merge(4, 1, steppers(i) == 'sdirk54'), size(tolerances)
-                options = scene%options
-                options%stepper = steppers(i)
-                options%rtol = tolerances(k)
-                options%atol = 0.0_wp
-                options%chart = 'every_step'
-                if (k == 1) options%utol = tolerances(k)
-                sampler = sampler_type(t=[(scene%t_start + (scene%t_end - scene%t_start)*j/samples, j=1, samples)], &
-                    most_seconds=most_seconds)
-                call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, problem)
-                if (.not. allocated(problem)) call simulation%integrate(scene%t_end, problem, sampler)
+                call solve(scene, steppers(i), tolerances(k), samples, most_seconds, sampler, problem)
                 if (.not. allocated(problem) .or. sampler%is_late) exit
             end do
-            name = trim(steppers(i))//' with rtol '//to_toml(options%rtol)
+            name = trim(steppers(i))//' with rtol '//to_toml(tolerances(min(k, size(tolerances))))
             if (allocated(problem)) then
                 why = why//new_line('a')//'  '//name//': '//problem%message
                 cycle
             end if
-            agreed = agreed + 1
-            if (agreed == 1) then
-                reference%t = sampler%t
-                reference%q = sampler%q
-                reference%qd = sampler%qd
-                reference%origin = name
+            if (.not. allocated(mean%t)) then
+                call take_mean(scene, steppers(i), tolerances(k), most_seconds, sampler, mean)
+                mean%origin = mean%origin//name
                 cycle
             end if
-            reference%agreement_q = 0.0_wp
-            reference%agreement_qd = 0.0_wp
-            do j = 1, samples
-                reference%agreement_q = max(reference%agreement_q, largest(scene, sampler%q(:, j) - reference%q(:, j)))
-                reference%agreement_qd = max(reference%agreement_qd, largest(scene, sampler%qd(:, j) - reference%qd(:, j)))
-            end do
+            reference = mean
+            call widen(scene, sampler, reference)
             if (reference%agreement_q <= worst*motion_of(scene, reference)) then
                 reference%origin = reference%origin//', confirmed by '//name
                 return
@@ -219,6 +207,82 @@ contains
         call set_error(error, status_step_limit, 'no two steppers agree on a reference:'//why, &
             'give a reference by --reference, or a shorter time.end')
     end subroutine make_reference
+
+    !> One solution. Near the tightest tolerance the position iteration goes as far as it can, too.
+    subroutine solve(scene, stepper, rtol, samples, most_seconds, sampler, problem)
+        type(scene_type), intent(inout), target :: scene
+        character(len=*), intent(in) :: stepper
+        real(wp), intent(in) :: rtol
+        integer, intent(in) :: samples
+        real(wp), intent(in) :: most_seconds
+        type(sampler_type), intent(out) :: sampler
+        type(error_type), allocatable, intent(out) :: problem
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        integer :: j
+
+        options = scene%options
+        options%stepper = stepper
+        options%rtol = rtol
+        options%atol = 0.0_wp
+        options%chart = 'every_step'
+        if (rtol <= 2*tightest) options%utol = rtol
+        sampler%t = [(scene%t_start + (scene%t_end - scene%t_start)*j/samples, j=1, samples)]
+        sampler%most_seconds = most_seconds
+        call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, problem)
+        if (.not. allocated(problem)) call simulation%integrate(scene%t_end, problem, sampler)
+    end subroutine solve
+
+    !> Make a reference of a solution and of others with tolerances up to twice as large: they take other steps, and round otherwise.
+    subroutine take_mean(scene, stepper, rtol, most_seconds, first, reference)
+        type(scene_type), intent(inout), target :: scene
+        character(len=*), intent(in) :: stepper
+        real(wp), intent(in) :: rtol, most_seconds
+        !> The solution with this tolerance.
+        type(sampler_type), intent(in) :: first
+        type(reference_type), intent(inout) :: reference
+        integer, parameter :: most = 10
+        type(sampler_type) :: solutions(most)
+        type(error_type), allocatable :: problem
+        integer :: i, n
+
+        solutions(1) = first
+        n = 1
+        do i = 2, most
+            call solve(scene, stepper, rtol*(1 + (i - 1)/real(most, wp)), size(first%t), most_seconds/(most - 1), &
+                solutions(n + 1), problem)
+            if (.not. allocated(problem)) n = n + 1
+            ! The others would be late too.
+            if (solutions(min(n + 1, most))%is_late) exit
+        end do
+        reference%t = first%t
+        reference%q = 0*first%q
+        reference%qd = 0*first%qd
+        do i = 1, n
+            reference%q = reference%q + solutions(i)%q/n
+            reference%qd = reference%qd + solutions(i)%qd/n
+        end do
+        reference%agreement_q = 0.0_wp
+        reference%agreement_qd = 0.0_wp
+        do i = 1, n
+            call widen(scene, solutions(i), reference)
+        end do
+        reference%origin = ''
+        if (n > 1) reference%origin = 'the mean of '//to_text(n)//' runs of '
+    end subroutine take_mean
+
+    !> Let the agreement of a reference cover a solution.
+    subroutine widen(scene, solution, reference)
+        type(scene_type), intent(in) :: scene
+        type(sampler_type), intent(in) :: solution
+        type(reference_type), intent(inout) :: reference
+        integer :: j
+
+        do j = 1, size(reference%t)
+            reference%agreement_q = max(reference%agreement_q, largest(scene, solution%q(:, j) - reference%q(:, j)))
+            reference%agreement_qd = max(reference%agreement_qd, largest(scene, solution%qd(:, j) - reference%qd(:, j)))
+        end do
+    end subroutine widen
 
     !> Take what is due.
     subroutine observe(self, simulation, occasion, error)

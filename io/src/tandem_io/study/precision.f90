@@ -23,7 +23,7 @@ module tandem_io_study_precision
     character(len=4), parameter :: by_step = 'step', by_rtol = 'rtol'
     !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
-    !> Errors are quoted down to this multiple of the agreement of two references: they are then right to ten per cent.
+    !> Errors are quoted down to this multiple of the agreement of a reference: they are then right to ten per cent.
     real(wp), parameter :: floor_factor = 10.0_wp
 
     !> The columns of a table of this study.

@@ -19,7 +19,7 @@ module tandem_io_study_reference
         real(wp), allocatable :: t(:)
         !> Coordinates and velocities (n, k).
         real(wp), allocatable :: q(:, :), qd(:, :)
-        !> How far a second, different solution is from it in q and in qd, max-norms over all times; errors below are not known.
+        !> How far the solutions behind it are from it in q and in qd, max-norms over all times; errors below are not known.
         !> Negative where nobody has said so.
         real(wp) :: agreement_q = -1.0_wp, agreement_qd = -1.0_wp
         !> Where it comes from, in words.
