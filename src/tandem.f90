@@ -23,6 +23,7 @@ module tandem
     use tandem_simulate_doubt, only: allowed_error, find_doubts, short_run
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
+    use tandem_simulate_figures, only: figure_reader_type, tell_figures
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
     use tandem_simulate_warning, only: warning_type
@@ -43,7 +44,7 @@ module tandem
     public :: options_type, basis_methods, chart_policies, projections, refresh_modes
     public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
     public :: event_type, event_record_type, threshold_event_type
-    public :: statistics_type, n_reasons, reason_name, warning_type
+    public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type
     public :: assembly_type, assemble, velocity_metrics
     public :: global_error_type, find_doubts, allowed_error, short_run
     public :: profile_type, mark_type, profiled_model_type, profiled_chart_type, profiled_observer_type

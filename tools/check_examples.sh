@@ -132,4 +132,45 @@ check dependent-links-neither-hdf5-nor-toml nothing_else_linked
 check dependent-runs run_dependent
 check dependent-agrees-with-its-closed-form error_below 1e-9 "$tmp/dependent.log"
 
+# --- 4. its program on the command line --------------------------------------------------------------------------------
+
+build_program() { # against the HDF5 and the toml-f of this checkout
+    local program=$tmp/copy/example/dependent/program
+    mkdir -p "$program/build/dependencies" && cp -r build/dependencies/toml-f "$program/build/dependencies/" &&
+        cp -r io/include "$tmp/copy/io/" &&
+        (cd "$program" && GIT_ALLOW_PROTOCOL=none GIT_TERMINAL_PROMPT=0 "$fpm" build --flag "-O1") >"$tmp/build.log" 2>&1 ||
+        { tail -n 20 "$tmp/build.log"; return 1; }
+}
+
+pendulum() { # ARGUMENT...: in a folder of its own, with the scenes of the project
+    local binary
+    binary=$(find "$tmp/copy/example/dependent/program/build" -path '*/app/*' -type f -perm -u+x | head -n 1)
+    mkdir -p "$tmp/runs" && (cd "$tmp/runs" && TANDEM_SCENES=$tmp/copy/example/dependent/program/scenes "$binary" "$@")
+}
+
+is_json() { python3 -c 'import json, sys; json.load(sys.stdin)'; }
+
+killed_and_resumed() { # as if nothing had happened
+    pendulum run pendulum --quiet --no-error --output whole.h5 && {
+        pendulum run pendulum --quiet --no-error --set solver.max_steps=40 --output part.h5
+        [ $? = 1 ]
+    } && pendulum resume part.h5 --set solver.max_steps=100000 --no-error --json >"$tmp/part.json" &&
+        pendulum run pendulum --force --no-error --json --output again.h5 >"$tmp/whole.json" &&
+        python3 - "$tmp/part.json" "$tmp/whole.json" <<'END'
+import json, sys
+part, whole = (json.load(open(path)) for path in sys.argv[1:])
+sys.exit(any(part[key] != whole[key] for key in ("status", "t", "q", "qd", "rows")))
+END
+}
+
+check program-builds build_program
+check program-lists-its-scene grep -q '^pendulum  *pendulum ' <(pendulum list)
+check program-shows-what-it-reads grep -q '^length = 2.0 .*of the rod' <(pendulum show pendulum)
+check program-checks-its-model pendulum check pendulum
+check program-runs pendulum run pendulum --set time.end=2 --output run.h5
+check program-tells-json is_json < <(pendulum run pendulum --set time.end=2 --output json.h5 --json)
+check program-resumes-bitwise killed_and_resumed
+check program-studies pendulum study precision pendulum --set time.end=1 --quick --steppers rk4,dop853
+check program-knows-the-shipped-models pendulum check "$PWD/scenes/rolling_disk.toml"
+
 [ "$failures" = 0 ]

@@ -29,7 +29,7 @@ FPM = str(ROOT / ".venv" / "bin" / "fpm")
 PYTHON = str(ROOT / ".venv" / "bin" / "python")
 FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
 
-SOURCES = ["src", "io/src", "app", "test", "example"]
+SOURCES = ["src", "io/src", "cli/src", "app", "test", "example"]
 STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
 FLAGS = (ROOT / "tools" / "release_flags").read_text().strip()
 RELEASE = ["--profile", "release", "--flag", f"{FLAGS} {os.environ.get('ARCH', '-march=native')}"]
@@ -110,7 +110,7 @@ def test_drive_checked(lines):
             if at:
                 place = f"{os.path.normpath(at[2])}:{at[1]}"
             elif place and "array temporary" in line:
-                if place.startswith(("src/", "io/", "app/")):
+                if place.startswith(("src/", "io/", "cli/", "app/")):
                     times, _ = places.get(place, (0, ""))
                     places[place] = times + 1, line.split("warning:")[-1].strip()
                 place = None

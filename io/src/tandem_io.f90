@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The public face of tandem-io: re-exports only.
 module tandem_io
+    use tandem_io_json, only: json_type
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
     use tandem_io_output_checksums, only: finding_type
     use tandem_io_output_fields, only: default_fields, field_names, output_type
@@ -9,7 +10,8 @@ module tandem_io
     use tandem_io_output_verification, only: verify_result
     use tandem_io_path, only: is_same_file
     use tandem_io_scene, only: read_scene, scene_type
-    use tandem_io_scene_registry, only: model_names
+    use tandem_io_scene_registry, only: scene_model_type, shipped_models
+    use tandem_io_scene_reader, only: anything, not_negative, positive, reader_type
     use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_study_cases, only: case_groups, case_names
@@ -19,17 +21,20 @@ module tandem_io
     use tandem_io_study_precision, only: precision_columns, precision_type
     use tandem_io_study_reference, only: read_reference, reference_type, write_reference
     use tandem_io_study_stability, only: select_cases, stability_columns, stability_type
-    use tandem_io_study_table, only: brief, column_type, table_type
+    use tandem_io_study_table, only: brief, column_type, count_column, real_column, table_type
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, model_names, listed, nearest_name, to_toml
+    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, scene_model_type, shipped_models, listed, &
+        nearest_name, to_toml
+    public :: reader_type, anything, positive, not_negative
+    public :: json_type
     public :: snapshot_type, read_snapshot
     public :: finding_type, verify_result
     public :: is_same_file
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
-    public :: journal_type, table_type, column_type, brief
+    public :: journal_type, table_type, column_type, count_column, real_column, brief
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
         write_reference

@@ -7,7 +7,7 @@ module tandem_io_scene
     use tandem_io_scene_events, only: read_events
     use tandem_io_scene_ledger, only: key_length
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
-    use tandem_io_scene_registry, only: build_model, model_names
+    use tandem_io_scene_registry, only: scene_model_type, shipped_models
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_source, only: check_text
     use tandem_io_scene_text, only: listed, to_toml
@@ -51,7 +51,7 @@ module tandem_io_scene
 contains
 
     !> Read a scene. The message of an error shows the file, the line, and what may stand there.
-    subroutine read_scene(path, settings, scene, error, text)
+    subroutine read_scene(path, settings, scene, error, text, models)
         !> Path of a TOML file, or how messages call the text.
         character(len=*), intent(in) :: path
         !> `table.key=value`, which override the file; later ones win.
@@ -60,12 +60,27 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> The scene itself, in the stead of a file.
         character(len=*), intent(in), optional :: text
+        !> The models that the scene may name; `shipped_models()` where they are not given.
+        type(scene_model_type), intent(in), optional :: models(:)
+        type(scene_model_type), allocatable :: known(:)
+        character(len=key_length), allocatable :: names(:)
         type(reader_type) :: reader
+        integer :: i
 
+        if (present(models)) then
+            allocate (known, source=models)
+        else
+            allocate (known, source=shipped_models())
+        end if
         call reader%open_sources(path, settings, text)
         call reader%check_tables(tables, arrays)
-        call read_names(reader, path, scene)
-        if (.not. reader%failed()) call build_model(trim(scene%model_name), reader, scene%model, scene%q, scene%qd)
+        names = known%name
+        call read_names(reader, path, names, scene)
+        do i = 1, size(known)
+            if (reader%failed() .or. known(i)%name /= scene%model_name) cycle
+            call known(i)%build(reader, scene%model, scene%q, scene%qd)
+            exit
+        end do
         call read_start(reader, scene)
         call read_time(reader, scene)
         if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
@@ -83,9 +98,9 @@ contains
     end subroutine read_scene
 
     !> [scene]
-    subroutine read_names(reader, path, scene)
+    subroutine read_names(reader, path, model_names, scene)
         type(reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: path
+        character(len=*), intent(in) :: path, model_names(:)
         type(scene_type), intent(inout) :: scene
         character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.'
         integer :: last
@@ -101,7 +116,7 @@ contains
             call reader%refuse('name', 'must be letters, digits, _, - and dots, since it names files')
         end if
         call reader%get('description', scene%description)
-        call reader%get('model', scene%model_name, model_names(), required=.true.)
+        call reader%get('model', scene%model_name, model_names, required=.true.)
         call reader%close_table()
     end subroutine read_names
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The models that a scene may name. A new model is one file beside this one and one line in `builders`.
+!> The models that a scene may name: the shipped ones, and those that a program of one's own adds.
 module tandem_io_scene_registry
     use tandem, only: model_type, wp
     use tandem_io_scene_articulated_vehicle, only: build_articulated_vehicle
@@ -10,7 +10,7 @@ module tandem_io_scene_registry
     implicit none (type, external)
     private
 
-    public :: model_names, build_model
+    public :: scene_model_type, shipped_models
 
     abstract interface
         !> Read [model] and what the model has in [initial]; the latter table stays open. Errors stay in the reader.
@@ -25,46 +25,21 @@ module tandem_io_scene_registry
         end subroutine build_interface
     end interface
 
-    !> A name and what builds it.
-    type :: builder_type
+    !> The name by which scenes call a model, and what builds it: `scene_model_type('pendulum', build_pendulum)`.
+    type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build
-    end type builder_type
+    end type scene_model_type
 
 contains
 
-    !> The models.
-    function builders() result(list)
-        type(builder_type), allocatable :: list(:)
+    !> The models of this package. A new one is a file beside this one and a line here.
+    function shipped_models() result(models)
+        type(scene_model_type) :: models(3)
 
-        list = [ &
-            builder_type('articulated_vehicle', build_articulated_vehicle), &
-            builder_type('motorcycle', build_motorcycle), &
-            builder_type('rolling_disk', build_rolling_disk)]
-    end function builders
-
-    !> Every name that `build_model` knows.
-    function model_names() result(names)
-        character(len=key_length), allocatable :: names(:)
-        type(builder_type), allocatable :: list(:)
-
-        allocate (list, source=builders())
-        names = list%name
-    end function model_names
-
-    !> Build the model of a name; see `build_interface`.
-    subroutine build_model(name, reader, model, q, qd)
-        !> One of `model_names`.
-        character(len=*), intent(in) :: name
-        class(reader_type), intent(inout) :: reader
-        class(model_type), allocatable, intent(out) :: model
-        real(wp), allocatable, intent(out) :: q(:), qd(:)
-        type(builder_type), allocatable :: list(:)
-        integer :: i
-
-        allocate (list, source=builders())
-        do i = 1, size(list)
-            if (list(i)%name == name) call list(i)%build(reader, model, q, qd)
-        end do
-    end subroutine build_model
+        models = [ &
+            scene_model_type('articulated_vehicle', build_articulated_vehicle), &
+            scene_model_type('motorcycle', build_motorcycle), &
+            scene_model_type('rolling_disk', build_rolling_disk)]
+    end function shipped_models
 end module tandem_io_scene_registry

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Whether somebody watches.
-module tandem_app_terminal
+module tandem_cli_terminal
     use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
     private
@@ -23,4 +23,4 @@ contains
     logical function stderr_is_terminal()
         stderr_is_terminal = is_terminal(2_c_int) == 1_c_int
     end function stderr_is_terminal
-end module tandem_app_terminal
+end module tandem_cli_terminal

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study stability: a verdict for every stiff and extreme case with every stepper.
-module tandem_app_study_stability
+module tandem_cli_study_stability
     use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
-    use tandem_app_study_progress, only: study_progress_type
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_cli_study_json, only: print_table_json
+    use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, case_groups, case_names, listed, nearest_name, select_cases, stability_columns, stability_type
     implicit none (type, external)
     private
@@ -19,19 +19,13 @@ contains
 
     !> Do the runs, print the matrix, write the files.
     subroutine study_stability(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code: 1 also where a run is wrong.
         integer, intent(out) :: code
         type(error_type), allocatable :: error
 
-        call arguments%parse([character(len=8) :: '--output', '--quiet', '--force', '--help'], .true., error, many=.true., &
-            least=0)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
         code = input_wrong
-        if (.not. allocated(error)) call study(arguments, code, error)
+        call study(arguments, code, error)
         if (allocated(error)) call complain(error%message)
     end subroutine study_stability
 
@@ -78,7 +72,11 @@ contains
         if (allocated(error)) return
         call stability%journal%write_hdf5('stability', about, [character(len=1) ::], [real(wp) ::], error)
         if (allocated(error)) return
-        call print_matrix(stability)
+        if (arguments%json) then
+            call print_table_json(stability%journal%table)
+        else if (.not. arguments%quiet) then
+            call print_matrix(stability)
+        end if
         code = merge(run_failed, done, stability%count_of('wrong') > 0)
     end subroutine study
 
@@ -197,4 +195,4 @@ contains
         cell = text
         if (len(text) >= width) cell(width:) = ' '
     end function fitted
-end module tandem_app_study_stability
+end module tandem_cli_study_stability

@@ -1,26 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> The command line: a subcommand, then words and options in any order.
-module tandem_app_arguments
+module tandem_cli_arguments
     use tandem, only: error_type, to_text, wp
-    use tandem_io, only: nearest_name
+    use tandem_cli_commands, only: command_type, commands, find_command, find_option, options, takes_option
+    use tandem_io, only: nearest_name, scene_model_type
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
 
     public :: arguments_type, read_arguments
-
-    !> What an option takes.
-    type :: option_type
-        character(len=12) :: name
-        logical :: has_value
-    end type option_type
-
-    !> Every option of any subcommand.
-    type(option_type), parameter :: options(14) = [option_type('--set', .true.), option_type('--output', .true.), &
-        option_type('--quiet', .false.), option_type('--force', .false.), option_type('--help', .false.), &
-        option_type('--steppers', .true.), option_type('--reference', .true.), option_type('--samples', .true.), &
-        option_type('--repeats', .true.), option_type('--budget', .true.), option_type('--quick', .false.), &
-        option_type('--error', .false.), option_type('--no-error', .false.), option_type('--profile', .false.)]
 
     type :: arguments_type
         !> The subcommand, empty where there is none; of `study`, two words.
@@ -29,11 +17,15 @@ module tandem_app_arguments
         !> `scenes`.
         character(len=:), allocatable :: scene
         character(len=:), allocatable :: scenes(:)
+        !> What follows `help` and `completion`; empty where nothing does.
+        character(len=:), allocatable :: about
+        !> The models that scenes may name.
+        type(scene_model_type), allocatable :: models(:)
         !> The settings `table.key=value`, blanks at their ends dropped.
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
-            profile = .false.
+            profile = .false., json = .false.
         !> The options of a study that have a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
@@ -48,86 +40,95 @@ module tandem_app_arguments
 contains
 
     !> The subcommand; the rest is for `parse`.
-    function read_arguments() result(arguments)
+    function read_arguments(models) result(arguments)
+        !> The models that scenes may name.
+        type(scene_model_type), intent(in) :: models(:)
         type(arguments_type) :: arguments
 
-        arguments%command = ''
+        arguments%command = 'help'
         if (command_argument_count() > 0) arguments%command = argument(1)
-        if (arguments%command == 'study' .and. command_argument_count() > 1) then
-            arguments%command = 'study '//argument(2)
-            arguments%first = 3
-        end if
+        select case (arguments%command)
+        case ('--help', '-h')
+            arguments%command = 'help'
+        case ('--version')
+            arguments%command = 'version'
+        case ('study')
+            if (command_argument_count() > 1) then
+                if (argument(2) == '--help' .or. argument(2) == '-h') then
+                    arguments%command = 'help'
+                else
+                    arguments%command = 'study '//argument(2)
+                end if
+                arguments%first = 3
+            end if
+        end select
+        arguments%about = ''
+        allocate (arguments%models, source=models)
         allocate (character(len=0) :: arguments%settings(0), arguments%given(0), arguments%scenes(0))
     end function read_arguments
 
     !> Read what follows the subcommand.
-    subroutine parse(self, allowed, takes_scene, error, many, least)
+    subroutine parse(self, error)
         class(arguments_type), intent(inout) :: self
-        !> The options that the subcommand has.
-        character(len=*), intent(in) :: allowed(:)
-        !> Whether it wants a scene.
-        logical, intent(in) :: takes_scene
         type(error_type), allocatable, intent(out) :: error
-        !> Whether it takes several scenes.
-        logical, intent(in), optional :: many
-        !> The fewest that it takes; 1 where it is not given.
-        integer, intent(in), optional :: least
         character(len=:), allocatable :: word
         logical :: takes_many
         integer :: i
 
-        takes_many = .false.
-        if (present(many)) takes_many = many
-        i = self%first
-        do while (i <= command_argument_count() .and. .not. allocated(error))
-            word = argument(i)
-            i = i + 1
-            if (len(word) > 1 .and. index(word, '-') == 1) then
-                call self%take(word, i, allowed, error)
-            else if ((allocated(self%scene) .and. .not. takes_many) .or. .not. takes_scene) then
-                call set_usage_error(error, self%command, 'does not know what to do with "'//word//'"')
-            else
-                self%scene = word
-                call add_text(self%scenes, word)
-            end if
-        end do
-        if (allocated(error) .or. self%help) return
-        if (present(least)) then
-            if (size(self%scenes) >= least) return
-        end if
-        if (self%command == 'resume' .and. .not. allocated(self%scene)) then
-            call set_usage_error(error, self%command, 'needs a FILE: the result of a run that was interrupted')
-        else if (self%command == 'verify' .and. .not. allocated(self%scene)) then
-            call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
-        else if (takes_scene .and. .not. allocated(self%scene)) then
-            call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
-        end if
+        associate (command => commands(find_command(self%command)))
+            takes_many = index(command%operand, '...') > 0
+            i = self%first
+            do while (i <= command_argument_count() .and. .not. allocated(error))
+                word = argument(i)
+                i = i + 1
+                if (len(word) > 1 .and. index(word, '-') == 1) then
+                    call self%take(word, i, command, error)
+                else if (index(command%operand, 'COMMAND') + index(command%operand, 'SHELL') > 0) then
+                    self%about = trim(self%about//' '//word)
+                    self%about = trim(adjustl(self%about))
+                else if ((allocated(self%scene) .and. .not. takes_many) .or. command%operand == '') then
+                    call set_usage_error(error, self%command, 'does not know what to do with "'//word//'"')
+                else
+                    self%scene = word
+                    call add_text(self%scenes, word)
+                end if
+            end do
+            if (allocated(error) .or. self%help .or. allocated(self%scene)) return
+            select case (command%operand)
+            case ('FILE')
+                call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
+            case ('SCENE', 'SCENE...')
+                call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
+            end select
+        end associate
     end subroutine parse
 
     !> Take an option, and its value from the same word or from the next.
-    subroutine take(self, word, next, allowed, error)
+    subroutine take(self, word, next, command, error)
         class(arguments_type), intent(inout) :: self
         character(len=*), intent(in) :: word
         !> Index of the next argument.
         integer, intent(inout) :: next
-        character(len=*), intent(in) :: allowed(:)
+        type(command_type), intent(in) :: command
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: name, value
+        logical :: has_value
         integer :: equals, i
 
         name = word
         equals = index(word, '=')
         if (equals > 0) name = word(:equals - 1)
         if (name == '-h') name = '--help'
-        i = findloc(options%name == name .and. [(any(options(i)%name == allowed), i=1, size(options))], .true., dim=1)
-        if (i == 0) then
-            value = nearest_name(name, allowed)
+        i = find_option(name)
+        if (i == 0 .or. .not. takes_option(command, name)) then
+            value = nearest_name(name, pack(options%name, [(takes_option(command, options(i)%name), i=1, size(options))]))
             if (value /= '') value = '; did you mean '//value//'?'
             call set_usage_error(error, self%command, 'has no option '//name//value)
             return
         end if
+        has_value = options(i)%value /= ''
         value = ''
-        if (options(i)%has_value) then
+        if (has_value) then
             if (equals > 0) then
                 value = word(equals + 1:)
             else if (next <= command_argument_count()) then
@@ -159,6 +160,8 @@ contains
             self%profile = .true.
         case ('--force')
             self%force = .true.
+        case ('--json')
+            self%json = .true.
         case ('--quick')
             self%quick = .true.
         case ('--help')
@@ -270,4 +273,4 @@ contains
         error%stat = status_invalid_option
         error%message = 'tandem '//command//' '//message//new_line('a')//'See tandem help.'
     end subroutine set_usage_error
-end module tandem_app_arguments
+end module tandem_cli_arguments

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> What takes the time of a run, for `tandem run --profile`.
-module tandem_app_profiling
+module tandem_cli_profiling
     use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_chart_type, profiled_model_type, &
         profiled_observer_type
     use tandem_io, only: observer_list_type
@@ -53,4 +53,4 @@ contains
         call observers%add(self%watching)
         call observers%add(self%writing)
     end subroutine observe
-end module tandem_app_profiling
+end module tandem_cli_profiling

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study tables: the tables and figures of the paper beside ours.
-module tandem_app_study_tables
+module tandem_cli_study_tables
     use tandem, only: error_type, is_input_error, wp
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, padded, run_failed, say
-    use tandem_app_study_progress, only: study_progress_type
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
+    use tandem_cli_study_json, only: print_table_json
+    use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, paper_columns, paper_type
     implicit none (type, external)
     private
@@ -16,18 +16,13 @@ contains
 
     !> Do the paper's runs, print the table, write its files.
     subroutine study_tables(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(error_type), allocatable :: error
 
-        call arguments%parse([character(len=8) :: '--output', '--quiet', '--force', '--help'], .false., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
         code = input_wrong
-        if (.not. allocated(error)) call make_tables(arguments, code, error)
+        call make_tables(arguments, code, error)
         if (allocated(error)) then
             call complain(error%message)
         else
@@ -66,7 +61,12 @@ contains
         call study%journal%close()
         if (allocated(error)) return
         call study%journal%write_hdf5('tables', about, [character(len=1) ::], [real(wp) ::], error)
-        if (.not. allocated(error)) call print_tables(study)
+        if (allocated(error)) return
+        if (arguments%json) then
+            call print_table_json(study%journal%table)
+        else if (.not. arguments%quiet) then
+            call print_tables(study)
+        end if
     end subroutine make_tables
 
     !> The rows of each run under a line that says which.
@@ -90,4 +90,4 @@ contains
         end associate
         call say('files: '//study%journal%path//'.csv, .h5')
     end subroutine print_tables
-end module tandem_app_study_tables
+end module tandem_cli_study_tables

@@ -1,13 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
-module tandem_app_check
+module tandem_cli_check
     use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
-    use tandem_app_moves, only: moves_text
-    use tandem_app_report, only: print_warnings
-    use tandem_io, only: brief, find_scene, read_scene, scene_type
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_moves, only: moves_text
+    use tandem_cli_report, only: print_warnings
+    use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -23,21 +22,17 @@ contains
 
     !> Check a scene. The exit code is 1 where a procedure is wrong, 2 where the scene cannot be started.
     subroutine check(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type), target :: scene
+        type(simulation_type) :: simulation
         type(finding_type), allocatable :: findings(:)
         type(error_type), allocatable :: error, start_error
         character(len=:), allocatable :: path
 
-        call arguments%parse([character(len=8) :: '--set', '--help'], .true., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
-        if (.not. allocated(error)) call find_scene(arguments%scene, path, error)
-        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error)
+        call find_scene(arguments%scene, path, error)
+        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (.not. allocated(error)) then
             call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
         end if
@@ -46,26 +41,32 @@ contains
             code = input_wrong
             return
         end if
-        associate (model => scene%model)
-            call say(scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
-                ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints, '// &
-                to_text(model%n - model%n_constraints())//' degrees of freedom')
-        end associate
-        call print_findings(scene, findings)
-        call print_start(scene, start_error)
+        ! Whether it would start, with the rank and how far it is off the constraints.
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, start_error, scene%assembly)
+        if (arguments%json) then
+            call print_json(scene, findings, simulation, start_error)
+        else
+            call print_check(scene, findings)
+            if (.not. allocated(start_error)) call print_start(scene, simulation)
+        end if
         code = merge(done, run_failed, all(findings%passed))
         if (.not. allocated(start_error)) return
         call complain(in_scene_words(start_error))
         code = input_wrong
     end subroutine check
 
-    !> One line a procedure; the place and the numbers of what is wrong.
-    subroutine print_findings(scene, findings)
+    !> Sizes, and one line a procedure; the place and the numbers of what is wrong.
+    subroutine print_check(scene, findings)
         type(scene_type), intent(in) :: scene
         type(finding_type), intent(in) :: findings(:)
         character(len=:), allocatable :: place, verdict
         integer :: i
 
+        associate (model => scene%model)
+            call say(scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
+                ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints, '// &
+                to_text(model%n - model%n_constraints())//' degrees of freedom')
+        end associate
         call say('procedures against differences at '//to_text(n_states)//' random states:')
         do i = 1, size(findings)
             associate (finding => findings(i))
@@ -86,17 +87,14 @@ contains
                     ', differences give '//to_text(finding%expected))
             end associate
         end do
-    end subroutine print_findings
+    end subroutine print_check
 
-    !> Whether the simulation would start, with the rank and how far it is off the constraints.
-    subroutine print_start(scene, error)
-        type(scene_type), intent(inout), target :: scene
-        type(error_type), allocatable, intent(out) :: error
-        type(simulation_type) :: simulation
+    !> The start.
+    subroutine print_start(scene, simulation)
+        type(scene_type), intent(in) :: scene
+        type(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: rank
 
-        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
-        if (allocated(error)) return
         if (allocated(scene%assembly)) call say('start assembled: '//moves_text(scene%model, scene%assembly))
         rank = 'full rank '//to_text(scene%model%n_constraints())
         if (simulation%n_redundant > 0) rank = 'rank '//to_text(scene%model%n_constraints() - simulation%n_redundant)// &
@@ -106,4 +104,46 @@ contains
             brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales')
         call print_warnings(simulation)
     end subroutine print_start
-end module tandem_app_check
+
+    !> The same as one object.
+    subroutine print_json(scene, findings, simulation, start_error)
+        type(scene_type), intent(in) :: scene
+        type(finding_type), intent(in) :: findings(:)
+        type(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(in) :: start_error
+        type(json_type) :: json
+        integer :: i
+
+        call json%begin_object()
+        call json%add('scene', scene%name)
+        call json%add('n', scene%model%n)
+        call json%add('n_holonomic', scene%model%n_holonomic)
+        call json%add('n_nonholonomic', scene%model%n_nonholonomic)
+        call json%begin_array('procedures')
+        do i = 1, size(findings)
+            call json%begin_object()
+            call json%add('name', findings(i)%name)
+            call json%add('passed', findings(i)%passed)
+            call json%add('error', findings(i)%error)
+            call json%add('row', findings(i)%row)
+            call json%add('column', findings(i)%column)
+            call json%add('value', findings(i)%value)
+            call json%add('expected', findings(i)%expected)
+            call json%end_object()
+        end do
+        call json%end_array()
+        call json%begin_object('start')
+        call json%add('passed', .not. allocated(start_error))
+        if (allocated(start_error)) then
+            call json%add('message', start_error%message)
+        else
+            call json%add('redundant', simulation%n_redundant)
+            call json%add('position_error', simulation%errors(1))
+            call json%add('velocity_error', simulation%errors(2))
+            call json%add('acceleration_error', simulation%errors(3))
+        end if
+        call json%end_object()
+        call json%end_object()
+        call say(json%text)
+    end subroutine print_json
+end module tandem_cli_check

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> How the program speaks on stdout and stderr, and its exit codes.
-module tandem_app_messages
+module tandem_cli_messages
     use tandem, only: error_type
     use tandem_status, only: status_inconsistent_start
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_size_t
@@ -84,4 +84,4 @@ contains
 
         wide = text
     end function padded
-end module tandem_app_messages
+end module tandem_cli_messages

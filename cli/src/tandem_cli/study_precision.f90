@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study precision: error against run time of every stepper, over step sizes and tolerances.
-module tandem_app_study_precision
+module tandem_cli_study_precision
     use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
-    use tandem_app_study_progress, only: study_progress_type
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
+    use tandem_cli_study_json, only: print_table_json
+    use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
         read_scene, reference_type, scene_type, settle_scene, table_type, to_toml, write_reference
     implicit none (type, external)
@@ -28,7 +28,7 @@ contains
 
     !> Study one scene after the other.
     subroutine study_precision(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type), allocatable :: scenes(:)
@@ -36,18 +36,12 @@ contains
         type(error_type), allocatable :: error
         integer :: i
 
-        call arguments%parse([character(len=12) :: '--set', '--output', '--quiet', '--force', '--help', '--steppers', &
-            '--reference', '--samples', '--repeats', '--budget', '--quick'], .true., error, many=.true.)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
-        if (.not. allocated(error)) call read_request(arguments, request, error)
+        call read_request(arguments, request, error)
         if (.not. allocated(error)) call read_scenes(arguments, scenes, error)
         code = input_wrong
         if (.not. allocated(error)) then
             do i = 1, size(scenes)
-                if (i > 1) call say('')
+                if (i > 1 .and. .not. (arguments%quiet .or. arguments%json)) call say('')
                 call study_scene(arguments, request, scenes(i), code, error)
                 if (allocated(error)) exit
             end do
@@ -111,7 +105,7 @@ contains
         do i = 1, size(scenes)
             call find_scene(trim(arguments%scenes(i)), path, error)
             if (allocated(error)) return
-            call read_scene(path, arguments%settings, scenes(i), error)
+            call read_scene(path, arguments%settings, scenes(i), error, models=arguments%models)
             if (.not. allocated(error)) call settle_scene(scenes(i), error)
             if (allocated(error)) return
             do j = 1, i - 1
@@ -168,7 +162,12 @@ contains
         if (allocated(error)) return
         call study%journal%write_hdf5('precision', about(study), [character(len=12) :: 'agreement_q', &
             'agreement_qd', 'floor_q'], [study%reference%agreement_q, study%reference%agreement_qd, study%floor_q()], error)
-        if (.not. allocated(error)) call print_study(scene, study)
+        if (allocated(error)) return
+        if (arguments%json) then
+            call print_table_json(study%journal%table, scene%name)
+        else if (.not. arguments%quiet) then
+            call print_study(scene, study)
+        end if
     end subroutine study_scene
 
     !> What the rows depend on, besides the program.
@@ -276,4 +275,4 @@ contains
         call say('files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
             study%journal%path//'.h5 '//study%journal%path//'.png')
     end subroutine print_study
-end module tandem_app_study_precision
+end module tandem_cli_study_precision

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Shows where the time of a run went: a table of its parts, what the file costs, and what is uncertain.
-module tandem_app_profile_table
+module tandem_cli_profile_table
     use tandem, only: long, n_part_groups, n_parts, part_group, part_group_name, part_name, profile_type, wp
-    use tandem_app_messages, only: padded, say
-    use tandem_app_report, only: count_text, print_line, short
+    use tandem_cli_messages, only: padded, say
+    use tandem_cli_report, only: count_text, print_line, short
     implicit none (type, external)
     private
 
@@ -99,4 +99,4 @@ contains
 
         text = count_text(nint(1.0e9_wp*seconds, long))
     end function nanoseconds
-end module tandem_app_profile_table
+end module tandem_cli_profile_table

@@ -1,17 +1,17 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
-module tandem_app_run
+module tandem_cli_run
     use tandem, only: at_end, error_type, mark_type, part_open, part_start, profile_type, profiled_chart_type, short_run, &
         simulation_type, statistics_type, status_output_failed, wp
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
-    use tandem_app_messages, only: complain, done, in_scene_words, input_wrong, run_failed, signalled
-    use tandem_app_profile_table, only: print_profile
-    use tandem_app_profiling, only: profiling_type
-    use tandem_app_progress, only: progress_type
-    use tandem_app_report, only: print_report
-    use tandem_app_rescue, only: save_last_state
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
+    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, signalled
+    use tandem_cli_profile_table, only: print_profile
+    use tandem_cli_profiling, only: profiling_type
+    use tandem_cli_progress, only: progress_type
+    use tandem_cli_report, only: complain_of_doubts, print_report
+    use tandem_cli_report_json, only: print_report_json
+    use tandem_cli_rescue, only: save_last_state
     use tandem_io, only: find_scene, is_same_file, observer_list_type, read_scene, scene_type, trajectory_type
     use tandem_status, only: status_interrupted
     implicit none (type, external)
@@ -23,7 +23,7 @@ contains
 
     !> Run a scene.
     subroutine run(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type), target :: scene
@@ -33,14 +33,8 @@ contains
         type(profiling_type), allocatable, target :: profiling
         type(error_type), allocatable :: error
 
-        call arguments%parse([character(len=10) :: '--set', '--output', '--error', '--no-error', '--profile', '--quiet', &
-            '--force', '--help'], .true., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
         if (arguments%profile) allocate (profiling)
-        if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
+        call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         if (allocated(error)) then
             call complain(in_scene_words(error))
             code = input_wrong
@@ -76,17 +70,23 @@ contains
         if (allocated(output_error) .and. (was_interrupted .or. .not. allocated(error))) call move_alloc(output_error, error)
         if (present(profiling)) then
             call profiling%profile%finish()
-            if (.not. allocated(error)) call compare(scene, simulation, profiling%profile, profile_error)
+            if (.not. allocated(error)) call compare(arguments, scene, simulation, profiling%profile, profile_error)
             if (.not. allocated(output_error)) call trajectory%add_profile(profiling%profile, output_error)
             if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         end if
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
-            call estimate(scene, global_error, estimate_error)
+            call estimate(arguments, scene, global_error, estimate_error)
             call trajectory%add_error(simulation, global_error, error)
         end if
         call trajectory%release()
-        call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
-        if (present(profiling)) call print_profile(profiling%profile)
+        if (arguments%json) then
+            call print_report_json(scene, simulation, trajectory, error, global_error, estimate_error)
+        else if (arguments%quiet) then
+            call complain_of_doubts(simulation, global_error, estimate_error)
+        else
+            call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
+            if (present(profiling)) call print_profile(profiling%profile)
+        end if
         code = done
         if (is_interruption(profile_error)) code = signalled + caught_signal()
         if (is_interruption(estimate_error)) code = signalled + caught_signal()
@@ -120,7 +120,7 @@ contains
 
         call find_scene(arguments%scene, path, error)
         if (allocated(error)) return
-        call read_scene(path, arguments%settings, scene, error)
+        call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) return
         ! Not before, so that a signal ends the program at once while it waits for a scene that comes through a pipe.
         call watch_signals()
@@ -208,7 +208,8 @@ contains
 
     !> The beginning of the run again, in turns with clocks and without, for `compare` of its profile: a tenth of a second of it at
     !> most, of which the least times of the processor count, because others work on the machine.
-    subroutine compare(scene, simulation, profile, error)
+    subroutine compare(arguments, scene, simulation, profile, error)
+        type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         !> The run.
         type(simulation_type), intent(in) :: simulation
@@ -229,11 +230,11 @@ contains
         plain = huge(1.0_wp)
         total = 0.0_wp
         do i = 1, most_rounds
-            call time_again(scene, t_end, seconds, error)
+            call time_again(arguments, scene, t_end, seconds, error)
             if (allocated(error)) return
             plain = min(plain, seconds)
             total = total + seconds
-            call time_again(scene, t_end, seconds, error, profiling)
+            call time_again(arguments, scene, t_end, seconds, error, profiling)
             if (allocated(error)) return
             clocked = min(clocked, seconds)
             total = total + seconds
@@ -243,7 +244,8 @@ contains
     end subroutine compare
 
     !> The time that the beginning of a run takes which nobody writes.
-    subroutine time_again(scene, t_end, seconds, error, profiling)
+    subroutine time_again(arguments, scene, t_end, seconds, error, profiling)
+        type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         real(wp), intent(in) :: t_end
         !> Of the processor, without the set-up.
@@ -259,7 +261,7 @@ contains
         character(len=1) :: no_settings(0)
 
         seconds = 0.0_wp
-        call read_scene('the scene', no_settings, again, error, scene%text)
+        call read_scene('the scene', no_settings, again, error, scene%text, arguments%models)
         if (.not. allocated(error)) call set_up(again, simulation, global_error, error, profiling)
         if (.not. allocated(error)) call simulation%integrate(t_end, error, interruption)
         statistics = simulation%statistics()
@@ -277,14 +279,15 @@ contains
     end function wants_estimate
 
     !> The second run, with a model of its own, since a run may change its model.
-    subroutine estimate(scene, global_error, error)
+    subroutine estimate(arguments, scene, global_error, error)
+        type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: again
         character(len=1) :: no_settings(0)
 
-        call read_scene('the scene', no_settings, again, error, scene%text)
+        call read_scene('the scene', no_settings, again, error, scene%text, arguments%models)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
     end subroutine estimate
 
@@ -297,4 +300,4 @@ contains
         allocate (character(len=length) :: text)
         if (length > 0) call get_command(text)
     end function command_line
-end module tandem_app_run
+end module tandem_cli_run

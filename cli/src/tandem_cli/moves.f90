@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> What the assembly of a start did, in words.
-module tandem_app_moves
+module tandem_cli_moves
     use tandem, only: assembly_type, model_type, to_text, wp
     use tandem_io, only: brief
     implicit none (type, external)
@@ -48,4 +48,4 @@ contains
         if (any(left)) text = text//', others less'
         text = text//' (most of it for "'//model%row_name(row)//'")'
     end function level
-end module tandem_app_moves
+end module tandem_cli_moves

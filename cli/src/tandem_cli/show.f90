@@ -1,10 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> tandem show: the complete scene as TOML that `tandem run` accepts.
-module tandem_app_show
+module tandem_cli_show
     use tandem, only: error_type
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, say
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, input_wrong, say
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -15,20 +14,15 @@ contains
 
     !> Show a scene with every default filled in.
     subroutine show(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type) :: scene
         type(error_type), allocatable :: error
         character(len=:), allocatable :: path
 
-        call arguments%parse([character(len=8) :: '--set', '--output', '--help'], .true., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
-        if (.not. allocated(error)) call find_scene(arguments%scene, path, error)
-        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error)
+        call find_scene(arguments%scene, path, error)
+        if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) then
             call complain(error%message)
             code = input_wrong
@@ -38,4 +32,4 @@ contains
         call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show
-end module tandem_app_show
+end module tandem_cli_show

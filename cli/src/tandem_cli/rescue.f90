@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> Where the results cannot be written, the last state of a run still is: as a scene that starts from it, beside the result, else
 !> in the folder for temporary files, else on stderr.
-module tandem_app_rescue
+module tandem_cli_rescue
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: error_type, simulation_type, to_text
-    use tandem_app_messages, only: complain
+    use tandem_cli_messages, only: complain
     use tandem_io, only: scene_type, to_toml
     use tandem_io_study_files, only: write_whole
     implicit none (type, external)
@@ -81,4 +81,4 @@ contains
                 newline//scene%text(time:start)//'start = '//to_toml(state%t)//scene%text(rest:)
         end associate
     end function scene_from
-end module tandem_app_rescue
+end module tandem_cli_rescue

@@ -1,12 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> tandem resume: goes on with a run that was interrupted, from the checkpoint in its result file, and in that file.
-module tandem_app_resume
+module tandem_cli_resume
     use tandem, only: error_type, pack_type, set_error, simulation_type, to_text
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_interruption, only: interruptible_error_type, watch_signals
-    use tandem_app_messages, only: complain, input_wrong
-    use tandem_app_run, only: carry_out, set_up
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_interruption, only: interruptible_error_type, watch_signals
+    use tandem_cli_messages, only: complain, input_wrong
+    use tandem_cli_run, only: carry_out, set_up
     use tandem_io, only: read_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
     use tandem_status, only: status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
@@ -22,7 +21,7 @@ contains
 
     !> Go on with a run.
     subroutine resume(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type), target :: scene
@@ -31,15 +30,7 @@ contains
         type(interruptible_error_type), target :: global_error
         type(error_type), allocatable :: error
 
-        call arguments%parse([character(len=10) :: '--set', '--error', '--no-error', '--quiet', '--profile', &
-            '--help'], .true., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
-        if (.not. allocated(error) .and. arguments%profile) call set_error(error, status_invalid_option, &
-            'resume cannot profile: a profile is that of a whole run', 'use tandem run SCENE --profile')
-        if (.not. allocated(error)) call check_settings(arguments%settings, error)
+        call check_settings(arguments%settings, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
             call complain(error%message)
@@ -78,7 +69,7 @@ contains
 
         call read_snapshot(arguments%scene, snapshot, error)
         if (.not. allocated(error)) call read_scene('the scene in '//arguments%scene, arguments%settings, scene, error, &
-            snapshot%scene)
+            snapshot%scene, arguments%models)
         if (.not. allocated(error)) call set_up(scene, simulation, global_error, error)
         if (.not. allocated(error)) call simulation%restore_state(snapshot%simulation, error)
         if (allocated(error)) return
@@ -109,7 +100,8 @@ contains
         character(len=:), allocatable :: run, here
         type(scene_type), target :: saved
 
-        call read_scene('the scene in '//arguments%scene, no_settings, saved, error, snapshot%scene)
+        call read_scene('the scene in '//arguments%scene, no_settings, saved, error, snapshot%scene, &
+            arguments%models)
         if (allocated(error)) return
         run = 'the run in '//arguments%scene//' is '
         here = to_text(simulation%state%t)
@@ -137,4 +129,4 @@ contains
             text = text//', '//trim(words(i))
         end do
     end function listed
-end module tandem_app_resume
+end module tandem_cli_resume

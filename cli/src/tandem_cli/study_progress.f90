@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> How a study tells on stderr how far it is: a line that stays for each row; on a terminal also what is being done now.
-module tandem_app_study_progress
+module tandem_cli_study_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
-    use tandem_app_terminal, only: stderr_is_terminal
+    use tandem_cli_terminal, only: stderr_is_terminal
     implicit none (type, external)
     private
 
@@ -52,4 +52,4 @@ contains
         write (error_unit, '(a)', advance='no') achar(13)//repeat(' ', width)//achar(13)
         flush (error_unit)
     end subroutine clear
-end module tandem_app_study_progress
+end module tandem_cli_study_progress

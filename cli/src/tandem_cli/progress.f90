@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> The observer that tells on stderr how far a run is: one line that overwrites itself on a terminal, a line per 10 % elsewhere.
-module tandem_app_progress
+module tandem_cli_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: at_end, at_start, error_type, long, observer_type, simulation_type, to_text, wp
-    use tandem_app_terminal, only: stderr_is_terminal
+    use tandem_cli_terminal, only: stderr_is_terminal
     implicit none (type, external)
     private
 
@@ -96,4 +96,4 @@ contains
         text = trim(adjustl(buffer))
         if (text(1:1) == '.') text = '0'//text
     end function short
-end module tandem_app_progress
+end module tandem_cli_progress

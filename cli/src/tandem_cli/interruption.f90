@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Lets SIGINT (Ctrl-C), SIGTERM and SIGHUP end a run at its next step with a complete file; a second signal ends it at once.
-module tandem_app_interruption
+module tandem_cli_interruption
     use tandem, only: error_type, global_error_type, observer_type, set_error, simulation_type, to_text
     use tandem_status, only: status_interrupted
     use, intrinsic :: iso_c_binding, only: c_int
@@ -76,4 +76,4 @@ contains
         call set_error(error, status_interrupted, trim(names(max(1, findloc(numbers, signal, dim=1))))//' came at t = '// &
             to_text(simulation%state%t))
     end subroutine interrupt
-end module tandem_app_interruption
+end module tandem_cli_interruption

@@ -1,18 +1,18 @@
 ! SPDX-License-Identifier: MIT
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
-module tandem_app_report
+module tandem_cli_report
     use tandem, only: derivative_name, error_type, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, &
         new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
         status_output_failed, term_name, warning_type, wp
-    use tandem_app_messages, only: say
-    use tandem_app_moves, only: moves_text
+    use tandem_cli_messages, only: complain, say
+    use tandem_cli_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
     private
 
-    public :: print_report, print_warnings, print_line, short, count_text, counted
+    public :: complain_of_doubts, print_report, print_warnings, print_line, short, count_text, counted
 
     !> Columns of the text after its label, and of a whole line.
     integer, parameter :: indent = 18, width = 110
@@ -148,6 +148,25 @@ contains
             call print_line('WARNING', doubts(i)%text)
         end do
     end subroutine print_doubts
+
+    !> Both on stderr, where there is no report.
+    subroutine complain_of_doubts(simulation, global_error, estimate_error)
+        type(simulation_type), intent(in) :: simulation
+        class(global_error_type), intent(in) :: global_error
+        type(error_type), allocatable, intent(in) :: estimate_error
+        type(warning_type), allocatable :: doubts(:)
+        integer :: i
+
+        if (allocated(simulation%warnings)) then
+            do i = 1, size(simulation%warnings)
+                call complain('WARNING: '//simulation%warnings(i)%text)
+            end do
+        end if
+        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
+        do i = 1, size(doubts)
+            call complain('WARNING: '//doubts(i)%text)
+        end do
+    end subroutine complain_of_doubts
 
     !> That an explicit stepper is at work on a stiff model.
     function stiff(s, is_adaptive) result(text)
@@ -405,4 +424,4 @@ contains
         text = count_text(number)//' '//name
         if (number /= 1) text = text//'s'
     end function counted
-end module tandem_app_report
+end module tandem_cli_report

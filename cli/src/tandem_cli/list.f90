@@ -1,11 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> tandem list: the scenes that can be run by name, and the steppers.
-module tandem_app_list
+module tandem_cli_list
     use tandem, only: error_type, new_stepper, properties_type, stepper_names, to_text
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, say
-    use tandem_io, only: path_length, read_scene, scene_type, shipped_scenes
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: done, say
+    use tandem_io, only: json_type, path_length, read_scene, scene_type, shipped_scenes
     use tandem_stepper, only: stepper_type
     implicit none (type, external)
     private
@@ -16,27 +15,23 @@ contains
 
     !> Print scenes and steppers, a line each.
     subroutine list(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
-        type(error_type), allocatable :: error
 
-        call arguments%parse([character(len=8) :: '--help'], .false., error)
-        if (allocated(error)) then
-            call complain(error%message)
-            code = input_wrong
-        else if (arguments%help) then
-            call help(code)
-        else
-            call list_scenes()
-            call say('')
-            call list_steppers()
-            code = done
+        code = done
+        if (arguments%json) then
+            call list_as_json(arguments)
+            return
         end if
+        call list_scenes(arguments)
+        call say('')
+        call list_steppers()
     end subroutine list
 
     !> The scenes.
-    subroutine list_scenes()
+    subroutine list_scenes(arguments)
+        type(arguments_type), intent(in) :: arguments
         character(len=path_length), allocatable :: paths(:)
         type(scene_type) :: scene
         type(error_type), allocatable :: error
@@ -49,7 +44,7 @@ contains
         end if
         call say(row('scene', 'model', 'description'))
         do i = 1, size(paths)
-            call read_scene(trim(paths(i)), [character(len=1) ::], scene, error)
+            call read_scene(trim(paths(i)), [character(len=1) ::], scene, error, models=arguments%models)
             if (allocated(error)) then
                 call say(row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i))))
             else
@@ -74,6 +69,51 @@ contains
         end do
     end subroutine list_steppers
 
+    !> All of it as one object.
+    subroutine list_as_json(arguments)
+        type(arguments_type), intent(in) :: arguments
+        character(len=path_length), allocatable :: paths(:)
+        class(stepper_type), allocatable :: stepper
+        type(properties_type) :: properties
+        type(scene_type) :: scene
+        type(error_type), allocatable :: error
+        type(json_type) :: json
+        integer :: i
+
+        allocate (paths, source=shipped_scenes())
+        call json%begin_object()
+        call json%begin_array('scenes')
+        do i = 1, size(paths)
+            call read_scene(trim(paths(i)), [character(len=1) ::], scene, error, models=arguments%models)
+            call json%begin_object()
+            call json%add('name', file_name(trim(paths(i))))
+            call json%add('path', paths(i))
+            if (allocated(error)) then
+                call json%add('error', error%message)
+            else
+                call json%add('model', scene%model_name)
+                call json%add('description', scene%description)
+            end if
+            call json%end_object()
+        end do
+        call json%end_array()
+        call json%begin_array('steppers')
+        do i = 1, size(stepper_names)
+            call new_stepper(stepper_names(i), stepper)
+            properties = stepper%properties()
+            call json%begin_object()
+            call json%add('name', properties%name)
+            call json%add('order', properties%order)
+            call json%add('stages', properties%stages)
+            call json%add('implicit', properties%implicit)
+            call json%add('stability', properties%stability)
+            call json%end_object()
+        end do
+        call json%end_array()
+        call json%end_object()
+        call say(json%text)
+    end subroutine list_as_json
+
     !> The name by which a scene file is called.
     pure function file_name(path) result(name)
         character(len=*), intent(in) :: path
@@ -91,4 +131,4 @@ contains
         line = first//repeat(' ', max(1, widths(1) - len(first)))
         line = line//second//repeat(' ', max(1, sum(widths) - len(line) - len(second)))//third
     end function row
-end module tandem_app_list
+end module tandem_cli_list

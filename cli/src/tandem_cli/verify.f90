@@ -1,12 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> tandem verify: reads all of a result file, and says whether it holds what was written.
-module tandem_app_verify
+module tandem_cli_verify
     use tandem, only: error_type, to_text
-    use tandem_app_arguments, only: arguments_type
-    use tandem_app_help, only: help
-    use tandem_app_messages, only: complain, done, input_wrong, run_failed, say
-    use tandem_app_report, only: count_text, counted
-    use tandem_io, only: finding_type, verify_result
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_cli_report, only: count_text, counted
+    use tandem_io, only: finding_type, json_type, verify_result
     implicit none (type, external)
     private
 
@@ -16,19 +15,14 @@ contains
 
     !> Verify a file. The exit code is 1 where it is damaged, 2 where it is no result or cannot be verified.
     subroutine verify_file(arguments, code)
-        type(arguments_type), intent(inout) :: arguments
+        type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(finding_type) :: finding
         type(error_type), allocatable :: error
         character(len=:), allocatable :: status, events
 
-        call arguments%parse([character(len=6) :: '--help'], .true., error)
-        if (.not. allocated(error) .and. arguments%help) then
-            call help(code)
-            return
-        end if
-        if (.not. allocated(error)) call verify_result(arguments%scene, finding, status, error)
+        call verify_result(arguments%scene, finding, status, error)
         if (allocated(error)) then
             call complain(error%message)
             code = input_wrong
@@ -40,6 +34,11 @@ contains
                 'earlier program wrote it')
             code = input_wrong
         else
+            if (arguments%json) then
+                call print_json(arguments%scene, finding, status)
+                code = done
+                return
+            end if
             events = ''
             if (finding%events > 0) events = ' and '//counted(finding%events, 'event')
             call say(arguments%scene//': '//counted(finding%rows, 'row')//events//' as they were written, in '// &
@@ -49,4 +48,21 @@ contains
             code = done
         end if
     end subroutine verify_file
-end module tandem_app_verify
+
+    !> What was found as one object.
+    subroutine print_json(path, finding, status)
+        character(len=*), intent(in) :: path, status
+        type(finding_type), intent(in) :: finding
+        type(json_type) :: json
+
+        call json%begin_object()
+        call json%add('file', path)
+        call json%add('status', status)
+        call json%add('rows', finding%rows)
+        call json%add('events', finding%events)
+        call json%add('datasets', finding%datasets)
+        call json%add('rows_behind', finding%rows_behind)
+        call json%end_object()
+        call say(json%text)
+    end subroutine print_json
+end module tandem_cli_verify

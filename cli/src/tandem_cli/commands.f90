@@ -1,0 +1,102 @@
+! SPDX-License-Identifier: MIT
+!> What the program can do: the table of its subcommands and that of their options. Help, shell completion and the reader of the
+!> command line all follow from these two.
+module tandem_cli_commands
+    use tandem_io, only: nearest_name
+    implicit none (type, external)
+    private
+
+    public :: command_type, commands, find_command, nearest_command
+    public :: option_type, options, find_option, takes_option
+
+    !> A subcommand.
+    type :: command_type
+        !> Its name; of a study, two words.
+        character(len=15) :: name
+        !> What follows it: nothing, one word, or several (`...`); in brackets where it may be missing.
+        character(len=9) :: operand
+        !> The options that it takes besides --help, with a blank on either side of each.
+        character(len=100) :: options
+        !> One line on what it does.
+        character(len=78) :: summary
+    end type command_type
+
+    !> An option of a subcommand.
+    type :: option_type
+        character(len=11) :: name
+        !> What its value is called; nothing where it has none.
+        character(len=13) :: value
+        !> One line on what it does.
+        character(len=104) :: summary
+    end type option_type
+
+    !> Every subcommand.
+    type(command_type), parameter :: commands(*) = [ &
+        command_type('list', '', ' --json ', 'scenes and steppers, a line each'), &
+        command_type('show', 'SCENE', ' --set --output ', 'the complete scene as TOML, every default filled in'), &
+        command_type('check', 'SCENE', ' --set --json ', 'its start, and every procedure of its model against differences'), &
+        command_type('run', 'SCENE', ' --set --output --force --error --no-error --profile --quiet --json ', &
+        'runs it, writes HDF5, prints a report'), &
+        command_type('resume', 'FILE', ' --set --error --no-error --quiet --json ', &
+        'goes on with a run that was interrupted, in its result file'), &
+        command_type('verify', 'FILE', ' --json ', 'whether a result file holds what was written: reads and sums up all of it'), &
+        command_type('study precision', 'SCENE...', ' --set --output --force --quiet --steppers --reference --samples '// &
+        '--repeats --budget --quick --json ', 'error against run time, of every stepper'), &
+        command_type('study stability', '[CASE...]', ' --output --force --quiet --json ', &
+        'a verdict on every stiff and extreme case, with every stepper'), &
+        command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
+        command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
+        command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
+        command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
+        command_type('version', '', ' ', 'the version, also --version')]
+
+    !> Every option of any subcommand, in the order of the help.
+    type(option_type), parameter :: options(*) = [ &
+        option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value, event=[{...}, ...]; repeatable'), &
+        option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder (study)'), &
+        option_type('--force', '', 'overwrite a file that exists; a study: start anew'), &
+        option_type('--error', '', 'estimate the error at the end by a second, more accurate run, however long it takes'), &
+        option_type('--no-error', '', 'never do that; without either, it is done where the run took at most 2 s'), &
+        option_type('--profile', '', 'where the time goes, part by part; clocks make the run slower, which is taken off'), &
+        option_type('--quiet', '', 'no progress and no report; warnings and errors still go to stderr'), &
+        option_type('--json', '', 'print what is reported as one JSON object, numbers in full precision'), &
+        option_type('--steppers', 'NAME,NAME...', 'only these steppers'), &
+        option_type('--reference', 'FILE', 'the true motion: a result file or a text table; without it, the study makes its own'), &
+        option_type('--samples', 'N', 'times at which a motion is compared with its own reference (40, at most 10000)'), &
+        option_type('--repeats', 'N', 'least runs of which the time is the median (3, at most 1000)'), &
+        option_type('--budget', 'SECONDS', 'for all runs of a row; finer rows are left out (5)'), &
+        option_type('--quick', '', '--repeats 1 --budget 0.5'), &
+        option_type('--help', '', 'this text')]
+
+contains
+
+    !> The number of a subcommand; 0 where there is none of that name.
+    pure integer function find_command(name)
+        character(len=*), intent(in) :: name
+
+        find_command = findloc(commands%name == name, .true., dim=1)
+    end function find_command
+
+    !> The number of an option; 0 where there is none of that name.
+    pure integer function find_option(name)
+        character(len=*), intent(in) :: name
+
+        find_option = findloc(options%name == name, .true., dim=1)
+    end function find_option
+
+    !> Whether a subcommand takes an option.
+    pure logical function takes_option(command, name)
+        type(command_type), intent(in) :: command
+        character(len=*), intent(in) :: name
+
+        takes_option = name == '--help' .or. index(command%options, ' '//trim(name)//' ') > 0
+    end function takes_option
+
+    !> The subcommand that a word may have meant; empty where none is near.
+    pure function nearest_command(word) result(name)
+        character(len=*), intent(in) :: word
+        character(len=:), allocatable :: name
+
+        name = nearest_name(word, [character(len=15) :: commands%name, '--version', '--help'])
+    end function nearest_command
+end module tandem_cli_commands

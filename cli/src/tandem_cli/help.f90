@@ -1,0 +1,131 @@
+! SPDX-License-Identifier: MIT
+!> tandem help: what the program can do, and what a subcommand takes.
+module tandem_cli_help
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_commands, only: command_type, commands, find_command, nearest_command, options, takes_option
+    use tandem_cli_messages, only: complain, done, input_wrong, padded, say
+    implicit none (type, external)
+    private
+
+    public :: help, help_with, refuse_command
+
+    !> Columns of the usage of a subcommand, and of an option.
+    integer, parameter :: usage_width = 36, option_width = 27
+
+contains
+
+    !> Print the help, or that of the subcommand that follows.
+    subroutine help(arguments, code)
+        type(arguments_type), intent(in) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+
+        code = done
+        if (arguments%about == '') then
+            call print_overview()
+        else if (find_command(arguments%about) > 0) then
+            call help_with(arguments%about)
+        else
+            call refuse_command(arguments%about, code)
+        end if
+    end subroutine help
+
+    !> Every subcommand on a line.
+    subroutine print_overview()
+        integer :: i
+
+        call say('tandem simulates multibody systems with holonomic and nonholonomic constraints.')
+        call say('')
+        call say('Usage:')
+        do i = 1, size(commands)
+            call say(padded('  '//usage(commands(i)), usage_width)//trim(commands(i)%summary))
+        end do
+        call say('')
+        call say('tandem help COMMAND, or tandem COMMAND --help, says which options it takes.')
+        call say('')
+        call say_scene()
+        call say('')
+        call say('Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.')
+        call say('')
+        call say('Examples:')
+        call say('  tandem run rolling_disk --set time.end=10 --set solver.step=2e-3 --output disk.h5')
+        call say('  tandem show rolling_disk > my_disk.toml')
+        call say('  tandem study precision rolling_disk --set time.end=10 --output disk_study')
+    end subroutine print_overview
+
+    !> What a subcommand takes.
+    subroutine help_with(name)
+        !> One of `commands`.
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        associate (command => commands(find_command(name)))
+            call say('Usage: '//usage(command)//trim(merge(' [OPTION...]', '            ', command%options /= '')))
+            call say('')
+            call say(trim(command%summary)//'.')
+            if (command%operand == 'SCENE' .or. command%operand == 'SCENE...') then
+                call say('')
+                call say_scene()
+            end if
+            call say_notes(name)
+            call say('')
+            call say('Options:')
+            do i = 1, size(options)
+                if (takes_option(command, options(i)%name)) call say(padded('  '//trim(options(i)%name)//' '// &
+                    trim(options(i)%value), option_width)//trim(options(i)%summary))
+            end do
+        end associate
+    end subroutine help_with
+
+    !> What is to be known of a subcommand besides its options.
+    subroutine say_notes(name)
+        character(len=*), intent(in) :: name
+        character(len=*), parameter :: continues = 'A study that was interrupted continues when it is called again.'
+
+        select case (name)
+        case ('resume')
+            call say('--set may change time.end and solver.max_steps, max_evaluations, max_seconds and max_events.')
+        case ('study precision', 'study tables')
+            call say(continues)
+        case ('study stability')
+            call say('CASE is a case or a group of them: stiff, disk, vehicle, masses, units, steps, parallel, kinks, million;')
+            call say('all where none is given (some minutes). Exit code 1 where a run is wrong and nobody was warned.')
+            call say(continues)
+        case ('completion')
+            call say('bash: tandem completion bash > ~/.local/share/bash-completion/completions/tandem')
+            call say('zsh: tandem completion zsh > a file _tandem in a folder of $fpath')
+        end select
+    end subroutine say_notes
+
+    !> What a scene is.
+    subroutine say_scene()
+        call say('SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are looked for in the')
+        call say('folder that TANDEM_SCENES names, in ./scenes, and where the program was built or installed.')
+    end subroutine say_scene
+
+    !> How a subcommand is called.
+    pure function usage(command) result(text)
+        type(command_type), intent(in) :: command
+        character(len=:), allocatable :: text
+
+        text = trim('tandem '//trim(command%name)//' '//command%operand)
+    end function usage
+
+    !> Say that there is no such subcommand.
+    subroutine refuse_command(command, code)
+        character(len=*), intent(in) :: command
+        !> Exit code.
+        integer, intent(out) :: code
+        character(len=:), allocatable :: guess
+
+        code = input_wrong
+        if (command == 'study') then
+            call complain('study needs to know which one: study precision SCENE..., study stability, or study tables'// &
+                new_line('a')//'See tandem help.')
+            return
+        end if
+        guess = nearest_command(command)
+        if (guess /= '') guess = ' Did you mean "'//guess//'"?'
+        call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
+    end subroutine refuse_command
+end module tandem_cli_help

@@ -1,0 +1,98 @@
+! SPDX-License-Identifier: MIT
+!> The command line as a library: a program that calls `command_line` with the models of its own runs, checks, studies and resumes
+!> scenes of them as `tandem` does with the shipped ones, which it knows too. See example/dependent.
+module tandem_command_line
+    use tandem, only: error_type
+    use tandem_cli_arguments, only: arguments_type, read_arguments
+    use tandem_cli_check, only: check
+    use tandem_cli_commands, only: find_command
+    use tandem_cli_completion, only: completion
+    use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_list, only: list
+    use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_resume, only: resume
+    use tandem_cli_run, only: run
+    use tandem_cli_show, only: show
+    use tandem_cli_statuses, only: statuses
+    use tandem_cli_study_precision, only: study_precision
+    use tandem_cli_study_stability, only: study_stability
+    use tandem_cli_study_tables, only: study_tables
+    use tandem_cli_verify, only: verify_file
+    use tandem_io, only: anything, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
+    implicit none (type, external)
+    private
+
+    public :: command_line, scene_model_type
+    ! What a procedure needs that reads a model from a scene.
+    public :: reader_type, anything, positive, not_negative
+
+contains
+
+    !> Do what the command line says: find the subcommand and leave the rest to it.
+    subroutine command_line(code, models)
+        !> Exit code: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.
+        integer, intent(out) :: code
+        !> Models besides the shipped ones, each with the procedure that reads it from a scene; they go before a shipped one of the
+        !> same name.
+        type(scene_model_type), intent(in), optional :: models(:)
+        type(arguments_type) :: arguments
+        type(error_type), allocatable :: error
+
+        if (present(models)) then
+            arguments = read_arguments([models, shipped_models()])
+        else
+            arguments = read_arguments(shipped_models())
+        end if
+        if (find_command(arguments%command) == 0) then
+            call refuse_command(arguments%command, code)
+            return
+        end if
+        call arguments%parse(error)
+        if (allocated(error)) then
+            call complain(error%message)
+            code = input_wrong
+        else if (arguments%help) then
+            call help_with(arguments%command)
+            code = done
+        else
+            call carry_out(arguments, code)
+        end if
+        call finish_output(code)
+    end subroutine command_line
+
+    !> The subcommand itself.
+    subroutine carry_out(arguments, code)
+        type(arguments_type), intent(in) :: arguments
+        integer, intent(out) :: code
+
+        select case (arguments%command)
+        case ('list')
+            call list(arguments, code)
+        case ('show')
+            call show(arguments, code)
+        case ('check')
+            call check(arguments, code)
+        case ('statuses')
+            call statuses(arguments, code)
+        case ('run')
+            call run(arguments, code)
+        case ('resume')
+            call resume(arguments, code)
+        case ('verify')
+            call verify_file(arguments, code)
+        case ('study precision')
+            call study_precision(arguments, code)
+        case ('study stability')
+            call study_stability(arguments, code)
+        case ('study tables')
+            call study_tables(arguments, code)
+        case ('completion')
+            call completion(arguments, code)
+        case ('version')
+            call say('tandem '//tandem_version)
+            code = done
+        case default
+            call help(arguments, code)
+        end select
+    end subroutine carry_out
+end module tandem_command_line

@@ -1,0 +1,191 @@
+! SPDX-License-Identifier: MIT
+!> Writes JSON (RFC 8259): one object, member by member. Numbers have the digits that give them back exactly; what is not finite,
+!> which JSON has no word for, is null.
+module tandem_io_json
+    use tandem, only: long, wp
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: json_type
+
+    type :: json_type
+        !> What was written so far.
+        character(len=:), allocatable :: text
+        logical, private :: is_first = .true.
+    contains
+        !> Begin an object or an array; with a name, as the member of an object.
+        procedure :: begin_object
+        procedure :: begin_array
+        procedure :: end_object
+        procedure :: end_array
+        !> A member of an object, or with an empty name an element of an array.
+        generic :: add => add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
+        procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
+        procedure, private :: put
+    end type json_type
+
+contains
+
+    !> `{`
+    subroutine begin_object(self, name)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in), optional :: name
+
+        call begin(self, '{', name)
+    end subroutine begin_object
+
+    !> `[`
+    subroutine begin_array(self, name)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in), optional :: name
+
+        call begin(self, '[', name)
+    end subroutine begin_array
+
+    !> `}`
+    subroutine end_object(self)
+        class(json_type), intent(inout) :: self
+
+        self%text = self%text//'}'
+        self%is_first = .false.
+    end subroutine end_object
+
+    !> `]`
+    subroutine end_array(self)
+        class(json_type), intent(inout) :: self
+
+        self%text = self%text//']'
+        self%is_first = .false.
+    end subroutine end_array
+
+    !> Begin an object or an array.
+    subroutine begin(self, bracket, name)
+        class(json_type), intent(inout) :: self
+        character(len=1), intent(in) :: bracket
+        character(len=*), intent(in), optional :: name
+
+        if (.not. allocated(self%text)) self%text = ''
+        if (present(name)) then
+            call self%put(name, bracket)
+        else
+            call self%put('', bracket)
+        end if
+        self%is_first = .true.
+    end subroutine begin
+
+    !> A member that is written already.
+    subroutine put(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, value
+
+        if (.not. self%is_first) self%text = self%text//', '
+        if (name /= '') self%text = self%text//quoted(name)//': '
+        self%text = self%text//value
+        self%is_first = .false.
+    end subroutine put
+
+    subroutine add_real(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: value
+
+        call self%put(name, number(value))
+    end subroutine add_real
+
+    subroutine add_integer(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: value
+
+        call self%add_long(name, int(value, long))
+    end subroutine add_integer
+
+    subroutine add_long(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: value
+        character(len=24) :: buffer
+
+        write (buffer, '(i0)') value
+        call self%put(name, trim(buffer))
+    end subroutine add_long
+
+    subroutine add_logical(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        logical, intent(in) :: value
+
+        call self%put(name, trim(merge('true ', 'false', value)))
+    end subroutine add_logical
+
+    !> Blanks at the end are dropped.
+    subroutine add_text(self, name, value)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, value
+
+        call self%put(name, quoted(trim(value)))
+    end subroutine add_text
+
+    subroutine add_reals(self, name, values)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: values(:)
+        integer :: i
+
+        call self%begin_array(name)
+        do i = 1, size(values)
+            call self%add_real('', values(i))
+        end do
+        call self%end_array()
+    end subroutine add_reals
+
+    !> Blanks at the ends are dropped.
+    subroutine add_texts(self, name, values)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, values(:)
+        integer :: i
+
+        call self%begin_array(name)
+        do i = 1, size(values)
+            call self%add_text('', values(i))
+        end do
+        call self%end_array()
+    end subroutine add_texts
+
+    !> A number that reads back as it is.
+    pure function number(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=32) :: buffer
+
+        text = 'null'
+        if (.not. ieee_is_finite(value)) return
+        write (buffer, '(es24.16e3)') value
+        text = trim(adjustl(buffer))
+    end function number
+
+    !> A text in quotes; control characters, quotes and backslashes by their escapes.
+    pure function quoted(words) result(text)
+        character(len=*), intent(in) :: words
+        character(len=:), allocatable :: text
+        character(len=6) :: escape
+        integer :: i
+
+        text = '"'
+        do i = 1, len(words)
+            select case (iachar(words(i:i)))
+            case (10)
+                text = text//'\n'
+            case (0:9, 11:31)
+                write (escape, '("\u", z4.4)') iachar(words(i:i))
+                text = text//escape
+            case (34, 92)
+                text = text//'\'//words(i:i)
+            case default
+                text = text//words(i:i)
+            end select
+        end do
+        text = text//'"'
+    end function quoted
+end module tandem_io_json
