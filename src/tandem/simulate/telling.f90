@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
 submodule(tandem_simulation) tandem_simulate_telling
+    use tandem_model_consistency, only: find_contradiction
     use tandem_simulate_warning, only: add_warning
-    use tandem_status, only: status_invalid_model, status_not_evaluable, status_of, status_singular_mass, status_type
+    use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_singular_mass, status_type
     implicit none (type, external)
 
 contains
@@ -41,6 +42,38 @@ contains
         end if
         call set_error(error, stat, message)
     end subroutine fail
+
+    !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
+    module subroutine explain(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(inout) :: error
+
+        select case (error%stat)
+        case (status_position_diverged, status_chart_left, status_newton_failed, status_constraints_not_held, &
+            status_rank_deficient, status_step_underflow)
+            call self%compare_procedures()
+        case (status_step_limit, status_work_limit)
+            ! Limits of the user's leave no trace: what was found before is told.
+        case default
+            return
+        end select
+        if (self%tally%contradiction /= '') error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
+            error%message(len(status_name(error%stat)) + 3:)
+    end subroutine explain
+
+    !> Look for procedures of the model that contradict each other, within the last step or where the next one begins. What was
+    !> found once is not looked for again.
+    module subroutine compare_procedures(self)
+        class(simulation_type), intent(inout) :: self
+        !> Where there is no last step in this segment.
+        real(wp), parameter :: ahead = 1.0e-3_wp
+        real(wp) :: span
+
+        if (self%tally%contradiction /= '') return
+        span = ahead
+        if (self%last_step > 0.0_wp .and. self%model%segment == self%segment_of_step) span = -self%last_step
+        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, span, self%tally%contradiction)
+    end subroutine compare_procedures
 
     !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
     recursive module function with_rows(self, rows, row, before) result(text)
