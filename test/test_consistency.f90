@@ -174,10 +174,10 @@ contains
         call check_named(error, simulation, failure, 'gamma of the constraint "joint C x" is ')
     end subroutine test_endless
 
-    !> Of the disk, whose rows roll, and of the skater's blade.
+    !> Of the knife edge, and of the skater's blade.
     subroutine test_nonholonomic(error)
         type(error_type), allocatable, intent(out) :: error
-        class(model_type), allocatable, target :: disk
+        class(model_type), allocatable, target :: inner
         type(altered_type), target :: model
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
@@ -185,14 +185,19 @@ contains
         integer :: i
 
         do i = 1, 2
-            call new_subject(trim(merge('disk  ', 'skater', i == 1)), disk, q, qd)
-            call model%wrap(disk)
-            model%row = disk%n_constraints()
+            if (i == 1) then
+                call new_scene('knife_edge', inner)
+                call get_start('knife_edge', q, qd)
+            else
+                call new_subject('skater', inner, q, qd)
+            end if
+            call model%wrap(inner)
+            model%row = inner%n_constraints()
             model%of_gamma = 0.9_wp
             call run(simulation, model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, 0.05_wp, failure)
             call check_named(error, simulation, failure, 'gamma of the constraint "'//model%row_name(model%row)//'" is ')
             if (allocated(error)) return
-            deallocate (disk)
+            deallocate (inner)
         end do
     end subroutine test_nonholonomic
 

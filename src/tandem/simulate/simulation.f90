@@ -309,7 +309,7 @@ module tandem_simulation
             type(error_type), allocatable, intent(inout) :: error
         end subroutine explain
 
-        !> Look for procedures of the model that contradict each other, within the last step or where the next one begins.
+        !> Look for procedures of the model that contradict each other, within the last step.
         module subroutine compare_procedures(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self

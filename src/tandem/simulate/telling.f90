@@ -47,11 +47,16 @@ contains
     module subroutine explain(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(inout) :: error
+        !> Time to look ahead.
+        real(wp), parameter :: ahead = 1.0e-3_wp
 
         select case (error%stat)
         case (status_position_diverged, status_chart_left, status_newton_failed, status_constraints_not_held, &
             status_rank_deficient, status_step_underflow)
             call self%compare_procedures()
+            ! The last step may have been too short to show anything.
+            if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
+                ahead, self%tally%contradiction)
         case (status_step_limit, status_work_limit)
             ! Limits of the user's leave no trace: what was found before is told.
         case default
@@ -61,18 +66,15 @@ contains
             error%message(len(status_name(error%stat)) + 3:)
     end subroutine explain
 
-    !> Look for procedures of the model that contradict each other, within the last step or where the next one begins. What was
-    !> found once is not looked for again.
+    !> Look for procedures of the model that contradict each other, within the last step. What was found once is not looked for
+    !> again.
     module subroutine compare_procedures(self)
         class(simulation_type), intent(inout) :: self
-        !> Where there is no last step in this segment.
-        real(wp), parameter :: ahead = 1.0e-3_wp
-        real(wp) :: span
 
-        if (self%tally%contradiction /= '') return
-        span = ahead
-        if (self%last_step > 0.0_wp .and. self%model%segment == self%segment_of_step) span = -self%last_step
-        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, span, self%tally%contradiction)
+        if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
+        ! That of a step to a breakpoint ended there.
+        if (self%model%segment /= self%segment_of_step) return
+        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%tally%contradiction)
     end subroutine compare_procedures
 
     !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
