@@ -451,7 +451,7 @@ contains
         !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years. One whose
         !> model contradicts itself is not worth more than so many times as many.
         integer, parameter :: many = 100000
-        real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 1.0e-2_wp
+        real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
         real(wp) :: hopeful
 
         self%tries = self%tries + 1
