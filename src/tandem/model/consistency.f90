@@ -36,19 +36,20 @@ module tandem_model_consistency
 contains
 
     !> Look at a model on the straight way from (t, q) with the velocity qd.
-    subroutine find_contradiction(model, t, q, qd, span, contradiction)
+    subroutine find_contradiction(model, t, q, qd, span, counts, contradiction)
         !> In the segment of the way.
         class(model_type), intent(inout), target :: model
         !> Time, coordinates and velocities (n): a point of a motion.
         real(wp), intent(in) :: t, q(:), qd(:)
         !> The time that the way takes at most, below zero for the way that lies behind.
         real(wp), intent(in) :: span
+        !> What is evaluated is counted here.
+        type(counts_type), intent(inout) :: counts
         !> Which procedure contradicts which others, where, and by how much; blank where none does.
         character(len=contradiction_length), intent(out) :: contradiction
         !> A way moves no coordinate by more than this part of it or of its scale.
         real(wp), parameter :: longest = 0.05_wp
         type(evaluator_type) :: probe
-        type(counts_type) :: counts
         real(wp) :: speed, way, magnitude(model%n)
         real(wp), dimension(model%n_constraints(), n_kinds) :: value, rate
         logical, dimension(model%n_constraints(), n_kinds) :: is_wrong, is_wrong_here

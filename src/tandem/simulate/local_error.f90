@@ -158,7 +158,7 @@ contains
         !> The states at the ends of the step, on one chart.
         type(state_type), intent(in) :: start, arrived
         !> Of the change, and of the state, which is what rounding may leave of it.
-        real(wp), parameter :: share = 1.0e-5_wp, rounding = 1.0e-12_wp
+        real(wp), parameter :: share = 1.0e-4_wp, rounding = 1.0e-12_wp
         real(wp) :: moved, missed, moved_qd, missed_qd
         integer :: i
 

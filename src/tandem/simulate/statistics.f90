@@ -56,7 +56,7 @@ module tandem_simulate_statistics
         !> Largest jump of qd at a breakpoint or an event, max-norm.
         real(wp) :: velocity_jump = 0.0_wp
         !> Which procedure of the model contradicts others, as a run has noticed on its way; blank where none was seen to. What it
-        !> evaluates to look for one is in no counter.
+        !> evaluates to look for one is among the terms counted.
         character(len=contradiction_length) :: contradiction = ''
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp

@@ -56,7 +56,7 @@ contains
             call self%compare_procedures()
             ! The last step may have been too short to show anything.
             if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
-                ahead, self%tally%contradiction)
+                ahead, self%chart%counts, self%tally%contradiction)
         case (status_step_limit, status_work_limit)
             ! Limits of the user's leave no trace: what was found before is told.
         case default
@@ -72,9 +72,13 @@ contains
         class(simulation_type), intent(inout) :: self
 
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
-        ! That of a step to a breakpoint ended there.
+        ! Of the step to a breakpoint or to an event the model may not know any more.
         if (self%model%segment /= self%segment_of_step) return
-        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%tally%contradiction)
+        if (self%n_events > 0) then
+            if (self%events(self%n_events)%t >= self%state%t) return
+        end if
+        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%chart%counts, &
+            self%tally%contradiction)
     end subroutine compare_procedures
 
     !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
