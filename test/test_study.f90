@@ -362,7 +362,7 @@ contains
         end do
     end subroutine test_resume
 
-    !> One and two runs that fail are not the end of a series, three in a row are.
+    !> Up to three runs in a row that fail are not the end of a series, four are.
     subroutine test_failed_run(error)
         type(error_type), allocatable, intent(out) :: error
         type(precision_type) :: study
@@ -371,7 +371,7 @@ contains
         logical :: finished
         integer :: n, i
 
-        do n = 1, 3
+        do n = 1, 4
             call study_vehicle('failed_run', 'time.end=2', '', 2, study, error)
             if (allocated(error)) return
             call study%journal%open(folder, 'failed_run', precision_columns, 'time.end=2', .false., failure)
@@ -386,14 +386,14 @@ contains
                 end associate
                 if (.not. allocated(failure)) call study%journal%append(cells, failure)
             end do
-            finished = n < 3
+            finished = n < 4
             if (.not. allocated(failure)) call study%next_row(finished, failure)
             call check_true(error,.not. allocated(failure), 'the rows are written')
             call study%journal%close()
             if (allocated(error)) return
-            call check_true(error, finished .eqv. n == 3, 'whether the series has ended')
+            call check_true(error, finished .eqv. n == 4, 'whether the series has ended')
             if (allocated(error)) return
-            call check_count(error, study%journal%table%rows(), merge(5, 3 + n, n == 3), 'rows')
+            call check_count(error, study%journal%table%rows(), merge(6, 3 + n, n == 4), 'rows')
             if (allocated(error)) return
         end do
     end subroutine test_failed_run

@@ -24,7 +24,7 @@ module tandem_io_study_precision
     !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
     !> A series ends where so many runs in a row have failed: one may fail where a finer one does not.
-    integer, parameter :: most_failures = 3
+    integer, parameter :: most_failures = 4
     !> Errors are quoted down to this multiple of the agreement of two references: they are then right to ten per cent.
     real(wp), parameter :: floor_factor = 10.0_wp
 
