@@ -9,6 +9,7 @@ program main
     use test_charts, only: collect_charts
     use test_checkpoint, only: collect_checkpoint
     use test_pack, only: collect_pack
+    use test_consistency, only: collect_consistency
     use test_constraints, only: collect_constraints
     use test_control, only: collect_control
     use test_coordinate_scale, only: collect_coordinate_scale
@@ -100,6 +101,7 @@ program main
         new_testsuite('accuracy', collect_accuracy), &
         new_testsuite('order', collect_order), &
         new_testsuite('projection', collect_projection), &
+        new_testsuite('consistency', collect_consistency), &
         new_testsuite('constraints', collect_constraints), &
         new_testsuite('charts', collect_charts), &
         new_testsuite('counters', collect_counters), &

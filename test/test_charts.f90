@@ -59,7 +59,9 @@ contains
             new_unittest('all-policies-and-modes-give-the-same-solution', test_same_solution), &
             new_unittest('bases-by-svd-give-the-same-solution', test_svd), &
             new_unittest('implicit-steps-give-the-same-solution-with-all-options', test_implicit_same_solution), &
-            new_unittest('rounding-does-not-add-up-over-charts', test_rounding)]
+            new_unittest('rounding-does-not-add-up-over-charts', test_rounding), &
+            new_unittest('paper-charts-without-limits-end-at-seventy-degrees', test_seventy_degrees), &
+            new_unittest('paper-charts-without-limits-carry-every-scene', test_carried)]
     end subroutine collect_charts
 
     subroutine observe(self, simulation, occasion, error)
@@ -302,6 +304,44 @@ contains
         call check_count(error, statistics%charts, charts, 'charts')
         call check_count(error, statistics%charts_by(reason), charts - 1, 'charts by that reason')
     end subroutine spin
+
+    !> The secant passes 3 at 1.231: after 124 steps, 8 times.
+    subroutine test_seventy_degrees(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call spin(choose(step=0.01_wp, chart='paper'), 1.0_wp, 9, by_d, error)
+        call spin(choose(step=0.01_wp, chart='paper', refresh='refine'), 1.0_wp, 9, by_d, error)
+        call spin(choose(step=0.01_wp, chart='paper', stepper='sdirk54'), 1.0_wp, 9, by_d, error)
+    end subroutine test_seventy_degrees
+
+    !> With every stepper, fixed steps and error control. A chart of the disk that is kept ends the run at 1.7 s.
+    subroutine test_carried(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(4) = [character(len=10) :: 'disk', 'vehicle', 'motorcycle', 'chopper']
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp) :: t_end
+        integer :: i, j, k
+
+        do i = 1, size(scenes)
+            t_end = merge(4.0_wp, 10.0_wp, i == 1)
+            do j = 1, size(stepper_names)
+                do k = 1, 2
+                    if (k == 2 .and. stepper_names(j) == 'rk4') cycle
+                    call new_scene(trim(scenes(i)), model)
+                    call get_start(trim(scenes(i)), q, qd)
+                    options = choose(step=4.0e-3_wp, chart='paper', stepper=stepper_names(j))
+                    if (k == 2) options%rtol = 1.0e-6_wp
+                    call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_carried
 
     !> |v| = sin(angle) passes 0.5 at 0.5236: after 53 steps, 18 times before the last of 1000 steps.
     subroutine test_v_limit(error)

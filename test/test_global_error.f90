@@ -1,12 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the error of a whole run that a second one states.
 module test_global_error
-    use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_true
+    use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_text, check_true
     use event_kinds, only: shove_type
     use model_pendulum, only: pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: get_start, new_scene, run
-    use tandem, only: failure_type => error_type, global_error_type, model_type, options_type, simulation_type, wp
+    use tandem, only: failure_type => error_type, find_doubts, global_error_type, model_type, options_type, simulation_type, &
+        statistics_type, warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -26,17 +27,21 @@ contains
             new_unittest('the-smallest-tolerance-gives-a-bound', test_bound), &
             new_unittest('a-run-without-an-end-has-no-error-estimate', test_unfinished), &
             new_unittest('a-run-that-events-change-has-no-error-estimate', test_changed), &
-            new_unittest('a-run-that-an-event-stops-has-no-error-estimate', test_stopped)]
+            new_unittest('a-run-that-an-event-stops-has-no-error-estimate', test_stopped), &
+            new_unittest('both-runs-together-respect-max-seconds', test_max_seconds), &
+            new_unittest('amplification-is-blamed-where-the-steps-leave-less', test_cause)]
     end subroutine collect_global_error
 
     !> Run a scene to its reference's t = 10 and estimate the error there; the true one beside it, on the scale 1 + |y|.
-    subroutine estimate_error(scene, options, global_error, true, failure)
+    subroutine estimate_error(scene, options, global_error, true, failure, statistics)
         character(len=*), intent(in) :: scene
         type(options_type), intent(in) :: options
         type(global_error_type), intent(inout) :: global_error
         !> The true error, and its max-norms for q and for qd.
         real(wp), intent(out) :: true(3)
         type(failure_type), allocatable, intent(out) :: failure
+        !> Those of the run.
+        type(statistics_type), intent(out), optional :: statistics
         class(model_type), allocatable, target :: model, another
         type(simulation_type) :: simulation
         type(reference_type) :: table
@@ -49,6 +54,7 @@ contains
         call read_reference(scene, table)
         call global_error%initialize(size(q), 0.0_wp, 10.0_wp)
         call run(simulation, model, options, 0.0_wp, q, qd, 10.0_wp, failure, global_error)
+        if (present(statistics)) statistics = simulation%statistics()
         if (.not. allocated(failure)) call global_error%estimate(another, options, q, qd, failure)
         if (allocated(failure)) return
         associate (k => size(table%t), state => simulation%state)
@@ -225,6 +231,73 @@ contains
 
         call check_unknown(.false., 'an event has changed the run', error)
     end subroutine test_changed
+
+    !> What the first run has left of it is for the second. That time is over is no reason to doubt the first.
+    subroutine test_max_seconds(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(global_error_type) :: global_error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        type(warning_type), allocatable :: doubts(:)
+        real(wp) :: q(2), qd(2)
+        integer :: i
+
+        call model%define()
+        call model%start(0.3_wp, 1.0_wp, q, qd)
+        do i = 1, 2
+            call global_error%initialize(2, 0.0_wp, 1.0_wp)
+            options = options_type(step=1.0e-3_wp)
+            call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure, global_error)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            ! Less than a run can take, and more than any does.
+            options%max_seconds = merge(1.0e-12_wp, 1.0e6_wp, i == 1)
+            call global_error%estimate(model, options, q, qd, failure)
+            call check_true(error, global_error%is_known .eqv. i == 2, 'whether there is an estimate')
+            if (allocated(error)) return
+            if (i == 1) call check_failure(error, failure, 'work_limit', 'max_seconds')
+            if (i == 2) call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call find_doubts(options, simulation%statistics(), doubts, global_error, failure)
+            call check_true(error, size(doubts) == 0, 'no doubts')
+            if (allocated(error)) return
+        end do
+    end subroutine test_max_seconds
+
+    !> The sum of the local errors is one of root mean squares, the error the largest of all. Where but one of 2 n errors
+    !> is zero, that is sqrt(2 n) times as large.
+    subroutine test_cause(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(global_error_type) :: global_error
+        type(statistics_type) :: statistics
+        type(warning_type), allocatable :: doubts(:)
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: true(3)
+
+        options%rtol = 1.0e-6_wp
+        global_error%is_known = .true.
+        global_error%n = 8
+        statistics%local_error_steps = 50
+        statistics%local_error_sum = 1.0e-5_wp
+        global_error%largest = 3.9e-5_wp
+        call find_doubts(options, statistics, doubts, global_error)
+        call check_text(error, doubts(1)%text, 'to which the errors of its steps add up: tighten rtol')
+        if (allocated(error)) return
+        global_error%largest = 4.1e-5_wp
+        call find_doubts(options, statistics, doubts, global_error)
+        call check_text(error, doubts(1)%text, 'amplifies what steps leave: tighten rtol, or see whether')
+        if (allocated(error)) return
+        ! The disk does, a hundredfold and more.
+        options%stepper = 'dopri5'
+        call estimate_error('disk', options, global_error, true, failure, statistics)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call find_doubts(options, statistics, doubts, global_error)
+        call check_text(error, doubts(size(doubts))%text, 'amplifies')
+    end subroutine test_cause
 
     subroutine test_stopped(error)
         type(error_type), allocatable, intent(out) :: error

@@ -50,7 +50,8 @@ contains
             new_unittest('references-are-as-good-as-they-say', test_made_reference), &
             new_unittest('samples-do-not-change-the-steps', test_samples), &
             new_unittest('errors-are-those-against-the-file', test_errors), &
-            new_unittest('a-study-continues-where-it-was', test_resume)]
+            new_unittest('a-study-continues-where-it-was', test_resume), &
+            new_unittest('a-series-goes-on-behind-a-run-that-fails', test_failed_run)]
     end subroutine collect_study
 
     !> Quotes, commas, blanks within and empty cells.
@@ -366,6 +367,42 @@ contains
                 'order')
         end do
     end subroutine test_resume
+
+    !> Up to three runs in a row that fail are not the end of a series, four are.
+    subroutine test_failed_run(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(precision_type) :: study
+        type(failure_type), allocatable :: failure
+        character(len=cell_length), allocatable :: cells(:)
+        logical :: finished
+        integer :: n, i
+
+        do n = 1, 4
+            call study_vehicle('failed_run', 'time.end=2', '', 2, study, error)
+            if (allocated(error)) return
+            call study%journal%open(folder, 'failed_run', precision_columns, 'time.end=2', .false., failure)
+            do i = 1, n
+                associate (table => study%journal%table)
+                    cells = table%new_row()
+                    call table%put(cells, 'scene', 'articulated_vehicle')
+                    call table%put(cells, 'stepper', 'rk4')
+                    call table%put(cells, 'control', 'step')
+                    call table%put(cells, 'value', 0.5_wp*table%real_at(table%rows(), 'value'))
+                    call table%put(cells, 'status', 'position_diverged')
+                end associate
+                if (.not. allocated(failure)) call study%journal%append(cells, failure)
+            end do
+            finished = n < 4
+            if (.not. allocated(failure)) call study%next_row(finished, failure)
+            call check_true(error,.not. allocated(failure), 'the rows are written')
+            call study%journal%close()
+            if (allocated(error)) return
+            call check_true(error, finished .eqv. n == 4, 'whether the series has ended')
+            if (allocated(error)) return
+            call check_count(error, study%journal%table%rows(), merge(6, 3 + n, n == 4), 'rows')
+            if (allocated(error)) return
+        end do
+    end subroutine test_failed_run
 
     !> Fail unless two texts are the same.
     subroutine check_same(error, text, expected, what)

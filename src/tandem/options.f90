@@ -60,7 +60,8 @@ module tandem_options
         !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
         !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger.
         real(wp) :: intol = 0.0_wp
-        !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit.
+        !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. Where none of the four limits is set, one of 70
+        !> degrees on the angle to the tangent spaces stands for them, as it always does for implicit steppers.
         real(wp) :: v_limit = 0.0_wp
         !> `paper` policy: a new chart when |w|_2 passes this; 0 means no limit.
         real(wp) :: w_limit = 0.0_wp
@@ -85,6 +86,7 @@ module tandem_options
         procedure :: check_sizes
         procedure :: is_adaptive
         procedure :: has_one_tolerance
+        procedure :: has_paper_limits
         procedure :: relative_tolerance
         procedure :: absolute_tolerance
         procedure :: fill_tolerances
@@ -201,6 +203,14 @@ contains
         has_one_tolerance = abs(self%absolute_tolerance() - self%rtol) <= 0.0_wp .and. .not. (allocated(self%rtol_q) .or. &
             allocated(self%rtol_qd) .or. allocated(self%atol_q) .or. allocated(self%atol_qd))
     end function has_one_tolerance
+
+    !> Whether any of the paper's limits on a chart is set.
+    pure logical function has_paper_limits(self)
+        class(options_type), intent(in) :: self
+
+        has_paper_limits = self%v_limit > 0.0_wp .or. self%w_limit > 0.0_wp .or. self%condition_limit > 0.0_wp .or. &
+            self%iteration_limit > 0
+    end function has_paper_limits
 
     !> The smallest relative tolerance in use: rtol where there is one for all coordinates. 0 for fixed steps.
     pure real(wp) function relative_tolerance(self)

@@ -30,41 +30,70 @@ contains
         !> The error of the whole run, where it was asked for, and why it was not found, where it was not.
         class(global_error_type), intent(in), optional :: global_error
         type(error_type), allocatable, intent(in), optional :: failure
-        character(len=24) :: advice
-        real(wp) :: tolerance, limit
+        character(len=*), parameter :: contradicted = ', since the model contradicts itself', &
+            suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
+        character(len=:), allocatable :: advice, cause
+        real(wp) :: limit, tolerance
+        logical :: is_contradicted
 
         allocate (doubts(0))
         tolerance = options%relative_tolerance()
-        advice = 'take smaller steps'
-        if (options%is_adaptive()) advice = 'tighten rtol'
+        advice = ': take smaller steps'
+        if (options%is_adaptive()) advice = ': tighten rtol'
+        ! What all else may come from is told first.
+        is_contradicted = statistics%contradiction /= ''
+        if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
         if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &
-            two_digits(statistics%local_error_sum)//' of the state: '//trim(advice))
+            two_digits(statistics%local_error_sum)//' of the state'//advice)
         if (present(failure)) then
-            if (allocated(failure)) then
-                ! That events keep a second run from being compared, or that somebody stops it, says nothing about the first.
-                if (all(failure%stat /= [status_invalid_option, status_interrupted])) call add_warning(doubts, &
-                    'a second, more accurate run has failed, so this one may be right by chance only: '//trim(advice))
-            end if
+            if (is_reason(failure, global_error)) call add_warning(doubts, &
+                'a second, more accurate run has failed, so this one may be right by chance only'//advice)
         end if
         limit = warning_limit(options)
-        if (statistics%velocity_gap > limit) call add_warning(doubts, 'the velocity changes by '// &
-            two_digits(statistics%velocity_gap)//' of itself without an acceleration in the step to t = '// &
-            to_text(statistics%t_gap)//': where the velocity constraints jump, give the model a breakpoint with nu_jumps; '// &
-            'else '//trim(advice))
-        if (statistics%dense_error > limit) call add_warning(doubts, 'between steps, where the output looks, the motion '// &
-            'is off by up to '//two_digits(statistics%dense_error)//' of the state: '//trim(advice)//merge(' or set max_step', &
-            '                ', options%is_adaptive()))
+        if (statistics%velocity_gap > limit) then
+            cause = ': where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '// &
+                advice(3:)//suspect
+            if (is_contradicted) cause = contradicted
+            call add_warning(doubts, 'the velocity changes by '//two_digits(statistics%velocity_gap)// &
+                ' of itself without an acceleration in the step to t = '//to_text(statistics%t_gap)//cause)
+        end if
+        if (statistics%dense_error > limit) then
+            cause = advice
+            if (options%is_adaptive()) cause = cause//' or set max_step'
+            call add_warning(doubts, 'between steps, where the output looks, the motion is off by up to '// &
+                two_digits(statistics%dense_error)//' of the state'//cause)
+        end if
         if (.not. present(global_error)) return
         if (.not. global_error%is_known) return
         associate (largest => global_error%largest)
+            cause = advice
+            ! The local errors are root mean squares, of which a largest one of 2 n errors is less than sqrt(2 n).
+            if (statistics%local_error_steps > 0 .and. &
+                largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
+                cause = ', since the motion amplifies what steps leave'//advice//suspect
+            else if (statistics%local_error_steps > 0) then
+                cause = ', to which the errors of its steps add up'//advice
+            end if
+            if (is_contradicted) cause = contradicted
             if (options%is_adaptive() .and. largest > times*tolerance) then
-                call add_warning(doubts, 'the error reaches '//two_digits(largest/tolerance)// &
-                    ' times the tolerance, since the motion amplifies what steps leave: '//trim(advice))
+                call add_warning(doubts, 'the error reaches '//two_digits(largest/tolerance)//' times the tolerance'//cause)
             else if (largest > large) then
-                call add_warning(doubts, 'the error reaches '//two_digits(largest)//' of the state: '//trim(advice))
+                call add_warning(doubts, 'the error reaches '//two_digits(largest)//' of the state'//cause)
             end if
         end associate
     end subroutine find_doubts
+
+    !> Whether the failure of a second run is a reason to doubt the first: that events keep it from being compared, that somebody
+    !> stops it, or that the time is over, says nothing.
+    pure logical function is_reason(failure, global_error)
+        type(error_type), allocatable, intent(in) :: failure
+        class(global_error_type), intent(in), optional :: global_error
+
+        is_reason = .false.
+        if (.not. allocated(failure)) return
+        is_reason = all(failure%stat /= [status_invalid_option, status_interrupted])
+        if (present(global_error)) is_reason = is_reason .and. .not. global_error%is_out_of_time
+    end function is_reason
 
     !> What the error of a run may reach, on the scale s + |y|, before somebody is warned who asked for an estimate.
     pure real(wp) function allowed_error(options)

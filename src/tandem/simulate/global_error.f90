@@ -5,14 +5,14 @@
 !> tolerances; the difference of the two, over one less the ratio of their errors, is the error of the first (Richardson).
 !> Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
 module tandem_simulate_global_error
-    use tandem_error, only: error_type, set_error
+    use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
     use tandem_model, only: model_type
     use tandem_pack, only: pack_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
     use tandem_simulation, only: at_end, at_event, at_step, observer_type, simulation_type
-    use tandem_status, only: status_invalid_option
+    use tandem_status, only: status_invalid_option, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper
     implicit none (type, external)
@@ -30,8 +30,12 @@ module tandem_simulate_global_error
 
     !> Watches a run, and compares a second one with it.
     type, extends(observer_type) :: global_error_type
+        !> Number of coordinates.
+        integer :: n = 0
         !> Whether the error was estimated.
         logical :: is_known = .false.
+        !> Whether it was not, because the run and the second one together have taken `max_seconds`.
+        logical :: is_out_of_time = .false.
         !> Whether it is only a bound: tolerances too small to be made smaller, so the second run has larger ones.
         logical :: is_bound = .false.
         !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that have them.
@@ -51,8 +55,8 @@ module tandem_simulate_global_error
         !> Whether both runs could be evaluated at that time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
-        !> The first run's largest step.
-        real(wp), private :: largest_step = 0.0_wp
+        !> The first run's largest step, and the seconds that it has taken.
+        real(wp), private :: largest_step = 0.0_wp, seconds_of_first = 0.0_wp
         !> The run that is compared, while the second one goes on.
         real(wp), allocatable, private :: difference(:, :, :)
         logical, private :: is_second = .false.
@@ -76,7 +80,9 @@ contains
         !> Start and end of the run.
         real(wp), intent(in) :: t_start, t_end
 
+        self%n = n
         self%is_known = .false.
+        self%is_out_of_time = .false.
         self%is_second = .false.
         self%n_taken = 0
         self%n_seen = 0
@@ -110,6 +116,7 @@ contains
             if (occasion == at_end) then
                 statistics = simulation%statistics()
                 self%largest_step = statistics%largest_step
+                self%seconds_of_first = statistics%wall_seconds
             end if
             ! Of a run that has gone on from its very end nobody sees the last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
@@ -184,8 +191,9 @@ contains
         method = stepper%properties()
         call self%choose_second(options, method, second, ratio)
         self%is_bound = ratio > 1.0_wp
-        ! Its work is bounded too: it should take two or three times that of the first.
-        second%max_seconds = 0.0_wp
+        ! Its work is bounded too: it should take two or three times that of the first. Both together take no longer than the first
+        ! alone may.
+        if (options%max_seconds > 0.0_wp) second%max_seconds = max(options%max_seconds - self%seconds_of_first, tiny(1.0_wp))
         second%max_steps = huge(1)
         second%max_evaluations = int(min(int(huge(1), long), 10000 + 20*self%work))
         call simulation%initialize(model, second, self%t_start, q, qd, error)
@@ -196,7 +204,13 @@ contains
         statistics = simulation%statistics()
         self%right_hand_sides = statistics%right_hand_sides
         self%seconds = statistics%wall_seconds
-        if (allocated(error)) return
+        if (allocated(error)) then
+            self%is_out_of_time = error%stat == status_work_limit .and. second%max_seconds > 0.0_wp .and. &
+                self%right_hand_sides < second%max_evaluations
+            if (self%is_out_of_time) call set_error(error, status_work_limit, 'the run and a second one together take longer '// &
+                'than max_seconds = '//to_text(options%max_seconds), 'raise max_seconds')
+            return
+        end if
         if (.not. self%is_bound) self%difference = self%difference/(1.0_wp - ratio)
         call self%evaluate(model)
     end subroutine estimate

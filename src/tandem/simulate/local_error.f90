@@ -36,6 +36,7 @@ module tandem_simulate_local_error
         procedure :: restart
         procedure :: pack_state
         procedure :: gap
+        procedure :: is_missed
         procedure :: largest_velocity
         procedure :: largest_part
     end type local_error_type
@@ -148,6 +149,33 @@ contains
                 (self%scale(i) + abs(arrived%qd(i))))
         end do
     end function gap
+
+    !> Whether the rates of a step miss what it has changed by a part that a smooth motion does not leave to the constraints: where
+    !> steps are not coarse, a sign of procedures that contradict each other. Increments hold all of the velocity and all of the
+    !> acceleration; a Jacobian that is not that of Phi, or a wrong gamma, makes them leave the manifold at once.
+    pure logical function is_missed(self, start, arrived)
+        class(local_error_type), intent(in) :: self
+        !> The states at the ends of the step, on one chart.
+        type(state_type), intent(in) :: start, arrived
+        !> Of the change, and of the state, which is what rounding may leave of it.
+        real(wp), parameter :: share = 1.0e-4_wp, rounding = 1.0e-12_wp
+        real(wp) :: moved, missed, moved_qd, missed_qd
+        integer :: i
+
+        moved = 0.0_wp
+        missed = 0.0_wp
+        moved_qd = 0.0_wp
+        missed_qd = 0.0_wp
+        do i = 1, size(self%scale)
+            associate (s => self%scale(i) + abs(arrived%q(i)), s_qd => self%scale(i) + abs(arrived%qd(i)))
+                moved = max(moved, abs(arrived%dq(i) - start%dq(i))/s)
+                missed = max(missed, abs((arrived%q(i) - start%q(i)) - (arrived%dq(i) - start%dq(i)))/s)
+                moved_qd = max(moved_qd, abs(arrived%dqd(i) - start%dqd(i))/s_qd)
+                missed_qd = max(missed_qd, abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i)))/s_qd)
+            end associate
+        end do
+        is_missed = missed > share*moved + rounding .or. missed_qd > share*moved_qd + rounding
+    end function is_missed
 
     !> The largest velocity on the coordinates' scales.
     pure real(wp) function largest_velocity(self, qd)

@@ -150,6 +150,8 @@ module tandem_simulation
         procedure, private :: renew_chart
         procedure, private :: measure_errors
         procedure, private :: fail
+        procedure, private :: explain
+        procedure, private :: compare_procedures
         procedure, private :: with_rows
         procedure, private :: book_time
     end type simulation_type
@@ -299,6 +301,20 @@ module tandem_simulation
             character(len=*), intent(in) :: where_
             type(error_type), allocatable, intent(out) :: error
         end subroutine fail
+
+        !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
+        module subroutine explain(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Why `advance` has failed.
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine explain
+
+        !> Look for procedures of the model that contradict each other, within the last step.
+        module subroutine compare_procedures(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine compare_procedures
 
         !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
         recursive module function with_rows(self, rows, row, before) result(text)
@@ -462,6 +478,7 @@ contains
         self%tries = 0
         self%tries_from = self%state%t
         call self%advance(t_limit, error)
+        if (allocated(error)) call self%explain(error)
         if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
     end subroutine step
 
@@ -488,7 +505,10 @@ contains
         if (present(observer)) call observer%observe(self, at_start, error)
         do while (self%state%t < t_end .and. .not. allocated(error))
             call self%advance(t_end, error)
-            if (allocated(error)) exit
+            if (allocated(error)) then
+                call self%explain(error)
+                exit
+            end if
             if (self%has_to_act) then
                 if (present(observer)) call observer%observe(self, at_event, error)
                 if (.not. allocated(error)) call self%act_on_events(error)

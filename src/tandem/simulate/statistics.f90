@@ -2,6 +2,7 @@
 !> What a run cost and how wrong it was: the chart's counters, the steps, and the largest errors over all of them.
 module tandem_simulate_statistics
     use tandem_kinds, only: long, wp
+    use tandem_model_consistency, only: contradiction_length
     use tandem_pack, only: pack_type
     use tandem_tangent_counts, only: counts_type
     implicit none (type, external)
@@ -54,6 +55,9 @@ module tandem_simulate_statistics
         integer(long) :: event_evaluations = 0
         !> Largest jump of qd at a breakpoint or an event, max-norm.
         real(wp) :: velocity_jump = 0.0_wp
+        !> Which procedure of the model contradicts others, as a run has noticed on its way; blank where none was seen to. What it
+        !> evaluates to look for one is among the terms counted.
+        character(len=contradiction_length) :: contradiction = ''
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
     contains
@@ -84,6 +88,7 @@ contains
         call pack%item(self%start_moved_qd)
         call pack%item(self%event_evaluations)
         call pack%item(self%velocity_jump)
+        call pack%item(self%contradiction)
         call pack%item(self%wall_seconds)
         call pack%item(self%cpu_seconds)
     end subroutine pack_state

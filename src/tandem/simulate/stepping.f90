@@ -21,7 +21,7 @@ contains
         !> The step ends here at the latest; must lie after the current time.
         real(wp), intent(in) :: t_limit
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: last_errors(3), largest_errors(3)
+        real(wp) :: last_errors(3), largest_errors(3), gap_before
         integer(long) :: last_grid_steps
         logical :: ends_at_breakpoint, was_on_grid, is_at_limit, is_cut
 
@@ -38,6 +38,7 @@ contains
         ! What has failed there may work now.
         if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
         if (allocated(error)) return
+        gap_before = self%tally%velocity_gap
         last_errors = self%errors
         last_grid_steps = self%grid_steps
         was_on_grid = self%on_grid
@@ -87,6 +88,11 @@ contains
         end if
         self%has_step = .true.
         self%segment_of_step = self%model%segment
+        ! Steps show it if a procedure of the model is wrong. Looked at are those with a power of two for their number, and one that
+        ! shows more than those before it.
+        if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*gap_before) then
+            if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
+        end if
         self%chart_is_current = .false.
         if (allocated(self%watched)) then
             call self%look_for_events(self%next%t >= t_limit, is_cut, error)
@@ -451,17 +457,21 @@ contains
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t_limit
         type(error_type), allocatable, intent(out) :: error
-        !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years.
+        !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years. One whose
+        !> model contradicts itself is not worth more than so many times as many.
         integer, parameter :: many = 100000
-        real(wp), parameter :: hopeless = 1.0e-7_wp
+        real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
+        real(wp) :: hopeful
 
         self%tries = self%tries + 1
         if (self%tries < many) return
+        hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
         associate (t => self%state%t, from => self%tries_from)
-            if (.not. t - from > hopeless*(t_limit - t)) call set_error(error, status_step_underflow, 'the last '// &
+            if (.not. t - from > hopeful*(t_limit - t)) call set_error(error, status_step_underflow, 'the last '// &
                 to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
                 to_text(t - from)//' further', &
-                'see what makes steps fail or errors large there: a singularity, or a Jacobian that is wrong (verify_model)')
+                'see what makes steps fail or errors large there: a singularity, or a procedure that is wrong (tandem check, '// &
+                'verify_model)')
             from = t
         end associate
         self%tries = 0
@@ -559,7 +569,8 @@ contains
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
         type(health_type) :: health
-        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, as they may be none.
+        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, and one of explicit steps
+        !> where they are none.
         real(wp), parameter :: farthest = 3.0_wp
         integer :: stat
 

@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
 submodule(tandem_simulation) tandem_simulate_telling
+    use tandem_model_consistency, only: find_contradiction
     use tandem_simulate_warning, only: add_warning
-    use tandem_status, only: status_invalid_model, status_not_evaluable, status_of, status_type
+    use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_type
     implicit none (type, external)
 
 contains
@@ -43,6 +44,44 @@ contains
         end if
         call set_error(error, stat, message)
     end subroutine fail
+
+    !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
+    module subroutine explain(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(inout) :: error
+        !> Time to look ahead.
+        real(wp), parameter :: ahead = 1.0e-3_wp
+
+        select case (error%stat)
+        case (status_position_diverged, status_chart_left, status_newton_failed, status_constraints_not_held, &
+            status_rank_deficient, status_step_underflow)
+            call self%compare_procedures()
+            ! The last step may have been too short to show anything.
+            if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
+                ahead, self%chart%counts, self%tally%contradiction)
+        case (status_step_limit, status_work_limit)
+            ! Limits of the user's leave no trace: what was found before is told.
+        case default
+            return
+        end select
+        if (self%tally%contradiction /= '') error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
+            error%message(len(status_name(error%stat)) + 3:)
+    end subroutine explain
+
+    !> Look for procedures of the model that contradict each other, within the last step. What was found once is not looked for
+    !> again.
+    module subroutine compare_procedures(self)
+        class(simulation_type), intent(inout) :: self
+
+        if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
+        ! Of the step to a breakpoint or to an event the model may not know any more.
+        if (self%model%segment /= self%segment_of_step) return
+        if (self%n_events > 0) then
+            if (self%events(self%n_events)%t >= self%state%t) return
+        end if
+        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%chart%counts, &
+            self%tally%contradiction)
+    end subroutine compare_procedures
 
     !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
     recursive module function with_rows(self, rows, row, before) result(text)

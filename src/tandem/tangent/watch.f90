@@ -31,7 +31,8 @@ contains
     subroutine allocate_watch(self, options, implicit, n, nh, m)
         class(watch_type), intent(inout) :: self
         type(options_type), intent(in) :: options
-        !> Whether the steps are implicit, whose errors grow with the secants on a chart that is kept too long.
+        !> Whether the steps are implicit, whose errors grow with the secants on a chart that is kept too long. Explicit ones are
+        !> watched where the paper's limits are none, and a chart would be kept until it fails.
         logical, intent(in) :: implicit
         integer, intent(in) :: n, nh, m
 
@@ -40,7 +41,8 @@ contains
         self%v = options%chart == 'paper' .and. options%v_limit > 0.0_wp
         self%w = options%chart == 'paper' .and. options%w_limit > 0.0_wp
         self%condition = options%chart == 'paper' .and. options%condition_limit > 0.0_wp
-        self%secants = (options%chart == 'adaptive' .or. (options%chart == 'paper' .and. implicit)) .and. m > 0
+        self%secants = (options%chart == 'adaptive' .or. (options%chart == 'paper' .and. &
+            (implicit .or. .not. options%has_paper_limits()))) .and. m > 0
         if (allocated(self%cosines)) deallocate (self%cosines)
         if (allocated(self%equations)) deallocate (self%equations)
         if (self%secants) then

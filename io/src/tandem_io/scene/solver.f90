@@ -51,7 +51,7 @@ contains
         call verify('Htol')
         call reader%get('intol', options%intol, help='of the iteration of implicit stages; 0 for constraint_tolerance/100')
         call verify('intol')
-        call reader%get('v_limit', options%v_limit, help='of |v| in a chart, with paper; 0 for none')
+        call reader%get('v_limit', options%v_limit, help='of |v| in a chart, with paper; 0 for none, and 70 degrees without any')
         call verify('v_limit')
         call reader%get('w_limit', options%w_limit, help='of |w| in a chart, with paper; 0 for none')
         call verify('w_limit')

@@ -23,6 +23,8 @@ module tandem_io_study_precision
     character(len=4), parameter :: by_step = 'step', by_rtol = 'rtol'
     !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
+    !> A series ends where so many runs in a row have failed: one may fail where a finer one does not.
+    integer, parameter :: most_failures = 4
     !> Errors are quoted down to this multiple of the agreement of a reference: they are then right to ten per cent.
     real(wp), parameter :: floor_factor = 10.0_wp
 
@@ -176,7 +178,7 @@ contains
         integer, intent(out) :: level
         logical, intent(out) :: ended
         integer, allocatable :: rows(:)
-        integer :: k
+        integer :: k, n_failed
         real(wp) :: growth, before, last
 
         associate (table => self%journal%table)
@@ -189,9 +191,11 @@ contains
             end if
             level = level_of(self, series, table%real_at(rows(k), 'value')) - 1
             ended = level < merge(finest, tightest, series%control == by_step)
-            if (table%text_at(rows(k), 'status') /= 'complete') then
-                ! The coarsest run may fail, those after it should not.
-                ended = ended .or. k > 1 .or. table%text_at(rows(k), 'status') == over_budget
+            do n_failed = 0, k - 1
+                if (table%text_at(rows(k - n_failed), 'status') == 'complete') exit
+            end do
+            if (n_failed > 0) then
+                ended = ended .or. n_failed >= most_failures .or. table%text_at(rows(k), 'status') == over_budget
                 return
             end if
             last = table%real_at(rows(k), 'error_q')
