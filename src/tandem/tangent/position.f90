@@ -75,6 +75,8 @@ module tandem_tangent_position
         procedure :: refine
         procedure :: restore
         procedure :: find_remainder
+        procedure :: judge
+        procedure :: is_restored
         procedure :: get_b_phi
         procedure :: hold
         procedure :: release
@@ -593,6 +595,26 @@ contains
 
         call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
     end subroutine find_remainder
+
+    !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
+    pure subroutine judge(self, phi, error)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: phi(self%nh)
+        real(wp), intent(out) :: error
+        real(wp) :: total
+
+        call measure(self%nh, phi, self%weight, error, total)
+        if (.not. total <= huge(1.0_wp)) error = total
+        self%failed_row = maxloc(abs(phi)*self%weight(:self%nh), dim=1)
+    end subroutine judge
+
+    !> Whether an error is what the iteration ends with.
+    pure logical function is_restored(self, error)
+        class(position_type), intent(in) :: self
+        real(wp), intent(in) :: error
+
+        is_restored = error <= self%utol
+    end function is_restored
 
     !> B Phi_q (nh, n) at a point.
     subroutine get_b_phi(self, jacobian, b_phi, counts, stat)
