@@ -104,7 +104,7 @@ contains
         statistics = simulation%statistics()
     end subroutine measure
 
-    !> The shipped scenes and a pendulum. Ten times either way is what users may rely on; seen: 0.18 to 6.7 times the error, where
+    !> The shipped scenes and a pendulum. Ten times either way is what users may rely on; seen: 0.18 to 4.0 times the error, where
     !> that is above the tolerance. Nothing is warned of where it is not.
     subroutine test_stated(error)
         type(error_type), allocatable, intent(out) :: error

@@ -305,9 +305,8 @@ contains
         real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart. A look within a step that began
-        !> with a prediction has none, and must not fail where the step did not.
-        integer, parameter :: of_a_step = 40, of_a_look = 100
+        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
+        integer, parameter :: limit = 40
         !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
         !> before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst left 4
         !> times the tolerance; it was 38 times where nothing was kept.
@@ -316,10 +315,9 @@ contains
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
         logical :: is_predicted, learns, trusts
-        integer :: k, limit
+        integer :: k
 
         is_predicted = self%predicts .and. defect < huge(1.0_wp)
-        limit = merge(of_a_look, of_a_step, self%predicts .and. .not. is_predicted)
         call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
         first_error = 0.0_wp
         last_error = unknown
