@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A ball rolls on a table that turns: n = 6 (x, y and Euler parameters), nh = 1, nd = 2, with nu = (-rate y, rate x). Its centre runs
-!> on a circle at 2/7 of the table's rate. It may turn by any angle in a step, since only that motion of the centre limits the steps.
+!> A ball rolls on a table that turns: n = 6 (x, y and Euler parameters), nh = 1, nd = 2, with nu = (-rate y, rate x). Its centre
+!> runs on a circle at 2/7 of the table's rate. It may turn by any angle in a step, as only that motion of the centre limits the
+!> steps.
 module model_turntable
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
     use tandem_rigid_euler_parameters, only: e_matrix

@@ -201,8 +201,8 @@ contains
         end do
     end subroutine test_turned
 
-    !> Its centre is known in closed form. A tolerance of 1e-4 lets it turn by more than a radian in a step. What the steps are off by
-    !> at their ends adds up; between them there is no more on top of it than ten times what is stated.
+    !> Its centre is known in closed form. A tolerance of 1e-4 lets it turn by more than a radian in a step. What the steps are off
+    !> by at their ends adds up; between them there is no more on top of it than ten times what is stated.
     subroutine test_turntable(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(3) = [1.0e-3_wp, 1.0e-4_wp, 1.0e-6_wp]
@@ -251,8 +251,8 @@ contains
         end function error_of_centre
     end subroutine test_turntable
 
-    !> A height that the coin does not get to: the run is the one without the event, but for rounding where a step ends with a search
-    !> for pivots, which a look makes it repeat (seen: 6e-15).
+    !> A height that the coin does not get to: the run is the one without the event, but for rounding where a step ends with a
+    !> search for pivots, which a look makes it repeat (seen: 6e-15).
     subroutine test_silent_event(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(4) = [3.0e-3_wp, 1.0e-4_wp, 1.0e-5_wp, 3.0e-6_wp]
