@@ -59,8 +59,8 @@ contains
     end subroutine look_at
 
     !> The point and the velocity of interpolated increments. Increments are the motion itself but for what the constraints have
-    !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the curve
-    !> meets the states at both ends, and is beside the manifold by no more than the error of the interpolant.
+    !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the
+    !> curve meets the states at both ends, and is beside the manifold by no more than the error of the interpolant.
     subroutine follow_states(self, t, q, qd)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t
