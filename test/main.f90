@@ -5,6 +5,7 @@ program main
     use test_assembly, only: collect_assembly
     use test_nearest_velocity, only: collect_nearest_velocity
     use test_nearest_position, only: collect_nearest_position
+    use test_between, only: collect_between
     use test_breakpoints, only: collect_breakpoints
     use test_charts, only: collect_charts
     use test_checkpoint, only: collect_checkpoint
@@ -113,6 +114,7 @@ program main
         new_testsuite('estimates', collect_estimates), &
         new_testsuite('global_error', collect_global_error), &
         new_testsuite('dense', collect_dense), &
+        new_testsuite('between', collect_between), &
         new_testsuite('root', collect_root), &
         new_testsuite('events', collect_events), &
         new_testsuite('event_actions', collect_event_actions), &

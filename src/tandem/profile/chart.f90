@@ -28,6 +28,7 @@ module tandem_profile_chart
         procedure :: restore_velocity
         procedure :: solve_dynamics
         procedure :: restore_motion
+        procedure :: restore_near
         procedure :: factor_stage
         procedure :: reuse_stage
         procedure :: correct_stage
@@ -120,6 +121,18 @@ contains
         if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
         if (stat == status_ok) call self%solve_dynamics(t, q, qd, qdd, stat)
     end subroutine restore_motion
+
+    subroutine restore_near(self, t, q, qd, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_position, mark)
+        call self%dense_chart_type%restore_near(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_near
 
     subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
         class(profiled_chart_type), intent(inout) :: self

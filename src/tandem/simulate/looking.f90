@@ -38,13 +38,13 @@ contains
             self%model%segment = self%segment_of_step
             call self%chart%forget()
         end if
-        associate (state => self%state, chart => self%chart)
+        associate (state => self%state, chart => self%chart, slope => self%slope)
             state%t = t
-            call self%stepper%interpolate(chart, self%start, self%next, t, state%dq, state%dqd, stat)
-            if (stat == status_ok) call chart%restore_position(t, state%dq, state%q, stat)
-            ! A step would be made shorter where rounding keeps the iteration from its end; a look has no other place to go.
-            if (stat == status_position_diverged .and. chart%failed_value <= self%options%constraint_tolerance) stat = status_ok
-            if (stat == status_ok) call chart%restore_velocity(t, state%q, state%dqd, state%qd, stat)
+            call self%stepper%interpolate(chart, self%start, self%next, t, state%dq, state%dqd, slope(:, 1), slope(:, 2), stat)
+            if (stat == status_ok) then
+                call follow_states(self, t, state%q, state%qd)
+                call chart%restore_near(t, state%q, state%qd, stat)
+            end if
             if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
             if (stat == status_ok) then
                 call chart%constraint_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
@@ -58,32 +58,47 @@ contains
         call self%look_back()
     end subroutine look_at
 
+    !> The point and the velocity of interpolated increments. Increments are the motion itself but for what the constraints have
+    !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the
+    !> curve meets the states at both ends, and is beside the manifold by no more than the error of the interpolant.
+    subroutine follow_states(self, t, q, qd)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(out), contiguous :: q(:), qd(:)
+        real(wp) :: h, x, off
+        integer :: i
+
+        h = self%next%t - self%start%t
+        x = (t - self%start%t)/h
+        associate (a => self%start, b => self%next, state => self%state, slope => self%slope)
+            do i = 1, size(q)
+                off = (b%q(i) - a%q(i)) - (b%dq(i) - a%dq(i))
+                q(i) = a%q(i) + (state%dq(i) - a%dq(i)) + x*off
+                slope(i, 1) = slope(i, 1) + off/h
+                off = (b%qd(i) - a%qd(i)) - (b%dqd(i) - a%dqd(i))
+                qd(i) = a%qd(i) + (state%dqd(i) - a%dqd(i)) + x*off
+                slope(i, 2) = slope(i, 2) + off/h
+            end do
+        end associate
+    end subroutine follow_states
+
     !> Take note of how well the dense output at the current state solves the equations of motion, from the slope of the
     !> interpolated increments against the rates there. Interpolants agree with the motion at both ends, so that what a quarter of
     !> the step leaves at this rate is their error. Takes no evaluation of the model.
     subroutine note_dense_error(self)
         class(simulation_type), intent(inout) :: self
-        !> Half the time over which slopes are taken, a part of the step.
-        real(wp), parameter :: part = 1.0e-3_wp
-        real(wp) :: h, before, behind, error, filtered
-        integer :: stat
+        real(wp) :: error, filtered, quarter
 
-        h = self%next%t - self%start%t
-        before = max(self%start%t, self%state%t - part*h)
-        behind = min(self%next%t, self%state%t + part*h)
-        if (.not. behind > before) return
+        quarter = 0.25_wp*(self%next%t - self%start%t)
         associate (slope => self%slope, local => self%local_error, state => self%state)
-            call self%stepper%interpolate(self%chart, self%start, self%next, before, slope(:, 1), slope(:, 2), stat)
-            if (stat == status_ok) call self%stepper%interpolate(self%chart, self%start, self%next, behind, slope(:, 3), &
-                slope(:, 4), stat)
-            if (stat /= status_ok) return
-            slope(:, 3) = 0.25_wp*h*((slope(:, 3) - slope(:, 1))/(behind - before) - state%qd)
-            slope(:, 4) = 0.25_wp*h*((slope(:, 4) - slope(:, 2))/(behind - before) - state%qdd)
-            error = local%largest_part(state, slope(:, 3), slope(:, 4))
+            slope(:, 1) = quarter*(slope(:, 1) - state%qd)
+            slope(:, 2) = quarter*(slope(:, 2) - state%qdd)
+            call self%chart%keep_tangent(slope(:, 1), slope(:, 2))
+            error = local%largest_part(state, slope(:, 1), slope(:, 2))
             if (self%method%implicit) then
                 ! As for local errors: a stiff mode has a rate that is large against what it is off by.
-                call self%chart%filter_error(slope(:, 3), slope(:, 4))
-                filtered = local%largest_part(state, slope(:, 3), slope(:, 4))
+                call self%chart%filter_error(slope(:, 1), slope(:, 2))
+                filtered = local%largest_part(state, slope(:, 1), slope(:, 2))
                 if (filtered < 0.1_wp*error) error = filtered
             end if
             self%tally%dense_error = max(self%tally%dense_error, error)

@@ -422,7 +422,7 @@ contains
         call self%start%allocate(model%n)
         call self%kept%allocate(model%n)
         self%has_step = .false.
-        self%slope = spread(self%state%q, 2, 4)
+        self%slope = spread(self%state%q, 2, 2)
         self%renewal = 0
         self%n_events = 0
         self%n_at_once = 0

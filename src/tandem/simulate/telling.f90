@@ -3,7 +3,8 @@
 submodule(tandem_simulation) tandem_simulate_telling
     use tandem_model_consistency, only: find_contradiction
     use tandem_simulate_warning, only: add_warning
-    use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_type
+    use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_singular_mass, &
+        status_type
     implicit none (type, external)
 
 contains

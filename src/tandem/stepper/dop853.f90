@@ -129,49 +129,56 @@ contains
     end subroutine set_tableau
 
     !> Increments within the last step, of order 7, by three more stages that are evaluated once a step.
-    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, stat)
+    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
         class(dop853_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: start, arrived
         real(wp), intent(in) :: t
-        real(wp), intent(out), contiguous :: dq(:), dqd(:)
+        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
         integer, intent(out) :: stat
-        real(wp) :: h, x
+        real(wp) :: h, x, factor
         integer :: i, k
 
         stat = 0
         h = arrived%t - start%t
         if (.not. self%has_extra) then
-            call self%take_start(start)
+            call self%start_near(start)
             do i = 1, 3
-                call self%set_stage(chart, h, start%t + self%extra_c(i)*h, self%extra_sum(i), 13 + i, stat)
+                call self%set_near(chart, h, start%t + self%extra_c(i)*h, self%extra_sum(i), 13 + i, stat)
                 if (stat /= 0) return
             end do
             self%has_extra = .true.
         end if
         x = (t - start%t)/h
         self%y = 0.0_wp
+        self%slope = 0.0_wp
         do k = 4, 1, -1
             call self%dense_sum(k)%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y, self%part)
-            self%y = merge(x, 1.0_wp - x, mod(k, 2) == 0)*self%part
+            factor = merge(x, 1.0_wp - x, mod(k, 2) == 0)
+            self%y = factor*self%part
+            self%slope = factor*self%slope + merge(1.0_wp, -1.0_wp, mod(k, 2) == 0)*self%part
         end do
         associate (n => self%n, offset => self%offset, rate => self%rate)
-            call blend(x, h, self%y(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq)
-            call blend(x, h, self%y(offset + 1:offset + n), start%dqd, arrived%dqd, rate(offset + 1:offset + n, 1), &
-                rate(offset + 1:offset + n, 13), dqd)
+            call blend(x, h, self%y(:n), self%slope(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq, slope_q)
+            call blend(x, h, self%y(offset + 1:offset + n), self%slope(offset + 1:offset + n), start%dqd, arrived%dqd, &
+                rate(offset + 1:offset + n, 1), rate(offset + 1:offset + n, 13), dqd, slope_qd)
         end associate
     end subroutine interpolate
 
-    !> The nested polynomial of Hairer, Norsett, Wanner I, section II.6, from its inner part on.
-    elemental subroutine blend(x, h, inner, y0, y1, rate0, rate1, y)
+    !> The nested polynomial of Hairer, Norsett, Wanner I, section II.6, from its inner part on, and its derivative.
+    elemental subroutine blend(x, h, inner, inner_slope, y0, y1, rate0, rate1, y, slope)
         !> Place in the step, 0 to 1, and its size.
         real(wp), intent(in) :: x, h
-        !> The inner part, and values and rates at the ends.
-        real(wp), intent(in) :: inner, y0, y1, rate0, rate1
-        real(wp), intent(out) :: y
+        !> The inner part and its derivative by x, and values and rates at the ends.
+        real(wp), intent(in) :: inner, inner_slope, y0, y1, rate0, rate1
+        real(wp), intent(out) :: y, slope
 
-        y = (inner + 2*(y1 - y0) - h*(rate0 + rate1))*x
-        y = (y + h*rate0 - (y1 - y0))*(1.0_wp - x)
-        y = y0 + (y + y1 - y0)*x
+        y = inner + 2*(y1 - y0) - h*(rate0 + rate1)
+        slope = y + inner_slope*x
+        y = y*x + h*rate0 - (y1 - y0)
+        slope = slope*(1.0_wp - x) - y
+        y = y*(1.0_wp - x) + y1 - y0
+        slope = (slope*x + y)/h
+        y = y0 + y*x
     end subroutine blend
 end module tandem_stepper_dop853

@@ -32,7 +32,7 @@ module tandem_stepper_explicit
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
         !> Zeros, and work space, ordered alike.
-        real(wp), allocatable :: zero(:), part(:)
+        real(wp), allocatable :: zero(:), part(:), slope(:)
         !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
         !> How many stages dense output adds.
@@ -49,8 +49,8 @@ module tandem_stepper_explicit
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
-        procedure :: take_start
-        procedure :: set_stage
+        procedure :: start_near
+        procedure :: set_near
         procedure :: stiffness
         procedure, private :: estimate_norm
         procedure :: pack_state
@@ -81,10 +81,12 @@ contains
         self%n = n
         self%offset = short*((n + short - 1)/short)
         self%inverse_scale = 1.0_wp/scale
-        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%q, self%defect)
+        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%slope, &
+            self%q, self%defect)
         allocate (self%rate(lane*((self%offset + n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
         associate (height => size(self%rate, 1))
-            allocate (self%y(height), self%y_start(height), self%zero(height), self%part(height), source=0.0_wp)
+            allocate (self%y(height), self%y_start(height), self%zero(height), self%part(height), &
+                self%slope(height), source=0.0_wp)
         end associate
         allocate (self%q(n), self%defect(s + 1), source=0.0_wp)
         !GCC$ UNROLL 1
@@ -125,14 +127,14 @@ contains
             self%rate(self%offset + i, 1) = state%qdd(i)
         end do
         call chart%start_step(state%qdd)
-        call self%take_start(state)
+        call take_start(self, state)
         stat = 0
         !GCC$ UNROLL 1
         do i = 2, s
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
             chart%defect = h**2*self%defect(i)
-            call self%set_stage(chart, h, t, self%stage_sum(i), i, stat)
+            call set_stage(self, chart, h, t, self%stage_sum(i), i, stat)
             if (stat /= 0) exit
         end do
         if (stat == 0) then
@@ -168,6 +170,35 @@ contains
             call load(self%n, self%offset, state%q, state%qd, self%y_start)
         end if
     end subroutine take_start
+
+    !> The same before the first call of `set_near`.
+    subroutine start_near(self, state)
+        class(explicit_type), intent(inout) :: self
+        !> The state at the start of the step.
+        type(state_type), intent(in) :: state
+
+        call load(self%n, self%offset, state%q, state%qd, self%y_start)
+    end subroutine start_near
+
+    !> Evaluate a stage of dense output: its rates from those before it, at the point that the constraints there make of it. A step
+    !> may pass places where its chart is singular, and there are no stages of its own there.
+    subroutine set_near(self, chart, h, t, sum_before, stage, stat)
+        class(explicit_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h, t
+        !> What the rates before add up to.
+        type(combination_type), intent(in) :: sum_before
+        integer, intent(in) :: stage
+        integer, intent(out) :: stat
+
+        associate (n => self%n, offset => self%offset, rate => self%rate, y => self%y)
+            call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
+            call chart%restore_near(t, y(:n), y(offset + 1:offset + n), stat)
+            if (stat /= 0) return
+            rate(:n, stage) = y(offset + 1:offset + n)
+            call chart%solve_dynamics(t, y(:n), y(offset + 1:offset + n), rate(offset + 1:offset + n, stage), stat)
+        end associate
+    end subroutine set_near
 
     !> Evaluate a stage: its rates from those before it.
     subroutine set_stage(self, chart, h, t, sum_before, stage, stat)

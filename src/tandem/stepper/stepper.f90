@@ -106,24 +106,24 @@ contains
     !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and
     !> acceleration at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of h^5, which
     !> is no less than the order of the step's own error up to order 5. A method with something better overrides it.
-    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, stat)
+    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
         class(stepper_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         !> Time between them.
         real(wp), intent(in) :: t
-        !> Position and velocity increments (n).
-        real(wp), intent(out), contiguous :: dq(:), dqd(:)
+        !> Position and velocity increments (n), and their derivatives.
+        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
         !> A status code.
         integer, intent(out) :: stat
-        real(wp) :: h, x, y, shape(6), slope(6)
+        real(wp) :: h, x, y, shape(6), slope(6), bend(6)
 
         stat = 0
         h = arrived%t - start%t
         x = (t - start%t)/h
         y = 1.0_wp - x
-        ! Basis for the values, slopes and curvatures at 0 and at 1, and its derivative.
+        ! Basis for the values, slopes and curvatures at 0 and at 1, and its derivatives.
         shape(1) = y**3*(1 + x*(3 + 6*x))
         shape(2) = h*x*y**3*(1 + 3*x)
         shape(3) = h**2*0.5_wp*x**2*y**3
@@ -136,11 +136,20 @@ contains
         slope(4) = -slope(1)
         slope(5) = x**2*(1 - 3*y)*(1 + 5*y)
         slope(6) = -h*0.5_wp*y*x**2*(2 - 5*y)
+        bend(1) = 60*x*y*(x - y)/h**2
+        bend(2) = -12*x*y*(3 - 5*x)/h
+        bend(3) = y*(1 - 8*x + 10*x**2)
+        bend(4) = -bend(1)
+        bend(5) = 12*x*y*(3 - 5*y)/h
+        bend(6) = x*(1 - 8*y + 10*y**2)
         dq = shape(1)*start%dq + shape(2)*start%qd + shape(3)*start%qdd + &
             shape(4)*arrived%dq + shape(5)*arrived%qd + shape(6)*arrived%qdd
-        ! The chart's origin drops out of the difference of velocities.
-        dqd = start%dqd - start%qd + slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &
+        slope_q = slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &
             slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
+        slope_qd = bend(1)*start%dq + bend(2)*start%qd + bend(3)*start%qdd + &
+            bend(4)*arrived%dq + bend(5)*arrived%qd + bend(6)*arrived%qdd
+        ! The chart's origin drops out of the difference of velocities.
+        dqd = start%dqd - start%qd + slope_q
     end subroutine interpolate
 
     !> An estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for

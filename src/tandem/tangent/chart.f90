@@ -72,6 +72,8 @@ module tandem_tangent_chart
         procedure(restore_velocity_interface), deferred :: restore_velocity
         procedure(solve_dynamics_interface), deferred :: solve_dynamics
         procedure(restore_motion_interface), deferred :: restore_motion
+        procedure(restore_near_interface), deferred :: restore_near
+        procedure(tangent_interface), deferred :: keep_tangent
         procedure(factor_stage_interface), deferred :: factor_stage
         procedure(reuse_stage_interface), deferred :: reuse_stage
         procedure(matrix_cost_interface), deferred :: matrix_cost
@@ -218,6 +220,27 @@ module tandem_tangent_chart
             real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_motion_interface
+
+        !> Bring a point beside the manifold onto it, position and velocity: in no direction of the origin's, so that it does not
+        !> matter whether the chart is singular there.
+        subroutine restore_near_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Coordinates and velocities (n).
+            real(wp), intent(inout) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_near_interface
+
+        !> Of the errors of rates at the point of the last `restore_near`, take away what it takes of a curve near the manifold.
+        subroutine tangent_interface(self, error_q, error_qd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Errors of the derivatives of q and of qd (n).
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine tangent_interface
 
         !> Form and factor the Newton matrix of implicit stages at the last point of `solve_dynamics` (97).
         subroutine factor_stage_interface(self, t, q, qd, qdd, ha, stat)

@@ -23,7 +23,7 @@ module tandem_tangent_dense
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_options, only: options_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_rank_deficient, &
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged, status_rank_deficient, &
         status_singular_mass
     use tandem_tangent_chart, only: chart_type, health_type
     use tandem_tangent_dynamics, only: dynamics_type
@@ -56,6 +56,8 @@ module tandem_tangent_dense
         logical :: has_gamma = .true., has_nu = .true.
         !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
         logical :: skips_basis = .false.
+        !> What may be left of a constraint, on its natural scale.
+        real(wp) :: tolerance = 0.0_wp
         type(watch_type) :: watch
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
@@ -114,6 +116,8 @@ module tandem_tangent_dense
         procedure :: restore_velocity
         procedure :: solve_dynamics
         procedure :: restore_motion
+        procedure :: restore_near
+        procedure :: keep_tangent
         procedure :: factor_stage
         procedure :: reuse_stage
         procedure :: matrix_cost
@@ -264,6 +268,22 @@ module tandem_tangent_dense
             real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_motion
+
+        !> Bring a point beside the manifold onto it, by C there.
+        module subroutine restore_near(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(inout) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_near
+
+        !> Take from errors of rates what `restore_near` takes of a curve.
+        module subroutine keep_tangent(self, error_q, error_qd)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine keep_tangent
 
         !> How many steps as the one to (t, q) C is away from losing rank.
         module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)

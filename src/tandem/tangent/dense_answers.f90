@@ -47,6 +47,85 @@ contains
         if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine project_velocity
 
+    !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
+    !> point itself. Newton's iteration, but C is left as it is where Phi falls fast.
+    module subroutine restore_near(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        !> From an error of the size of the coordinates a few corrections get there; whatever takes more, has no end.
+        integer, parameter :: most = 30
+        real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
+        real(wp) :: error, last_error
+        integer :: k, pass
+
+        self%failed_row = 0
+        last_error = huge(1.0_wp)
+        stat = status_ok
+        do k = 0, merge(most, -1, self%nh > 0)
+            call self%model%evaluate_phi(t, q, self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_term()
+                return
+            end if
+            call self%position%judge(self%model%terms%phi, error)
+            if (.not. error <= huge(1.0_wp)) then
+                call self%name_infinite(stat)
+                return
+            end if
+            if (self%position%is_restored(error)) exit
+            ! Rounding keeps it from its end, which is near enough.
+            if (error <= self%tolerance .and. error > slow*last_error) exit
+            if (k == most) then
+                stat = status_position_diverged
+                call self%blame(self%position%failed_row, error)
+                return
+            end if
+            if (k == 0 .or. error > fast*last_error) call split_at(stat)
+            if (stat /= status_ok) return
+            self%x = 0.0_wp
+            self%x(:self%nh) = self%model%terms%phi
+            call self%split%subtract_right_inverse(self%x_basis, self%x, q)
+            last_error = error
+        end do
+        call split_at(stat)
+        if (stat /= status_ok) return
+        self%phi_is_current = self%nh > 0
+        ! The second pass removes what rounding has left.
+        do pass = 1, 2
+            self%x(:) = -self%model%terms%nu
+            call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
+            call self%split%subtract_right_inverse(self%x_basis, self%x, qd)
+        end do
+        if (.not. sum(abs(qd)) <= huge(1.0_wp)) call self%name_infinite(stat)
+
+    contains
+
+        !> R at the point.
+        subroutine split_at(stat)
+            integer, intent(out) :: stat
+
+            call self%move_to(t, q, stat)
+            if (stat == status_ok) call self%split_fully(stat)
+        end subroutine split_at
+    end subroutine restore_near
+
+    !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve: R Phi_q of that of q, since the
+    !> velocity constraints do not bind the curve itself, and R C of that of qd.
+    module subroutine keep_tangent(self, error_q, error_qd)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        self%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
+        self%x(self%nh + 1:) = 0.0_wp
+        call self%split%subtract_right_inverse(self%x_basis, self%x, error_q)
+        self%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%x)
+        call self%split%subtract_right_inverse(self%x_basis, self%x, error_qd)
+    end subroutine keep_tangent
+
     !> The errors of the three constraint levels at the last point.
     module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
         class(dense_chart_type), intent(inout) :: self

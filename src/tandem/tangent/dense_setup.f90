@@ -19,6 +19,7 @@ contains
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
         self%uses_svd = options%basis == 'svd'
+        self%tolerance = options%constraint_tolerance
         ! Handed on where it is absent, gfortran computes with bounds that it has not.
         if (present(kept)) then
             call self%model%initialize(model, kept)

@@ -75,6 +75,8 @@ module tandem_tangent_position
         procedure :: refine
         procedure :: restore
         procedure :: find_remainder
+        procedure :: judge
+        procedure :: is_restored
         procedure :: get_b_phi
         procedure :: hold
         procedure :: release
@@ -303,9 +305,8 @@ contains
         real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart. A look within a step that began
-        !> with a prediction has none, and must not fail where the step did not.
-        integer, parameter :: of_a_step = 40, of_a_look = 100
+        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
+        integer, parameter :: limit = 40
         !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
         !> before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst left 4
         !> times the tolerance; it was 38 times where nothing was kept.
@@ -314,10 +315,9 @@ contains
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
         logical :: is_predicted, learns, trusts
-        integer :: k, limit
+        integer :: k
 
         is_predicted = self%predicts .and. defect < huge(1.0_wp)
-        limit = merge(of_a_look, of_a_step, self%predicts .and. .not. is_predicted)
         call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
         first_error = 0.0_wp
         last_error = unknown
@@ -593,6 +593,26 @@ contains
 
         call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
     end subroutine find_remainder
+
+    !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
+    pure subroutine judge(self, phi, error)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: phi(self%nh)
+        real(wp), intent(out) :: error
+        real(wp) :: total
+
+        call measure(self%nh, phi, self%weight, error, total)
+        if (.not. total <= huge(1.0_wp)) error = total
+        self%failed_row = maxloc(abs(phi)*self%weight(:self%nh), dim=1)
+    end subroutine judge
+
+    !> Whether an error is what the iteration ends with.
+    pure logical function is_restored(self, error)
+        class(position_type), intent(in) :: self
+        real(wp), intent(in) :: error
+
+        is_restored = error <= self%utol
+    end function is_restored
 
     !> B Phi_q (nh, n) at a point.
     subroutine get_b_phi(self, jacobian, b_phi, counts, stat)

@@ -20,8 +20,7 @@ module tandem_io_output_trajectory
     use tandem_io_output_series, only: label_columns, series_type, width_of
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
-    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, status_invalid_option, &
-        status_not_evaluable, status_not_finite, status_position_diverged, status_rank_deficient
+    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
 
@@ -62,8 +61,6 @@ module tandem_io_output_trajectory
         type(snapshot_type), private :: snapshot
         type(pack_type), private :: pack
         integer(long), private :: saved_at = 0
-        !> Whether a row of the interval was left out.
-        logical, private :: misses_rows = .false.
         real(wp), private :: seconds_unflushed = 1.0_wp
         !> Steps since the last look at the clock, which was then, and steps until the next.
         integer, private :: unwatched = 0, patience = 1
@@ -129,7 +126,6 @@ contains
         self%path = output%file
         self%first_time = simulation%state%t
         self%snapshot = snapshot_type()
-        self%misses_rows = .false.
         if (present(scene)) self%snapshot%scene = scene
         nullify (self%watcher)
         if (present(watcher)) self%watcher => watcher
@@ -525,11 +521,7 @@ contains
             if (is_before_event .and. t >= end_of_step) exit
             t = min(t, end_of_step)
             call simulation%look_at(t, error)
-            if (allocated(error)) then
-                call pass_over(self, simulation, error)
-            else
-                call self%gather(simulation, error)
-            end if
+            if (.not. allocated(error)) call self%gather(simulation, error)
             call simulation%look_back()
             if (allocated(error)) return
             self%intervals = self%intervals + 1
@@ -537,20 +529,6 @@ contains
             if (allocated(self%file%problem)) return
         end do
     end subroutine gather_between
-
-    !> A row between steps that cannot be had is left out, with a warning: the steps are right without it.
-    subroutine pass_over(self, simulation, error)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        !> Why; deallocated where the run can go on.
-        type(error_type), allocatable, intent(inout) :: error
-
-        if (all(error%stat /= [status_position_diverged, status_not_evaluable, status_not_finite, status_rank_deficient])) return
-        if (.not. self%misses_rows) call simulation%warn('a row is missing, and others may be: '//error%message// &
-            '; or tighten rtol, or set max_step')
-        self%misses_rows = .true.
-        deallocate (error)
-    end subroutine pass_over
 
     !> Write the gathered rows.
     subroutine write_rows(self)
