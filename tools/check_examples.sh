@@ -69,7 +69,7 @@ error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
 # --- 1. what the documents quote -----------------------------------------------------------------------------------
 
 check readme-quotes-the-skate quotes README.md example/skate.f90
-check scene-guide-quotes-the-examples parts_of doc/scene.md example/*.f90 example/dependent/*/*.f90
+check scene-guide-quotes-the-examples parts_of doc/scene.md example/*.f90 example/dependent/*/*.f90 example/dependent/program/*/*.f90
 check linking-guide-quotes-an-example parts_of doc/linking.md example/f77/knife.f
 
 # --- 2. the examples, each with a motion known in closed form ------------------------------------------------------

@@ -4,6 +4,7 @@
 Runs build/tandem, or what the environment variable TANDEM names.
 """
 
+import json
 import os
 import pty
 import re
@@ -106,7 +107,7 @@ class Doubts(Case):
             self.assertLess(np.max(file["diagnostics/position_error"]), 1e-12)
 
     def test_errors_between_steps_and_at_the_end(self):
-        done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--quiet", "--set", "solver.stepper=dop853", "--set",
+        done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--set", "solver.stepper=dop853", "--set",
                            "solver.rtol=1e-7", "--set", "output.interval=0.1")
         told = re.sub(r"\s+", " ", done.stdout)
         with h5py.File(self.folder / "doubts.h5") as file:
@@ -533,7 +534,31 @@ class Outcome(Case):
         self.assertEqual([int(line.split()[0]) // 10 for line in lines], list(range(1, 11)))
 
     def test_quiet(self):
-        self.assertEqual(self.tandem("run", "rolling_disk", *SHORT, "--quiet").stderr, "")
+        done = self.tandem("run", "rolling_disk", *SHORT, "--quiet")
+        self.assertEqual((done.stdout, done.stderr), ("", ""))
+
+    def test_a_quiet_run_warns_all_the_same(self):
+        done = self.tandem("run", "motorcycle", "--quiet", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-2", "--error",
+                           "--output", "loose.h5")
+        self.assertEqual(done.stdout, "")
+        self.assertIn("WARNING: ", done.stderr)
+
+    def test_reports_as_json(self):
+        report = json.loads(self.tandem("run", "rolling_disk", *SHORT, "--json", "--output", "json.h5").stdout)
+        with h5py.File(self.folder / "json.h5") as file:
+            for name, value in file["report"].attrs.items():
+                if name in report["figures"]:
+                    self.assertEqual(report["figures"][name], value, name)
+            self.assertEqual(report["q"], list(file["trajectory/q"][-1]))
+        self.assertEqual(report["status"], "ok")
+        self.assertEqual(report["error_at_end"]["is_known"], True)
+        scenes = json.loads(self.tandem("list", "--json").stdout)["scenes"]
+        self.assertEqual([scene["name"] for scene in scenes], sorted(path.stem for path in (ROOT / "scenes").glob("*.toml")))
+        check = json.loads(self.tandem("check", "rolling_disk", "--json").stdout)
+        self.assertTrue(check["start"]["passed"] and all(row["passed"] for row in check["procedures"]))
+        self.assertEqual(json.loads(self.tandem("verify", "json.h5", "--json").stdout)["rows"], report["rows"])
+        statuses = json.loads(self.tandem("statuses", "--json").stdout)["statuses"]
+        self.assertEqual((statuses[0]["name"], statuses[0]["code"]), ("ok", 0))
 
     def test_progress_overwrites_itself_on_a_terminal(self):
         try:
@@ -917,34 +942,55 @@ class SceneErrors(Case):
 
 class CommandLine(Case):
     def test_help(self):
-        for words in [], ["help"], ["--help"], ["run", "--help"], ["show", "--help"], ["list", "--help"], ["study", "--help"]:
-            done = self.tandem(*words)
-            self.assertIn("tandem run SCENE", done.stdout)
-            self.assertEqual(done.stderr, "")
+        overview = self.tandem("help").stdout
+        self.assertIn("tandem run SCENE", overview)
+        for words in [], ["--help"], ["-h"], ["study", "--help"]:
+            self.assertEqual(self.tandem(*words).stdout, overview)
+        for command in "run", "show", "list", "study precision":
+            own = self.tandem("help", *command.split())
+            self.assertEqual(own.stdout, self.tandem(*command.split(), "--help").stdout)
+            self.assertTrue(own.stdout.startswith(f"Usage: tandem {command}"))
+            self.assertEqual(own.stderr, "")
+        self.refused("help", "rnu", says='Did you mean "run"?')
+
+    def commands(self):
+        """What the overview lists."""
+        return re.findall(r"^  tandem ((?:study )?[a-z]+)", self.tandem("help").stdout.split("Examples")[0], re.M)
 
     def test_help_lists_the_options_that_each_command_has(self):
         listed = {}
-        commands = []
-        studies = ["study precision", "study stability", "study tables"]
-        for line in self.tandem("help").stdout.splitlines():
-            if line.startswith("Options of "):
-                names = re.split(r", | and ", line.removeprefix("Options of ").removesuffix(":"))
-                commands = [command for name in names for command in (studies if name == "study" else [name])]
-            elif match := re.match(r"  (--[a-z-]+)( [A-Za-z])?", line):
-                for command in commands:
-                    listed.setdefault(command, {})[match[1]] = match[2] is not None
-        options = {name: value for command in listed.values() for name, value in command.items()}
-        self.assertEqual(len(options), 13)
-        for command in ["run", "show", "check", "resume", "list", "statuses", *studies]:
+        for command in self.commands():
+            for match in re.finditer(r"^  (--[a-z-]+)( [A-Z])?", self.tandem("help", *command.split()).stdout, re.M):
+                listed.setdefault(command, {})[match[1]] = match[2] is not None
+        options = {name: value for own in listed.values() for name, value in own.items()}
+        self.assertGreater(len(options), 13)
+        for command in listed:
             for option, value in options.items():
-                # That resume cannot profile is told in words of its own.
-                if (command, option) == ("resume", "--profile"):
-                    continue
                 words = [*command.split(), option, *(["1"] if value else []), "--help"]
-                if option in listed.get(command, {}):
+                if option in listed[command]:
                     self.tandem(*words)
                 else:
                     self.refused(*words, says=f"has no option {option}")
+
+    def test_shells_complete_what_the_help_lists(self):
+        script = self.folder / "completion.bash"
+        script.write_text(self.tandem("completion", "bash").stdout)
+        environment = {**os.environ, "PATH": f"{Path(TANDEM).parent}:{os.environ['PATH']}", "TANDEM_SCENES": str(ROOT / "scenes")}
+
+        def completed(*words):
+            line = f"source {script}; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _tandem; echo ${{COMPREPLY[@]}}"
+            return subprocess.run(["bash", "-c", line], env=environment, cwd=self.folder, capture_output=True, text=True,
+                                  check=True).stdout.split()
+
+        self.assertEqual(completed("tandem", "ru"), ["run"])
+        self.assertEqual(completed("tandem", "study", "pre"), ["precision"])
+        self.assertEqual(completed("tandem", "run", "--qui"), ["--quiet"])
+        self.assertEqual(completed("tandem", "study", "precision", "--ref"), ["--reference"])
+        self.assertEqual(completed("tandem", "run", "rolling"), ["rolling_disk"])
+        self.assertEqual({word for word in completed("tandem", "''")} | {"study"},
+                         {command.split()[0] for command in self.commands()})
+        self.assertTrue(self.tandem("completion", "zsh").stdout.startswith("#compdef tandem"))
+        self.refused("completion", "fish", says="bash and zsh")
 
     def test_version(self):
         self.assertRegex(self.tandem("--version").stdout, r"^tandem \d+\.\d+\.\d+\n$")

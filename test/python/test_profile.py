@@ -33,7 +33,7 @@ def values(path):
 
 class Profile(Case):
     def profile(self, *arguments, code=0, name="profile.h5"):
-        done = self.tandem("run", *arguments, "--profile", "--no-error", "--quiet", "--output", name, "--force", code=code)
+        done = self.tandem("run", *arguments, "--profile", "--no-error", "--output", name, "--force", code=code)
         with h5py.File(self.folder / name) as file:
             group = file["report/profile"]
             table = {key: group[key][:] for key in ("calls", "seconds")}

@@ -52,7 +52,7 @@ module tandem_cli_commands
 
     !> Every option of any subcommand, in the order of the help.
     type(option_type), parameter :: options(*) = [ &
-        option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value, event=[{...}, ...]; repeatable'), &
+        option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value; repeatable'), &
         option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder (study)'), &
         option_type('--force', '', 'overwrite a file that exists; a study: start anew'), &
         option_type('--error', '', 'estimate the error at the end by a second, more accurate run, however long it takes'), &
