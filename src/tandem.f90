@@ -20,7 +20,7 @@ module tandem
     use tandem_profile_observer, only: profiled_observer_type
     use tandem_profile_parts, only: n_part_groups, n_parts, part_blocks, part_checkpoint, part_group, part_group_name, part_name, &
         part_open, part_rows, part_start, part_watch, terms_of_part
-    use tandem_simulate_doubt, only: allowed_error, find_doubts, short_run
+    use tandem_simulate_error_warnings, only: allowed_error, find_error_warnings, short_run
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
     use tandem_simulate_figures, only: figure_reader_type, tell_figures
@@ -46,7 +46,7 @@ module tandem
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type
     public :: assembly_type, assemble, velocity_metrics
-    public :: global_error_type, find_doubts, allowed_error, short_run
+    public :: global_error_type, find_error_warnings, allowed_error, short_run
     public :: profile_type, mark_type, profiled_model_type, profiled_chart_type, profiled_observer_type
     public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open

@@ -56,9 +56,9 @@ program main
     use test_stability, only: collect_stability
     use test_stability_limit, only: collect_stability_limit
     use test_study, only: collect_study
-    use test_tangent, only: collect_tangent
-    use test_tangent_kernels, only: collect_tangent_kernels
-    use test_tangent_reduced, only: collect_tangent_reduced
+    use test_dense_parts, only: collect_dense_parts
+    use test_null_space_kernels, only: collect_null_space_kernels
+    use test_free_motion, only: collect_free_motion
     use test_tolerances, only: collect_tolerances
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
@@ -79,10 +79,10 @@ program main
         new_testsuite('rigid', collect_rigid), &
         new_testsuite('models', collect_models), &
         new_testsuite('motorcycle', collect_motorcycle), &
-        new_testsuite('tangent', collect_tangent), &
+        new_testsuite('dense_parts', collect_dense_parts), &
         new_testsuite('small_systems', collect_small_systems), &
-        new_testsuite('tangent_kernels', collect_tangent_kernels), &
-        new_testsuite('tangent_reduced', collect_tangent_reduced), &
+        new_testsuite('null_space_kernels', collect_null_space_kernels), &
+        new_testsuite('free_motion', collect_free_motion), &
         new_testsuite('mass_blocks', collect_mass_blocks), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &

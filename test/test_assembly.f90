@@ -16,7 +16,7 @@ module test_assembly
     use tandem_model_evaluator, only: evaluator_type
     use tandem_simulate_nearest_position, only: nearest_position_type
     use tandem_simulate_nearest_velocity, only: nearest_velocity_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)

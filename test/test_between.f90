@@ -6,8 +6,8 @@ module test_between
     use model_turntable, only: turntable_type
     use runs, only: run
     use subjects, only: new_subject
-    use tandem, only: failure_type => error_type, find_doubts, model_type, options_type, rolling_disk_type, simulation_type, &
-        statistics_type, threshold_event_type, to_text, warning_type, wp
+    use tandem, only: failure_type => error_type, find_error_warnings, model_type, options_type, rolling_disk_type, &
+        simulation_type, statistics_type, threshold_event_type, to_text, warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -145,7 +145,7 @@ contains
         type(warning_type), allocatable :: doubts(:)
         integer :: i
 
-        call find_doubts(options, statistics, doubts)
+        call find_error_warnings(options, statistics, doubts)
         warns = .false.
         do i = 1, size(doubts)
             warns = warns .or. index(doubts(i)%text, 'between steps') > 0

@@ -11,12 +11,12 @@ module test_consistency
     use model_sleigh, only: sleigh_type
     use runs, only: get_start, new_scene, run, scene_names
     use subjects, only: new_subject, subject_names
-    use tandem, only: at_step, chart_policies, failure_type => error_type, find_doubts, global_error_type, model_type, &
+    use tandem, only: at_step, chart_policies, failure_type => error_type, find_error_warnings, global_error_type, model_type, &
         new_stepper, observer_type, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, wp
     use tandem_io_study_cases, only: build_case, case_groups, case_names, case_type
     use tandem_model_consistency, only: contradiction_length, find_contradiction
     use tandem_stepper, only: stepper_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)
     private
@@ -75,7 +75,7 @@ contains
         if (found /= '') self%contradiction = found
     end subroutine observe
 
-    !> A run must name what contradicts what, and find_doubts tell it first.
+    !> A run must name what contradicts what, and find_error_warnings tell it first.
     subroutine check_named(error, simulation, failure, piece)
         type(error_type), allocatable, intent(inout) :: error
         type(simulation_type), intent(in) :: simulation
@@ -88,7 +88,7 @@ contains
         statistics = simulation%statistics()
         call check_text(error, trim(statistics%contradiction), piece)
         if (allocated(error)) return
-        call find_doubts(simulation%options, statistics, doubts)
+        call find_error_warnings(simulation%options, statistics, doubts)
         call check_text(error, doubts(1)%text, piece)
         if (allocated(error) .or. .not. allocated(failure)) return
         call check_text(error, failure%message, piece)
@@ -290,7 +290,7 @@ contains
         global_error%is_known = .true.
         global_error%n = 2
         global_error%largest = 1.0_wp
-        call find_doubts(options_type(rtol=1.0e-6_wp), statistics, doubts, global_error)
+        call find_error_warnings(options_type(rtol=1.0e-6_wp), statistics, doubts, global_error)
         call check_count(error, size(doubts), 2, 'doubts')
         if (allocated(error)) return
         do i = 1, 2
@@ -301,7 +301,7 @@ contains
         if (.not. allocated(error)) call check_text(error, doubts(2)%text, 'amplifies')
         if (allocated(error)) return
         statistics%contradiction = 'the model contradicts itself: everywhere'
-        call find_doubts(options_type(rtol=1.0e-6_wp), statistics, doubts, global_error)
+        call find_error_warnings(options_type(rtol=1.0e-6_wp), statistics, doubts, global_error)
         call check_count(error, size(doubts), 3, 'doubts about a wrong model')
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, 'everywhere')
         do i = 2, 3

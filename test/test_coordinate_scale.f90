@@ -7,7 +7,7 @@ module test_coordinate_scale
     use model_rod, only: rod_type
     use runs, only: choose, run
     use tandem, only: articulated_vehicle_type, chart_policies, failure_type => error_type, model_type, motorcycle_type, &
-        find_doubts, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, warning_type, wp
+        find_error_warnings, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -298,7 +298,7 @@ contains
                     if (allocated(error)) return
                     call model%solution(3.0_wp, q, qd, qdd, lambda)
                     off = maxval(abs(simulation%state%q - q))
-                    call find_doubts(options, simulation%statistics(), doubts)
+                    call find_error_warnings(options, simulation%statistics(), doubts)
                     if (size(doubts) > 0 .and. chart_policies(policy) /= 'every_step') cycle
                     call check_below(error, off, allowed(stepper)*rtol, trim(steppers(stepper))//', '// &
                         trim(chart_policies(policy)))

@@ -11,7 +11,7 @@ module test_derivatives
     use tandem, only: derivative_name, derivatives_type, failure_type => error_type, long, model_type, n_derivatives, &
         need_all_derivatives, need_gamma, options_type, rolling_disk_type, simulation_type, statistics_type, terms_type, wp
     use tandem_model_differences, only: differences_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)

@@ -6,8 +6,8 @@ module test_global_error
     use model_pendulum, only: pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: get_start, new_scene, run
-    use tandem, only: failure_type => error_type, find_doubts, global_error_type, model_type, options_type, simulation_type, &
-        statistics_type, warning_type, wp
+    use tandem, only: failure_type => error_type, find_error_warnings, global_error_type, model_type, options_type, &
+        simulation_type, statistics_type, warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -260,7 +260,7 @@ contains
             if (i == 1) call check_failure(error, failure, 'work_limit', 'max_seconds')
             if (i == 2) call check_no_failure(error, failure)
             if (allocated(error)) return
-            call find_doubts(options, simulation%statistics(), doubts, global_error, failure)
+            call find_error_warnings(options, simulation%statistics(), doubts, global_error, failure)
             call check_true(error, size(doubts) == 0, 'no doubts')
             if (allocated(error)) return
         end do
@@ -283,11 +283,11 @@ contains
         statistics%local_error_steps = 50
         statistics%local_error_sum = 1.0e-5_wp
         global_error%largest = 3.9e-5_wp
-        call find_doubts(options, statistics, doubts, global_error)
+        call find_error_warnings(options, statistics, doubts, global_error)
         call check_text(error, doubts(1)%text, 'to which the errors of its steps add up: tighten rtol')
         if (allocated(error)) return
         global_error%largest = 4.1e-5_wp
-        call find_doubts(options, statistics, doubts, global_error)
+        call find_error_warnings(options, statistics, doubts, global_error)
         call check_text(error, doubts(1)%text, 'amplifies what steps leave: tighten rtol, or see whether')
         if (allocated(error)) return
         ! The disk does, a hundredfold and more.
@@ -295,7 +295,7 @@ contains
         call estimate_error('disk', options, global_error, true, failure, statistics)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call find_doubts(options, statistics, doubts, global_error)
+        call find_error_warnings(options, statistics, doubts, global_error)
         call check_text(error, doubts(size(doubts))%text, 'amplifies')
     end subroutine test_cause
 

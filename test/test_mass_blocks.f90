@@ -7,7 +7,7 @@ module test_mass_blocks
     use tandem, only: failure_type => error_type, finding_type, model_type, need_mass, rolling_disk_type, simulation_type, &
         verify_model, wp
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private

@@ -10,7 +10,7 @@ module test_newton_matrix
     use tandem, only: failure_type => error_type, model_type, options_type, rolling_disk_type, simulation_type, terms_type, wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_lu, only: lu_type
-    use tandem_tangent_dense, only: dense_chart_type
+    use tandem_chart_dense, only: dense_chart_type
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)

@@ -2,8 +2,8 @@
 !> Tests of the study of stability: its models, its cases, its verdicts, and what decides that a user is warned.
 module test_stability
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_text, check_true
-    use tandem, only: allowed_error, failure_type => error_type, find_doubts, finding_type, global_error_type, options_type, &
-        set_error, simulation_type, statistics_type, status_name, stepper_names, verify_model, warning_type, wp
+    use tandem, only: allowed_error, failure_type => error_type, find_error_warnings, finding_type, global_error_type, &
+        options_type, set_error, simulation_type, statistics_type, status_name, stepper_names, verify_model, warning_type, wp
     use tandem_io, only: case_names, select_cases, stability_columns, stability_type
     use tandem_io_study_cases, only: build_case, case_name_length, case_type
     use tandem_io_study_endurance, only: endurance_type
@@ -54,19 +54,19 @@ contains
             if (i == 2) options%rtol = 1.0e-6_wp
             global_error%is_known = .true.
             global_error%largest = 0.45_wp*allowed_error(options)
-            call find_doubts(options, statistics, doubts, global_error)
+            call find_error_warnings(options, statistics, doubts, global_error)
             call check_count(error, size(doubts), 0, 'doubts about a small error')
             global_error%largest = 0.55_wp*allowed_error(options)
-            call find_doubts(options, statistics, doubts, global_error)
+            call find_error_warnings(options, statistics, doubts, global_error)
             call check_count(error, size(doubts), 1, 'doubts about a large error')
             if (allocated(error)) return
             call check_text(error, doubts(1)%text, trim(merge('5.5e-4 of the state   ', '17 times the tolerance', i == 1)))
             global_error%is_known = .false.
-            call find_doubts(options, statistics, doubts, global_error)
+            call find_error_warnings(options, statistics, doubts, global_error)
             call check_count(error, size(doubts), 0, 'doubts about an error that is not known')
         end do
         statistics%local_error_sum = 6.0e-4_wp
-        call find_doubts(options, statistics, doubts)
+        call find_error_warnings(options, statistics, doubts)
         call check_count(error, size(doubts), 1, 'doubts about large local errors')
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, '6.0e-4 of the state: tighten rtol')
     end subroutine test_doubts
@@ -81,13 +81,13 @@ contains
         type(failure_type), allocatable :: failure
 
         allocate (doubts(0))
-        call find_doubts(options, statistics, doubts, global_error, failure)
+        call find_error_warnings(options, statistics, doubts, global_error, failure)
         call check_count(error, size(doubts), 0, 'doubts about nothing')
         call set_error(failure, status_invalid_option, 'an event has stopped the run')
-        call find_doubts(options, statistics, doubts, global_error, failure)
+        call find_error_warnings(options, statistics, doubts, global_error, failure)
         call check_count(error, size(doubts), 0, 'doubts about an event')
         call set_error(failure, status_newton_failed, 'at t = 1')
-        call find_doubts(options, statistics, doubts, global_error, failure)
+        call find_error_warnings(options, statistics, doubts, global_error, failure)
         call check_count(error, size(doubts), 1, 'doubts about a failure')
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, 'has failed')
     end subroutine test_failed_estimate
@@ -205,7 +205,7 @@ contains
         integer :: i
 
         allocate (doubts(0))
-        call find_doubts(options, statistics, doubts)
+        call find_error_warnings(options, statistics, doubts)
         found = .false.
         do i = 1, size(doubts)
             found = found .or. index(doubts(i)%text, words) > 0

@@ -260,8 +260,8 @@ contains
 
     !> The reference that a study makes differs from the file's, which shares nothing with it and is known to 1e-14, by no more than
     !> its solutions differ from it: that errors of ten times that are right to ten per cent rests on it. Rounding, which another
-    !> processor or a bound on the steps changes, decides how far each of them is off; the mean of ten is nearer to the truth than the
-    !> farthest of them is to the mean in all but two of ten thousand cases.
+    !> processor or a bound on the steps changes, decides how far each of them is off; the mean of ten is nearer to the truth than
+    !> the farthest of them is to the mean in all but two of ten thousand cases.
     subroutine test_made_reference(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene

@@ -89,7 +89,7 @@ check interfaces-are-those-of-their-version tools/interface.py check \
 
 notices() { # FILE SED_COMMAND WORD: would the change be noticed, and how?
     rm -rf "$tmp/changed" && mkdir -p "$tmp/changed/src/tandem" && cp -R include "$tmp/changed" &&
-        cp -R src/tandem/{legacy,status.f90,model,simulate,tangent} "$tmp/changed/src/tandem" || return 1
+        cp -R src/tandem/{legacy,status.f90,model,simulate,chart} "$tmp/changed/src/tandem" || return 1
     sed -i "$2" "$tmp/changed/$1"
     ! cmp -s "$1" "$tmp/changed/$1" || { echo "nothing to change in $1"; return 1; }
     ! tools/interface.py check --root "$tmp/changed" "${@:4}" 2>"$tmp/noticed" && grep -q -- "$3" "$tmp/noticed" ||

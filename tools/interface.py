@@ -87,7 +87,7 @@ def read_names(root):
 def read_statistics(root):
     """The scalar components of the types that hold the figures of a run."""
     names = set()
-    for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("tangent/counts.f90", "counts_type")):
+    for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("model/counts.f90", "counts_type")):
         text = (root / "src/tandem" / file).read_text()
         body = re.search(rf"^ *type\b[^\n]*:: {type_}\n(.*?)^ *contains", text, re.M | re.S)[1]
         for components in re.findall(r"^ *(?:integer|real|logical)\S* :: (.*)$", body, re.M):

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_cli_report
-    use tandem, only: derivative_name, error_type, find_doubts, global_error_type, long, n_derivatives, n_reasons, n_terms, &
-        new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
+    use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, n_derivatives, n_reasons, &
+        n_terms, new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
         status_output_failed, term_name, warning_type, wp
     use tandem_cli_messages, only: complain, say
     use tandem_cli_moves, only: moves_text
@@ -143,7 +143,7 @@ contains
         type(warning_type), allocatable :: doubts(:)
         integer :: i
 
-        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
         do i = 1, size(doubts)
             call print_line('WARNING', doubts(i)%text)
         end do
@@ -162,7 +162,7 @@ contains
                 call complain('WARNING: '//simulation%warnings(i)%text)
             end do
         end if
-        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
         do i = 1, size(doubts)
             call complain('WARNING: '//doubts(i)%text)
         end do

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The report of a run as one JSON object: what was asked, how it ended, every figure, and what there is to warn of.
 module tandem_cli_report_json
-    use tandem, only: error_type, figure_reader_type, find_doubts, global_error_type, long, simulation_type, status_name, &
+    use tandem, only: error_type, figure_reader_type, find_error_warnings, global_error_type, long, simulation_type, status_name, &
         tell_figures, warning_type, wp
     use tandem_cli_messages, only: say
     use tandem_io, only: json_type, scene_type, trajectory_type
@@ -115,7 +115,7 @@ contains
                 call json%add('', simulation%warnings(i)%text)
             end do
         end if
-        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
         do i = 1, size(doubts)
             call json%add('', doubts(i)%text)
         end do

@@ -6,7 +6,7 @@ module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_legacy_settings, only: lower_case
-    use tandem_simulate_doubt, only: find_doubts
+    use tandem_simulate_error_warnings, only: find_error_warnings
     use tandem_simulate_warning, only: add_warning, warning_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_invalid_option
@@ -105,7 +105,7 @@ contains
                 call add_warning(warnings, simulation%warnings(i)%text)
             end do
         end if
-        call find_doubts(simulation%options, simulation%statistics(), doubts)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts)
         do i = 1, size(doubts)
             call add_warning(warnings, doubts(i)%text)
         end do

@@ -14,7 +14,7 @@ module tandem_model_consistency
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi
     use tandem_status, only: status_ok
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
 

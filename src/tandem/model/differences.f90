@@ -10,7 +10,7 @@ module tandem_model_differences
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
 

@@ -9,7 +9,7 @@ module tandem_model_evaluator
         term_name, terms_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
 

@@ -14,7 +14,7 @@ module tandem_model_verification
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_status, only: status_callback_failed, status_not_evaluable
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use, intrinsic :: ieee_exceptions, only: ieee_all, ieee_get_flag, ieee_set_flag
     implicit none (type, external)
     private

@@ -10,8 +10,8 @@ module tandem_profile_chart
         part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
         part_velocity
     use tandem_status, only: status_ok
-    use tandem_tangent_chart, only: health_type
-    use tandem_tangent_dense, only: dense_chart_type
+    use tandem_chart, only: health_type
+    use tandem_chart_dense, only: dense_chart_type
     implicit none (type, external)
     private
 

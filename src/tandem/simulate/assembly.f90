@@ -10,7 +10,7 @@ module tandem_simulate_assembly
     use tandem_simulate_nearest_position, only: nearest_position_type
     use tandem_simulate_nearest_velocity, only: nearest_velocity_type
     use tandem_status, only: status_inconsistent_start, status_invalid_option, status_of, status_ok, status_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private

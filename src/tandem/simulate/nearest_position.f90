@@ -15,8 +15,8 @@ module tandem_simulate_nearest_position
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_jacobian, need_phi
     use tandem_status, only: status_callback_failed, status_inconsistent_start, status_not_finite, status_ok
-    use tandem_tangent_counts, only: counts_type
-    use tandem_tangent_natural_scale, only: position_errors
+    use tandem_model_counts, only: counts_type
+    use tandem_model_natural_scale, only: position_errors
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private

@@ -11,8 +11,8 @@ module tandem_simulate_nearest_velocity
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_jacobian, need_mass, need_nu
     use tandem_status, only: status_inconsistent_start, status_not_finite, status_ok
-    use tandem_tangent_counts, only: counts_type
-    use tandem_tangent_natural_scale, only: velocity_errors
+    use tandem_model_counts, only: counts_type
+    use tandem_model_natural_scale, only: velocity_errors
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private

@@ -17,7 +17,7 @@ module tandem_simulation
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_limit, warning_type
-    use tandem_simulate_watched, only: watched_type
+    use tandem_simulate_event_memory, only: watched_type
     use tandem_simulate_stiffness, only: stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
@@ -27,9 +27,9 @@ module tandem_simulation
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: check_stepper, new_stepper
     use tandem_stepper_state, only: state_type
-    use tandem_tangent_chart, only: chart_type, health_type
-    use tandem_tangent_counts, only: counts_type
-    use tandem_tangent_dense, only: dense_chart_type
+    use tandem_chart, only: chart_type, health_type
+    use tandem_model_counts, only: counts_type
+    use tandem_chart_dense, only: dense_chart_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private

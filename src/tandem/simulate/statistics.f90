@@ -4,7 +4,7 @@ module tandem_simulate_statistics
     use tandem_kinds, only: long, wp
     use tandem_model_consistency, only: contradiction_length
     use tandem_pack, only: pack_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
 

@@ -8,7 +8,7 @@ module tandem_stepper_dop853
     use tandem_stepper_combination, only: combination_type
     use tandem_stepper_explicit, only: explicit_type
     use tandem_stepper_state, only: state_type
-    use tandem_tangent_chart, only: chart_type
+    use tandem_chart, only: chart_type
     implicit none (type, external)
     private
 

@@ -13,7 +13,7 @@ module tandem_stepper_explicit
     use tandem_stepper, only: stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type, lane, short
     use tandem_stepper_state, only: state_type
-    use tandem_tangent_chart, only: chart_type
+    use tandem_chart, only: chart_type
     implicit none (type, external)
     private
 

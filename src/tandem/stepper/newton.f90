@@ -13,7 +13,7 @@ module tandem_stepper_newton
     use tandem_stepper_prediction, only: prediction_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_newton_failed, status_ok
-    use tandem_tangent_chart, only: chart_type
+    use tandem_chart, only: chart_type
     implicit none (type, external)
     private
 

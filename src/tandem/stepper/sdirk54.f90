@@ -10,7 +10,7 @@ module tandem_stepper_sdirk54
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_ok
-    use tandem_tangent_chart, only: chart_type
+    use tandem_chart, only: chart_type
     implicit none (type, external)
     private
 

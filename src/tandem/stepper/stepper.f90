@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What joins the steppers: a one-step method on a chart. It knows t, h, increments and the chart's contract, nothing else.
 module tandem_stepper
-    use tandem_tangent_chart, only: chart_type
+    use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type

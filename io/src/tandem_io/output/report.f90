@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Writes what a run has cost, and how wrong it was, as attributes of /report.
 module tandem_io_output_report
-    use tandem, only: figure_reader_type, find_doubts, global_error_type, long, simulation_type, tell_figures, wp
+    use tandem, only: figure_reader_type, find_error_warnings, global_error_type, long, simulation_type, tell_figures, wp
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_simulate_warning, only: add_warning, warning_type
     implicit none (type, external)
@@ -34,7 +34,7 @@ contains
         if (allocated(simulation%events)) call file%attach(place, 'events', int(simulation%n_events, long))
         allocate (warnings(0))
         if (allocated(simulation%warnings)) warnings = simulation%warnings
-        call find_doubts(simulation%options, simulation%statistics(), doubts)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts)
         do i = 1, size(doubts)
             call add_warning(warnings, doubts(i)%text)
         end do
@@ -58,8 +58,8 @@ contains
             call file%attach(place, 'global_error_right_hand_sides', g%right_hand_sides)
             call file%attach(place, 'global_error_seconds', g%seconds)
         end associate
-        call find_doubts(simulation%options, simulation%statistics(), before)
-        call find_doubts(simulation%options, simulation%statistics(), doubts, global_error)
+        call find_error_warnings(simulation%options, simulation%statistics(), before)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error)
         if (size(doubts) > size(before)) call file%attach(place, 'global_error_warning', doubts(size(doubts))%text)
     end subroutine write_global_error
 

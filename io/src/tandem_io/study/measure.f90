@@ -158,9 +158,9 @@ contains
     !> Make a reference at `samples` times, evenly spread: the mean of some solutions of dop853 at its tightest tolerances, accepted
     !> only if a second stepper agrees with it. Where one of the two cannot do it in time, as on stiff scenes, SDIRK54 stands in.
     !>
-    !> At such tolerances rounding decides how wrong a solution is, and a motion that multiplies disturbances multiplies rounding: two
-    !> solutions may lie close together far from the truth. Ten that take other steps show how far rounding goes, and their mean is
-    !> nearer to the truth than the farthest of them is to the mean, but for one case in some thousands.
+    !> At such tolerances rounding decides how wrong a solution is, and a motion that multiplies disturbances multiplies rounding:
+    !> two solutions may lie close together far from the truth. Ten that take other steps show how far rounding goes, and their mean
+    !> is nearer to the truth than the farthest of them is to the mean, but for one case in some thousands.
     subroutine make_reference(scene, samples, most_seconds, reference, error)
         type(scene_type), intent(inout), target :: scene
         integer, intent(in) :: samples
@@ -233,7 +233,8 @@ contains
         if (.not. allocated(problem)) call simulation%integrate(scene%t_end, problem, sampler)
     end subroutine solve
 
-    !> Make a reference of a solution and of others with tolerances up to twice as large: they take other steps, and round otherwise.
+    !> Make a reference of a solution and of others with tolerances up to twice as large: they take other steps, and round
+    !> otherwise.
     subroutine take_mean(scene, stepper, rtol, most_seconds, first, reference)
         type(scene_type), intent(inout), target :: scene
         character(len=*), intent(in) :: stepper

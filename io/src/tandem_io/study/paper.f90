@@ -13,7 +13,7 @@ module tandem_io_study_paper
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_table, only: brief, cell_length, column_type, real_column, text_column
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_tangent_counts, only: counts_type
+    use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
 

@@ -4,8 +4,8 @@
 !> Errors are the largest over the sample times of |y - y_ref| / (s + |y_ref|), y the coordinates and velocities, s the coordinate
 !> scales: the scale on which runs are warned of.
 module tandem_io_study_trial
-    use tandem, only: allowed_error, error_type, find_doubts, global_error_type, model_type, options_type, set_error, short_run, &
-        simulation_type, statistics_type, status_name, to_text, warning_type, wp
+    use tandem, only: allowed_error, error_type, find_error_warnings, global_error_type, model_type, options_type, set_error, &
+        short_run, simulation_type, statistics_type, status_name, to_text, warning_type, wp
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_cases, only: case_type
@@ -164,7 +164,7 @@ contains
         if (trial%statistics%wall_seconds <= short_run) then
             call global_error%estimate(subject%model, options, subject%q, subject%qd, failure)
         end if
-        call find_doubts(options, trial%statistics, doubts, global_error, failure)
+        call find_error_warnings(options, trial%statistics, doubts, global_error, failure)
         trial%warnings = size(doubts)
         do i = 1, size(doubts)
             if (i > 1) trial%remark = trial%remark//'; '

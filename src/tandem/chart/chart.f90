@@ -1,0 +1,430 @@
+! SPDX-License-Identifier: MIT
+!> The chart's contract: what steppers and the simulation may ask of local coordinates on the constraint manifold.
+!>
+!> A stepper integrates increments from the chart's origin and asks the chart for the points that belong to them. It never
+!> sees a constraint or a basis. The order of the calls at a stage is fixed: `restore_position`, `restore_velocity`,
+!> `solve_dynamics`, all at the same time; each may use what the one before has evaluated. `restore_motion` is the three in one.
+module tandem_chart
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
+    use tandem_model_counts, only: counts_type
+    implicit none (type, external)
+    private
+
+    public :: chart_type, health_type
+
+    !> How far a point is from the chart's origin, and how well the chart still serves there.
+    type :: health_type
+        !> |v|_2 and |w|_2, in scaled coordinates.
+        real(wp) :: v = 0.0_wp, w = 0.0_wp
+        !> |D|_2 and |Fbar|_2: 1 at the origin, then the secant of the angle between the tangent spaces.
+        real(wp) :: d = 1.0_wp, fbar = 1.0_wp
+        !> Condition number of (38) or (81), and the most corrections of an iteration for u, B or H since the last look.
+        real(wp) :: condition = 1.0_wp
+        integer :: corrections = 0
+    end type health_type
+
+    !> The contract that steppers and the simulation rely on.
+    type, abstract :: chart_type
+        !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
+        integer :: n = 0
+        !> What the chart has done.
+        type(counts_type) :: counts
+        !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
+        integer :: failed_row = 0
+        real(wp) :: failed_value = 0.0_wp
+        !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
+        integer, allocatable :: failed_rows(:)
+        !> After `singular_mass`: the coordinate without mass that no constraint ties, where it is known; else 0.
+        integer :: failed_coordinate = 0
+        !> Set by a stepper while it evaluates stages: their positions need be no better than its tolerance, and what rounding
+        !> leaves of the constraints does not matter.
+        logical :: is_stage = .false.
+        !> Set by a stepper while it evaluates a stage whose increment misses the second derivative of the motion by this times qdd
+        !> at the start of the step: h^2 (c^2/2 - sum a c). Huge where that is not known.
+        real(wp) :: defect = huge(1.0_wp)
+        !> The smallest singular value of the unit rows of C at the origin.
+        real(wp) :: independence = 1.0_wp
+        !> The largest of these so far, and how many redundant rows were left out.
+        real(wp) :: best_independence = 0.0_wp
+        !> The part of it that `measure_rank` found left, where it looked; else 1.
+        real(wp) :: fallen = 1.0_wp
+        !> The same of how firmly the constraints tie the coordinates without mass.
+        real(wp) :: loosened = 1.0_wp
+        integer :: n_dropped = 0
+        !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
+        character(len=:), allocatable :: failed_term
+    contains
+        procedure(initialize_interface), deferred :: initialize
+        procedure(renew_interface), deferred :: renew
+        procedure(remainder_interface), deferred :: remainder
+        procedure(refresh_interface), deferred :: refresh
+        procedure(start_step_interface), deferred :: start_step
+        procedure(retry_step_interface), deferred :: retry_step
+        procedure(forget_interface), deferred :: forget
+        procedure(forget_interface), deferred :: forget_model
+        procedure(forget_interface), deferred :: hold
+        procedure(forget_interface), deferred :: release
+        procedure(restore_position_interface), deferred :: restore_position
+        procedure(restore_velocity_interface), deferred :: restore_velocity
+        procedure(solve_dynamics_interface), deferred :: solve_dynamics
+        procedure(restore_motion_interface), deferred :: restore_motion
+        procedure(restore_near_interface), deferred :: restore_near
+        procedure(tangent_interface), deferred :: keep_tangent
+        procedure(factor_stage_interface), deferred :: factor_stage
+        procedure(reuse_stage_interface), deferred :: reuse_stage
+        procedure(matrix_cost_interface), deferred :: matrix_cost
+        procedure(correct_stage_interface), deferred :: correct_stage
+        procedure(filter_error_interface), deferred :: filter_error
+        procedure(multipliers_interface), deferred :: multipliers
+        procedure(project_velocity_interface), deferred :: project_velocity
+        procedure(errors_interface), deferred :: constraint_errors
+        procedure(rank_interface), deferred :: measure_rank
+        procedure(ahead_interface), deferred :: loss_ahead
+        procedure(change_interface), deferred :: relative_change
+        procedure(health_interface), deferred :: measure_health
+        procedure(energy_interface), deferred :: kinetic_energy
+        procedure :: wants_other_rows
+        procedure(pack_interface), deferred :: pack_state
+        procedure :: pack_contract
+    end type chart_type
+
+    !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was. What the rows in
+    !> use leave of an acceleration grows with the third power of the inverse in the rows that were left out.
+    real(wp), parameter :: near_rank_loss = 0.5_wp
+
+    abstract interface
+        !> Attach the model and allocate the work space, once.
+        subroutine initialize_interface(self, model, options, implicit, error, kept)
+            import :: chart_type, model_type, options_type, error_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The model; it must outlive the chart.
+            class(model_type), intent(inout), target :: model
+            type(options_type), intent(in) :: options
+            !> Whether the stepper is implicit: `factor_stage` and `correct_stage` are then used.
+            logical, intent(in) :: implicit
+            type(error_type), allocatable, intent(out) :: error
+            !> Numbers of the constraint rows to use where some are redundant, ascending; all of them where absent.
+            integer, intent(in), optional :: kept(:)
+        end subroutine initialize_interface
+
+        !> Make (t, q, qd) the chart's origin; the increments there are zero.
+        subroutine renew_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Time, coordinates (n) and velocities (n) that satisfy the constraints.
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine renew_interface
+
+        !> What rounding took from the last restored point q = q0 + xi - U u: the increment from which the next chart starts, so
+        !> that it does not add up over many small steps.
+        pure subroutine remainder_interface(self, increment, q, left)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+            !> xi (n) and the point restored from it (n).
+            real(wp), intent(in), contiguous :: increment(:), q(:)
+            !> (n)
+            real(wp), intent(out), contiguous :: left(:)
+        end subroutine remainder_interface
+
+        !> Bring what is kept from step to step to (t, q); called before a step on an old chart.
+        subroutine refresh_interface(self, t, q, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            integer, intent(out) :: stat
+        end subroutine refresh_interface
+
+        !> Take note of where a step with stages of known `defect` starts.
+        subroutine start_step_interface(self, qdd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The acceleration (n) at the start, where the chart was made or refreshed last.
+            real(wp), intent(in), contiguous :: qdd(:)
+        end subroutine start_step_interface
+
+        !> Go back to where the step starts, after a try of it that is not kept.
+        subroutine retry_step_interface(self)
+            import :: chart_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+        end subroutine retry_step_interface
+
+        !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `forget_model`
+        !> forgets a constant mass matrix too, because parameters may have changed; `hold` what the
+        !> next step starts from, look at other points, and `release` it, so that the look leaves no trace.
+        subroutine forget_interface(self)
+            import :: chart_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+        end subroutine forget_interface
+
+        !> The point q(t) of the manifold that belongs to a position increment: Phi(t, q) = 0 (14).
+        subroutine restore_position_interface(self, t, increment, q, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Position increment (n).
+            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(out) :: q(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_position_interface
+
+        !> The velocity at (t, q) that belongs to a velocity increment: C qd = nu (6).
+        subroutine restore_velocity_interface(self, t, q, increment, qd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Time and coordinates (n) from `restore_position`.
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n)
+            !> Velocity increment (n).
+            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(out) :: qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_velocity_interface
+
+        !> The acceleration at (t, q, qd): C qdd = -gamma and the equations of motion (35).
+        subroutine solve_dynamics_interface(self, t, q, qd, qdd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Time, coordinates (n) and velocities (n) from the calls before.
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n), qd(self%n)
+            real(wp), intent(out) :: qdd(self%n)
+            integer, intent(out) :: stat
+        end subroutine solve_dynamics_interface
+
+        !> The point, velocity and acceleration that belong to increments, where nothing was evaluated yet.
+        subroutine restore_motion_interface(self, t, increment, increment_qd, q, qd, qdd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Increments of position and velocity (n).
+            real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+            real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_motion_interface
+
+        !> Bring a point beside the manifold onto it, position and velocity: in no direction of the origin's, so that it does not
+        !> matter whether the chart is singular there.
+        subroutine restore_near_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> Coordinates and velocities (n).
+            real(wp), intent(inout) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_near_interface
+
+        !> Of the errors of rates at the point of the last `restore_near`, take away what it takes of a curve near the manifold.
+        subroutine tangent_interface(self, error_q, error_qd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Errors of the derivatives of q and of qd (n).
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine tangent_interface
+
+        !> Form and factor the Newton matrix of implicit stages at the last point of `solve_dynamics` (97).
+        subroutine factor_stage_interface(self, t, q, qd, qdd, ha, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            !> h a_ii.
+            real(wp), intent(in) :: ha
+            integer, intent(out) :: stat
+        end subroutine factor_stage_interface
+
+        !> Make the matrix of the last `factor_stage` serve stages with another ha, on another chart too: no derivatives, at most a
+        !> factorisation.
+        subroutine reuse_stage_interface(self, ha, can)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> h a_ii.
+            real(wp), intent(in) :: ha
+            !> False where there is no such matrix, or where the model has entered another segment since.
+            logical, intent(out) :: can
+        end subroutine reuse_stage_interface
+
+        !> What `factor_stage` costs, in units of a stage's correction: by this the steppers decide how long a matrix is kept.
+        pure real(wp) function matrix_cost_interface(self)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+        end function matrix_cost_interface
+
+        !> One Newton correction of the ambient rates of a stage whose position and velocity were restored from them.
+        subroutine correct_stage_interface(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> The restored coordinates and velocities (n).
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            !> h a_ii of the stage.
+            real(wp), intent(in) :: ha
+            !> Rates of the position and velocity increments (n).
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            !> What the correction moves q and qd by, largest entry against |q| or |qd| and the coordinate scales.
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine correct_stage_interface
+
+        !> Send the error of an implicit step through its Newton matrix: what of it a stiff mode would not keep is taken away.
+        subroutine filter_error_interface(self, error_q, error_qd)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> Errors of the position and velocity increments (n).
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine filter_error_interface
+
+        !> The multipliers lambda of all rows of the model (nh + nd) at a point where `solve_dynamics` gave qdd; of redundant rows
+        !> those of least norm.
+        subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(out), contiguous :: lambda(:)
+            integer, intent(out) :: stat
+        end subroutine multipliers_interface
+
+        !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q): what an impact-free jump of nu does.
+        subroutine project_velocity_interface(self, t, q, qd, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(inout), contiguous :: qd(:)
+            integer, intent(out) :: stat
+        end subroutine project_velocity_interface
+
+        !> The constraint errors at a point, max-norms on the natural scale of each row.
+        subroutine errors_interface(self, t, q, qd, qdd, errors, rows, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            !> Position, velocity and acceleration error.
+            real(wp), intent(out) :: errors(3)
+            !> The row of C where each is attained, 0 where there is none.
+            integer, intent(out) :: rows(3)
+            integer, intent(out) :: stat
+        end subroutine errors_interface
+
+        !> How many steps as the last one C is away from losing rank, as its smallest singular value falls; huge where it does not,
+        !> 0 where redundant rows have become independent. `failed_rows` are then those that depend on each other.
+        subroutine rank_interface(self, t_from, q_from, t, q, room, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The start of the step, where the chart was made or refreshed last, and its end.
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:)
+            real(wp), intent(out) :: room
+            !> Within the step C has lost its rank and regained it (`rank_deficient`), it has ceased to tie the coordinates without
+            !> mass (`singular_mass`), or it has turned too far to tell (`chart_left`); or what evaluating the model gives.
+            integer, intent(out) :: stat
+        end subroutine rank_interface
+
+        !> What C loses on the straight way from a state within the time h, as in `measure_rank`, or ok: for a step that cannot be
+        !> taken.
+        integer function ahead_interface(self, t, q, qd, h)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: h
+        end function ahead_interface
+
+        !> How far C has changed from the start of the step to the point of `measure_rank`: rows of unit length, Frobenius norm.
+        real(wp) function change_interface(self)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(in) :: self
+        end function change_interface
+
+        !> How the chart stands at a point: what the policy watches.
+        subroutine health_interface(self, t, q, qd, health, stat)
+            import :: chart_type, health_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            type(health_type), intent(out) :: health
+            integer, intent(out) :: stat
+        end subroutine health_interface
+
+        !> The kinetic energy qd' M qd / 2.
+        subroutine energy_interface(self, t, q, qd, energy, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(out) :: energy
+            integer, intent(out) :: stat
+        end subroutine energy_interface
+
+        !> All that the further course depends on: bases and factors as they are, never to be made again.
+        subroutine pack_interface(self, pack)
+            import :: chart_type, pack_type
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_interface
+    end interface
+
+contains
+
+    !> Which of redundant rows can be left out changes along a motion: the ones in use become dependent, another choice is not.
+    pure logical function wants_other_rows(self)
+        class(chart_type), intent(in) :: self
+
+        wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%best_independence
+    end function wants_other_rows
+
+    !> What every chart remembers, for its `pack_state`.
+    subroutine pack_contract(self, pack)
+        class(chart_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%counts%pack_state(pack)
+        call pack%item(self%failed_row)
+        call pack%item(self%failed_value)
+        call pack%item(self%failed_rows)
+        call pack%item(self%failed_coordinate)
+        call pack%item(self%is_stage)
+        call pack%item(self%independence)
+        call pack%item(self%best_independence)
+        call pack%item(self%fallen)
+        call pack%item(self%loosened)
+        call pack%item(self%n_dropped)
+        call pack%text(self%failed_term)
+    end subroutine pack_contract
+end module tandem_chart

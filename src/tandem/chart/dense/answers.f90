@@ -1,0 +1,245 @@
+! SPDX-License-Identifier: MIT
+!> What is asked at a point: multipliers, the nearest velocity, constraint errors, what policies watch, kinetic energy.
+submodule(tandem_chart_dense) tandem_chart_dense_answers
+    implicit none (type, external)
+
+contains
+
+    !> lambda at (t, q, qd, qdd).
+    module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
+
+        lambda = 0.0_wp
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%complete_velocity_basis(stat)
+        if (stat /= status_ok) return
+        self%counts%multipliers = self%counts%multipliers + 1
+        if (allocated(self%dropped)) then
+            associate (terms => self%model%all_rows)
+                call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
+            end associate
+        else
+            call self%dynamics%multipliers(self%model%terms%mass, self%velocity_basis%right_inverse, self%model%terms%force, &
+                qdd, lambda)
+        end if
+    end subroutine multipliers
+
+    !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
+    module subroutine project_velocity(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(inout), contiguous :: qd(:)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%complete_velocity_basis(stat)
+        if (stat /= status_ok) return
+        associate (r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
+            call self%dynamics%factor(self%model%terms%mass, d, stat)
+            if (stat /= status_ok) return
+            call self%dynamics%project(d, r, self%model%terms%nu, qd)
+        end associate
+        if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
+    end subroutine project_velocity
+
+    !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
+    !> point itself. Newton's iteration, but C is left as it is where Phi falls fast.
+    module subroutine restore_near(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        !> From an error of the size of the coordinates a few corrections get there; whatever takes more, has no end.
+        integer, parameter :: most = 30
+        real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
+        real(wp) :: error, last_error
+        integer :: k, pass
+
+        self%failed_row = 0
+        last_error = huge(1.0_wp)
+        stat = status_ok
+        do k = 0, merge(most, -1, self%nh > 0)
+            call self%model%evaluate_phi(t, q, self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_term()
+                return
+            end if
+            call self%position%judge(self%model%terms%phi, error)
+            if (.not. error <= huge(1.0_wp)) then
+                call self%name_infinite(stat)
+                return
+            end if
+            if (self%position%is_restored(error)) exit
+            ! Rounding keeps it from its end, which is near enough.
+            if (error <= self%tolerance .and. error > slow*last_error) exit
+            if (k == most) then
+                stat = status_position_diverged
+                call self%blame(self%position%failed_row, error)
+                return
+            end if
+            if (k == 0 .or. error > fast*last_error) call split_at(stat)
+            if (stat /= status_ok) return
+            self%x = 0.0_wp
+            self%x(:self%nh) = self%model%terms%phi
+            call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, q)
+            last_error = error
+        end do
+        call split_at(stat)
+        if (stat /= status_ok) return
+        self%phi_is_current = self%nh > 0
+        ! The second pass removes what rounding has left.
+        do pass = 1, 2
+            self%x(:) = -self%model%terms%nu
+            call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
+            call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, qd)
+        end do
+        if (.not. sum(abs(qd)) <= huge(1.0_wp)) call self%name_infinite(stat)
+
+    contains
+
+        !> R at the point.
+        subroutine split_at(stat)
+            integer, intent(out) :: stat
+
+            call self%move_to(t, q, stat)
+            if (stat == status_ok) call self%complete_velocity_basis(stat)
+        end subroutine split_at
+    end subroutine restore_near
+
+    !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve: R Phi_q of that of q, since the
+    !> velocity constraints do not bind the curve itself, and R C of that of qd.
+    module subroutine keep_tangent(self, error_q, error_qd)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        self%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
+        self%x(self%nh + 1:) = 0.0_wp
+        call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_q)
+        self%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%x)
+        call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_qd)
+    end subroutine keep_tangent
+
+    !> The errors of the three constraint levels at the last point.
+    module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        integer, intent(out) :: stat
+
+        errors = 0.0_wp
+        rows = 0
+        if (self%m == 0) then
+            stat = status_ok
+            return
+        end if
+        call self%move_with(t, q, qd, stat)
+        if (stat /= status_ok) return
+        ! Of redundant rows all count, those that were dropped too.
+        if (self%nh > 0 .and. .not. self%phi_is_current) then
+            call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_term()
+                return
+            end if
+        end if
+        if (allocated(self%dropped)) then
+            call measure(self%model%all_rows)
+        else
+            call measure(self%model%terms)
+        end if
+        if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
+
+    contains
+
+        !> The three errors of a set of rows.
+        subroutine measure(terms)
+            type(terms_type), intent(in) :: terms
+
+            call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, q, qd, qdd, self%scale, errors, rows)
+        end subroutine measure
+    end subroutine constraint_errors
+
+    !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
+    module subroutine measure_health(self, t, q, qd, health, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        type(health_type), intent(out) :: health
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok .and. self%watch%condition) call self%complete_velocity_basis(stat)
+        if (stat /= status_ok) return
+        health%corrections = max(self%position%most_corrections, self%velocity_basis%most_corrections)
+        self%position%most_corrections = 0
+        self%velocity_basis%most_corrections = 0
+        associate (terms => self%model%terms, watch => self%watch)
+            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
+            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
+            if (watch%condition .and. self%is_implicit) then
+                ! That of the Newton matrix (81), reduced.
+                health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
+            else if (watch%condition) then
+                call watch%condition_of(terms%mass, self%velocity_basis%null_space, terms%jacobian, health%condition)
+            end if
+            if (watch%secants) then
+                self%counts%basis_factorizations = self%counts%basis_factorizations + 1
+                call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
+            end if
+        end associate
+    end subroutine measure_health
+
+    !> qd' M qd / 2 at (t, q, qd).
+    module subroutine kinetic_energy(self, t, q, qd, energy, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+
+        energy = 0.0_wp
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
+        energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
+    end subroutine kinetic_energy
+
+    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
+    module subroutine name_infinite(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        !> Kept as it is where all terms are finite.
+        integer, intent(inout) :: stat
+
+        call self%forget()
+        associate (terms => self%model%terms)
+            if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
+                self%failed_term = 'phi'
+            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
+                self%failed_term = 'jacobian'
+            else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
+                self%failed_term = 'nu'
+            else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
+                self%failed_term = 'mass'
+            else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
+                self%failed_term = 'gamma'
+            else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
+                self%failed_term = 'force'
+            else
+                self%failed_term = 'the velocity'
+                return
+            end if
+        end associate
+        stat = status_not_finite
+    end subroutine name_infinite
+end submodule tandem_chart_dense_answers

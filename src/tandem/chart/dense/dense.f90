@@ -1,0 +1,532 @@
+! SPDX-License-Identifier: MIT
+!> The dense tangent-space chart at (t0, q0, qd0), for mechanisms of up to some dozens of coordinates.
+!>
+!> Increments are ambient: xi = dq and eta = dqd, sums of the stages' qd and qdd, unprojected. A position is
+!> q = q0 + xi - U u with Phi(t, q) = 0 (11), (14), a velocity is qd = qd0 + eta - X x with C qd = nu (25), (6). As v = V' xi
+!> and w = W' eta, this is the trajectory in the chart's coordinates v and w, although explicit steps form neither V nor W:
+!> there the condition that qd - qd0 - eta lies in range(C0') reads D0' (qd - qd0 - eta) = 0 with any basis D0 of null(C0).
+!>
+!> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
+!> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
+module tandem_chart_dense
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_linalg_basis, only: basis_type
+    use tandem_linalg_dependence, only: solve_least_norm
+    use tandem_linalg_kernels, only: add, add_product, are_same, copy, is_finite, set_product
+    use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_row_space, only: row_space_type
+    use tandem_model, only: model_type
+    use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
+    use tandem_model_differences, only: differences_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged, status_rank_deficient, &
+        status_singular_mass
+    use tandem_chart, only: chart_type, health_type
+    use tandem_chart_dense_dynamics, only: dynamics_type
+    use tandem_model_natural_scale, only: find_errors => constraint_errors
+    use tandem_chart_dense_position, only: position_type
+    use tandem_chart_dense_free_motion, only: free_motion_type
+    use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
+    use tandem_chart_dense_newton_matrix, only: stage_type
+    use tandem_chart_dense_health, only: length_outside, watch_type
+    implicit none (type, external)
+    private
+
+    public :: dense_chart_type
+
+    !> The chart by dense matrices.
+    type, extends(chart_type) :: dense_chart_type
+        private
+        type(evaluator_type) :: model
+        type(differences_type) :: differences
+        type(position_type) :: position
+        type(velocity_basis_type) :: velocity_basis
+        type(dynamics_type) :: dynamics
+        !> The same where no bases are kept.
+        type(free_motion_type) :: free_motion
+        type(stage_type), public :: stage
+        type(derivatives_type) :: derivatives
+        !> nh holonomic and m constraints.
+        integer :: nh = 0, m = 0
+        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
+        logical :: has_gamma = .true., has_nu = .true.
+        !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
+        logical :: skips_basis = .false.
+        !> What may be left of a constraint, on its natural scale.
+        real(wp) :: tolerance = 0.0_wp
+        type(watch_type) :: watch
+        !> Coordinate scales (n).
+        real(wp), allocatable :: scale(:)
+        !> The origin.
+        real(wp), allocatable :: q0(:), qd0(:)
+        !> Orthonormal bases at the origin.
+        type(basis_type) :: basis
+        !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
+        real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
+        !> Work space (m), (n).
+        real(wp), allocatable :: x(:), trial(:)
+        !> Where rows were dropped: their numbers, the derivatives, gamma and the multipliers of all rows.
+        integer, allocatable :: dropped(:)
+        type(derivatives_type) :: all_derivatives
+        real(wp), allocatable :: all_gamma(:), all_lambda(:)
+        !> The orientation of C at the origin, see `velocity_basis_type`.
+        integer :: origin_orientation = 1
+        !> The independence of C at the last state, see `velocity_basis_type`.
+        real(wp) :: last_independence = 1.0_wp
+        !> C where the current step starts (m, n), and a closer look at how C changes from there.
+        real(wp), allocatable :: step_jacobian(:, :)
+        type(row_space_type) :: row_space
+        !> The coordinates without mass, and work space (m, m) to see how C ties them; the one that it ties least, how firmly, and
+        !> how firmly it was tied at best.
+        integer, allocatable :: massless(:)
+        integer :: n_massless = 0, loosest = 0
+        real(wp), allocatable :: ties(:, :)
+        real(wp) :: weakest_tie = 0.0_wp, best_tie = 0.0_wp
+        !> Where bases are kept: C X there (m, m), and its factors.
+        real(wp), allocatable :: origin_c_x(:, :)
+        type(lu_type) :: origin_lu
+        !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
+        !> `qd_point`) are those of it.
+        logical :: has_point = .false., has_velocity_basis = .false., phi_is_current = .false., has_motion = .false.
+        !> Whether C and nu are known to be finite there.
+        logical :: is_finite_here = .false.
+        real(wp) :: t_point = 0.0_wp
+        real(wp), allocatable :: q_point(:), qd_point(:)
+        !> The segment of the model where the last Newton matrix was formed, and what a new one costs in corrections.
+        integer :: stage_segment = 0
+        real(wp) :: cost = 0.0_wp
+        !> Work space for stages.
+        real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
+    contains
+        procedure :: initialize
+        procedure :: renew
+        procedure :: remainder
+        procedure :: refresh
+        procedure :: start_step
+        procedure :: retry_step
+        procedure :: forget
+        procedure :: forget_model
+        procedure :: hold
+        procedure :: release
+        procedure :: restore_position
+        procedure :: restore_velocity
+        procedure :: solve_dynamics
+        procedure :: restore_motion
+        procedure :: restore_near
+        procedure :: keep_tangent
+        procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: matrix_cost
+        procedure :: correct_stage
+        procedure :: filter_error
+        procedure :: multipliers
+        procedure :: project_velocity
+        procedure :: constraint_errors
+        procedure :: measure_rank
+        procedure :: loss_ahead
+        procedure :: relative_change
+        procedure :: measure_health
+        procedure :: kinetic_energy
+        procedure :: pack_state
+        procedure, private, non_overridable :: visit
+        procedure, private, non_overridable :: move_to
+        procedure, private, non_overridable :: refuse_infinite
+        procedure, private, non_overridable :: find_velocity_basis
+        procedure, private, non_overridable :: complete_velocity_basis
+        procedure, private, non_overridable :: measure_split
+        procedure, private, non_overridable :: move_with
+        procedure, private, non_overridable :: blame
+        procedure, private, non_overridable :: blame_dependent
+        procedure, private, non_overridable :: fail_term
+        procedure, private, non_overridable :: judge_blocks
+        procedure, private, non_overridable :: name_infinite
+    end type dense_chart_type
+
+    interface
+        !> Attach the model and allocate the work space.
+        module subroutine initialize(self, model, options, implicit, error, kept)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            class(model_type), intent(inout), target :: model
+            type(options_type), intent(in) :: options
+            logical, intent(in) :: implicit
+            type(error_type), allocatable, intent(out) :: error
+            integer, intent(in), optional :: kept(:)
+        end subroutine initialize
+
+        !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
+        module subroutine pack_state(self, pack)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_state
+
+        !> Make (t, q, qd) the origin.
+        module subroutine renew(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            integer, intent(out) :: stat
+        end subroutine renew
+
+        !> Something failed here: was a term not finite, and which?
+        module subroutine name_infinite(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(inout) :: stat
+        end subroutine name_infinite
+
+        !> q = q0 + xi - U u with Phi(t, q) = 0.
+        module subroutine restore_position(self, t, increment, q, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(out) :: q(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_position
+
+        !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
+        module subroutine visit(self, t, q, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n)
+            integer, intent(out) :: stat
+        end subroutine visit
+
+        !> The same, and refuse what is not finite.
+        module subroutine move_to(self, t, q, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n)
+            integer, intent(out) :: stat
+        end subroutine move_to
+
+        !> Refuse C and nu that are not finite.
+        module subroutine refuse_infinite(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(out) :: stat
+        end subroutine refuse_infinite
+
+        !> What R and D at the current point follow from, and with `refine` B too.
+        module subroutine find_velocity_basis(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(out) :: stat
+        end subroutine find_velocity_basis
+
+        !> R and D at the current point as matrices.
+        module subroutine complete_velocity_basis(self, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(out) :: stat
+        end subroutine complete_velocity_basis
+
+        !> qd = qd0 + eta - X x with C qd = nu.
+        module subroutine restore_velocity(self, t, q, increment, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n), increment(self%n)
+            real(wp), intent(out) :: qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_velocity
+
+        !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
+        module subroutine move_with(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine move_with
+
+        !> The acceleration at the point of `restore_velocity`.
+        module subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: q(self%n), qd(self%n)
+            real(wp), intent(out) :: qdd(self%n)
+            integer, intent(out) :: stat
+        end subroutine solve_dynamics
+
+        !> All of them, without a look whether the point is known.
+        module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+            real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_motion
+
+        !> Bring a point beside the manifold onto it, by C there.
+        module subroutine restore_near(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(inout) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_near
+
+        !> Take from errors of rates what `restore_near` takes of a curve.
+        module subroutine keep_tangent(self, error_q, error_qd)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine keep_tangent
+
+        !> How many steps as the one to (t, q) C is away from losing rank.
+        module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:)
+            real(wp), intent(out) :: room
+            integer, intent(out) :: stat
+        end subroutine measure_rank
+
+        !> The orientation and the independence of C at the current point.
+        module subroutine measure_split(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+        end subroutine measure_split
+
+        !> What C loses on the straight way ahead of a state, soon enough for that way to mean something.
+        module integer function loss_ahead(self, t, q, qd, h)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t, h
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+        end function loss_ahead
+
+        !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
+        module real(wp) function relative_change(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(in) :: self
+        end function relative_change
+
+        !> Remember which rows depend on each other at the current point.
+        module subroutine blame_dependent(self, row)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            !> The one found to depend on others; 0 leaves the choice to the combination.
+            integer, intent(in) :: row
+        end subroutine blame_dependent
+
+        !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
+        module subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(in) :: ha
+            integer, intent(out) :: stat
+        end subroutine factor_stage
+
+        !> Make the last Newton matrix serve ha.
+        module subroutine reuse_stage(self, ha, can)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: ha
+            logical, intent(out) :: can
+        end subroutine reuse_stage
+
+        !> What a new Newton matrix costs, in corrections.
+        pure module real(wp) function matrix_cost(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(in) :: self
+        end function matrix_cost
+
+        !> One Newton correction of a stage's rates at the restored point.
+        module subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: ha
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine correct_stage
+
+        !> The error through the Newton matrix.
+        module subroutine filter_error(self, error_q, error_qd)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        end subroutine filter_error
+
+        !> lambda at (t, q, qd, qdd).
+        module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(out), contiguous :: lambda(:)
+            integer, intent(out) :: stat
+        end subroutine multipliers
+
+        !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
+        module subroutine project_velocity(self, t, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(inout), contiguous :: qd(:)
+            integer, intent(out) :: stat
+        end subroutine project_velocity
+
+        !> The errors of the three constraint levels at the last point.
+        module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+            real(wp), intent(out) :: errors(3)
+            integer, intent(out) :: rows(3)
+            integer, intent(out) :: stat
+        end subroutine constraint_errors
+
+        !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
+        module subroutine measure_health(self, t, q, qd, health, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            type(health_type), intent(out) :: health
+            integer, intent(out) :: stat
+        end subroutine measure_health
+
+        !> qd' M qd / 2 at (t, q, qd).
+        module subroutine kinetic_energy(self, t, q, qd, energy, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(out) :: energy
+            integer, intent(out) :: stat
+        end subroutine kinetic_energy
+    end interface
+
+contains
+
+    !> Take note of where a step starts.
+    subroutine start_step(self, qdd)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: qdd(:)
+
+        call self%position%start_step(self%step_jacobian, qdd)
+    end subroutine start_step
+
+    !> Go back to where the step starts.
+    subroutine retry_step(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%position%retry_step()
+    end subroutine retry_step
+
+    !> What rounding took from q = q0 + xi - U u.
+    pure subroutine remainder(self, increment, q, left)
+        class(dense_chart_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: increment(:), q(:)
+        real(wp), intent(out), contiguous :: left(:)
+        logical :: is_rounding
+
+        call self%position%find_remainder(self%q0, increment, q, self%scale, left, is_rounding)
+        ! More than rounding: q is not the point of that increment.
+        if (.not. is_rounding) left = 0.0_wp
+    end subroutine remainder
+
+    !> Bring the row scales and the factor of Phi_q U to (t, q).
+    subroutine refresh(self, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_to(t, q, stat)
+        if (stat == status_ok) call self%judge_blocks(stat)
+        if (stat == status_ok) then
+            self%step_jacobian(:, :) = self%model%terms%jacobian
+            call self%position%refresh(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
+        end if
+    end subroutine refresh
+
+    !> Forget the last point.
+    subroutine forget(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        self%has_point = .false.
+        self%has_velocity_basis = .false.
+        self%has_motion = .false.
+        self%phi_is_current = .false.
+    end subroutine forget
+
+    !> Forget the last point and the constant mass matrix.
+    subroutine forget_model(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%forget()
+        self%model%mass_is_known = .false.
+    end subroutine forget_model
+
+    !> Keep what the next step starts from.
+    subroutine hold(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        call self%position%hold()
+        call self%velocity_basis%hold()
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(dense_chart_type), intent(inout) :: self
+        integer :: choice
+
+        call self%position%release()
+        choice = self%velocity_basis%elimination%choice
+        call self%velocity_basis%release()
+        ! What was eliminated with other pivots is worth nothing to these.
+        if (self%velocity_basis%elimination%choice /= choice) self%has_velocity_basis = .false.
+    end subroutine release
+
+    !> Remember which row is to blame, by its number in the model.
+    subroutine blame(self, row, value)
+        class(dense_chart_type), intent(inout) :: self
+        !> Row among those in use, 0 for none, and its error.
+        integer, intent(in) :: row
+        real(wp), intent(in) :: value
+
+        self%failed_row = row
+        self%failed_value = value
+        if (row > 0 .and. allocated(self%dropped)) self%failed_row = self%model%kept(row)
+    end subroutine blame
+
+    !> Refuse M at the start of a step if it is not zero outside of its blocks.
+    subroutine judge_blocks(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        call self%model%judge_blocks(stat)
+        if (stat /= status_ok) call self%fail_term()
+    end subroutine judge_blocks
+
+    !> Remember which term of the model failed.
+    subroutine fail_term(self)
+        class(dense_chart_type), intent(inout) :: self
+
+        self%failed_term = trim(self%model%failed_term)
+    end subroutine fail_term
+end module tandem_chart_dense

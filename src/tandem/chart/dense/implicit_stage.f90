@@ -1,0 +1,116 @@
+! SPDX-License-Identifier: MIT
+!> Implicit stages: the Newton matrix, its use, and the error through it.
+submodule(tandem_chart_dense) tandem_chart_dense_implicit_stage
+    implicit none (type, external)
+
+contains
+
+    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
+    module subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%complete_velocity_basis(stat)
+        if (stat /= status_ok) return
+        associate (terms => self%model%terms, r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
+            call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
+            call evaluate_derivatives(self, t, q, qd, qdd, stat)
+            if (stat /= status_ok) then
+                self%failed_term = 'a derivative'
+                return
+            end if
+            call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
+            if (stat /= status_ok) return
+            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, &
+                self%position%u_basis(:, :self%nh), self%b_phi, d, r)
+            call self%stage%factor(ha, stat)
+        end associate
+        self%stage_segment = self%model%segment()
+        self%counts%newton_matrices = self%counts%newton_matrices + 1
+        self%counts%newton_factorizations = self%counts%newton_factorizations + 1
+    end subroutine factor_stage
+
+    !> Make the last Newton matrix serve ha.
+    module subroutine reuse_stage(self, ha, can)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+
+        can = self%stage_segment == self%model%segment()
+        if (can) call self%stage%adapt(ha, self%v_basis, self%w_basis, self%counts%newton_factorizations, can)
+    end subroutine reuse_stage
+
+    !> What a new Newton matrix costs, in corrections.
+    pure module real(wp) function matrix_cost(self)
+        class(dense_chart_type), intent(in) :: self
+
+        matrix_cost = self%cost
+    end function matrix_cost
+
+    !> One Newton correction of a stage's rates at the restored point.
+    module subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        integer :: j
+
+        self%failed_row = 0
+        change = 0.0_wp
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%find_velocity_basis(stat)
+        if (stat /= status_ok) return
+        call self%stage%correct(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
+            self%w_dual, qd, rate_q, rate_qd, self%change_q, self%change_qd)
+        do j = 1, self%n
+            change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
+                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
+        end do
+        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+            stat = status_not_finite
+            call self%name_infinite(stat)
+        end if
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+    end subroutine correct_stage
+
+    !> The error through the Newton matrix.
+    module subroutine filter_error(self, error_q, error_qd)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
+        if (self%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
+            self%x_basis, error_qd)
+    end subroutine filter_error
+
+    !> The derivatives of the rows in use; rows that were dropped carry no load here.
+    subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        integer, intent(out) :: stat
+
+        if (.not. allocated(self%dropped)) then
+            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
+            return
+        end if
+        self%all_lambda = 0.0_wp
+        self%all_lambda(self%model%kept) = self%lambda
+        call self%differences%evaluate_derivatives(t, q, qd, qdd, self%all_lambda, self%all_derivatives, self%counts, stat)
+        associate (all_rows => self%all_derivatives, kept => self%model%kept)
+            self%derivatives%velocity_q = all_rows%velocity_q(kept, :)
+            self%derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
+            self%derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
+            self%derivatives%dynamics_q = all_rows%dynamics_q
+            self%derivatives%dynamics_qd = all_rows%dynamics_qd
+        end associate
+    end subroutine evaluate_derivatives
+end submodule tandem_chart_dense_implicit_stage

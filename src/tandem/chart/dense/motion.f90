@@ -1,0 +1,316 @@
+! SPDX-License-Identifier: MIT
+!> The motion at a point: position, velocity and acceleration that belong to increments, and what C splits the velocities into.
+submodule(tandem_chart_dense) tandem_chart_dense_motion
+    implicit none (type, external)
+
+contains
+
+    !> q = q0 + xi - U u with Phi(t, q) = 0.
+    module subroutine restore_position(self, t, increment, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: q(self%n)
+        integer, intent(out) :: stat
+
+        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
+        self%phi_is_current = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
+        self%failed_row = 0
+        if (stat == status_ok) return
+        call self%blame(self%position%failed_row, self%position%failed_value)
+        call self%fail_term()
+    end subroutine restore_position
+
+    !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
+    module subroutine visit(self, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n)
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
+            if (are_same(self%n, q, self%q_point)) return
+        end if
+        call go_to(self, t, q, .true., stat)
+    end subroutine visit
+
+    !> Evaluate C, nu and M at (t, q).
+    subroutine go_to(self, t, q, remembers, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n)
+        !> Whether somebody may come back to the point.
+        logical, intent(in) :: remembers
+        integer, intent(out) :: stat
+
+        self%has_point = .false.
+        self%has_velocity_basis = .false.
+        self%has_motion = .false.
+        ! None of these depends on the velocity; q stands in for it.
+        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
+        if (stat /= status_ok) then
+            call self%fail_term()
+            return
+        end if
+        self%is_finite_here = .false.
+        self%t_point = t
+        if (.not. remembers) return
+        self%has_point = .true.
+        call copy(self%n, q, self%q_point)
+    end subroutine go_to
+
+    !> The same, and refuse what is not finite.
+    module subroutine move_to(self, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n)
+        integer, intent(out) :: stat
+
+        call self%visit(t, q, stat)
+        if (stat == status_ok) call self%refuse_infinite(stat)
+    end subroutine move_to
+
+    !> Refuse C and nu that are not finite.
+    module subroutine refuse_infinite(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%is_finite_here) return
+        associate (terms => self%model%terms)
+            self%is_finite_here = is_finite(size(terms%jacobian), terms%jacobian) .and. is_finite(self%m, terms%nu)
+        end associate
+        if (.not. self%is_finite_here) call self%name_infinite(stat)
+    end subroutine refuse_infinite
+
+    !> What R and D at the current point follow from, and with `refine` B too.
+    module subroutine find_velocity_basis(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%has_velocity_basis) return
+        ! An elimination notices when C is not finite.
+        if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
+        if (stat /= status_ok) return
+        associate (jacobian => self%model%terms%jacobian)
+            if (self%has_bases) then
+                if (self%refines) call self%position%refine(jacobian, self%counts, stat)
+                if (stat /= status_ok) return
+                call self%velocity_basis%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
+            else
+                call self%velocity_basis%eliminate(self%n, jacobian, self%scale, self%counts, stat)
+            end if
+        end associate
+        if (stat /= status_ok) then
+            call blame_velocity_basis(self, stat)
+            return
+        end if
+        self%has_velocity_basis = .true.
+        self%is_finite_here = .true.
+        if (.not. self%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
+    end subroutine find_velocity_basis
+
+    !> Say which row of C, or what is not finite in it.
+    subroutine blame_velocity_basis(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(inout) :: stat
+
+        call self%blame(self%velocity_basis%failed_row, 0.0_wp)
+        if (stat == status_not_finite) call self%name_infinite(stat)
+    end subroutine blame_velocity_basis
+
+    !> R and D at the current point as matrices.
+    module subroutine complete_velocity_basis(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        call self%find_velocity_basis(stat)
+        if (stat == status_ok) call self%velocity_basis%complete(self%model%terms%jacobian, self%x_basis, self%w_basis)
+    end subroutine complete_velocity_basis
+
+    !> qd = qd0 + eta - X x with C qd = nu.
+    module subroutine restore_velocity(self, t, q, increment, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%visit(t, q, stat)
+        if (stat == status_ok) call self%find_velocity_basis(stat)
+        if (stat == status_ok) call restore_velocity_here(self, increment, qd, stat)
+    end subroutine restore_velocity
+
+    !> The same at the current point.
+    subroutine restore_velocity_here(self, increment, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
+        integer, intent(out) :: stat
+        integer :: pass
+
+        stat = status_ok
+        if (self%is_stage .and. self%skips_basis) then
+            call self%position%follow(self%t_point, self%velocity_basis%elimination%height, &
+                self%velocity_basis%elimination%matrix, self%counts)
+        end if
+        call add(self%n, self%qd0, increment, qd)
+        if (self%m == 0) return
+        if (.not. self%has_bases) then
+            call self%free_motion%restore_velocity(self%velocity_basis%elimination, self%has_nu, .not. self%is_stage, &
+                self%model%terms%nu, qd, stat)
+            return
+        end if
+        associate (terms => self%model%terms)
+            ! qd - R (C qd - nu); twice where rounding is to be removed, once for what H gives with the paper's tolerance.
+            do pass = 1, merge(1, 2, self%refines)
+                self%x = -terms%nu
+                call add_product(terms%jacobian, qd, 1.0_wp, self%x)
+                call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, qd)
+            end do
+        end associate
+    end subroutine restore_velocity_here
+
+    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
+    module subroutine move_with(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+
+        call self%visit(t, q, stat)
+        if (stat /= status_ok) return
+        if (self%has_motion) then
+            if (are_same(self%n, qd, self%qd_point)) return
+        end if
+        call go_with(self, t, q, qd, .true., stat)
+    end subroutine move_with
+
+    !> Evaluate gamma and the forces at the current point.
+    subroutine go_with(self, t, q, qd, remembers, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        !> Whether somebody may come back to the velocity.
+        logical, intent(in) :: remembers
+        integer, intent(out) :: stat
+
+        self%has_motion = .false.
+        self%counts%right_hand_sides = self%counts%right_hand_sides + 1
+        call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
+        if (stat == status_ok .and. .not. self%has_gamma) then
+            call evaluate_gamma(self, t, q, qd, stat)
+        end if
+        if (stat /= status_ok) then
+            call self%fail_term()
+            return
+        end if
+        if (.not. remembers) return
+        self%has_motion = .true.
+        call copy(self%n, qd, self%qd_point)
+    end subroutine go_with
+
+    !> The acceleration at the point of `restore_velocity`.
+    module subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(out) :: qdd(self%n)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        ! A stage that was not projected left Phi as it was elsewhere.
+        if (self%is_stage) self%phi_is_current = .false.
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%find_velocity_basis(stat)
+        if (stat == status_ok) call solve_here(self, qdd, stat)
+    end subroutine solve_dynamics
+
+    !> The same at the current point, where gamma and the forces are known.
+    subroutine solve_here(self, qdd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(out) :: qdd(self%n)
+        integer, intent(out) :: stat
+
+        self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
+        associate (terms => self%model%terms, velocity_basis => self%velocity_basis)
+            if (self%has_bases) then
+                call self%complete_velocity_basis(stat)
+                if (stat == status_ok) call self%dynamics%factor(terms%mass, velocity_basis%null_space, stat)
+                if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, velocity_basis%null_space, &
+                    velocity_basis%right_inverse, terms%gamma, terms%force, .not. self%refines, qdd, stat)
+            else
+                call self%free_motion%solve(velocity_basis%elimination, .not. self%is_stage, self%model%n_blocks, &
+                    self%model%blocks, terms%mass, terms%gamma, terms%force, qdd, stat)
+            end if
+            if (stat /= status_ok) call self%name_infinite(stat)
+        end associate
+    end subroutine solve_here
+
+    !> All of them, without a look whether the point is known.
+    module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+        real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+        integer, intent(out) :: stat
+        logical :: remembers
+
+        ! To a stage nobody comes back.
+        remembers = .not. self%is_stage
+        call restore_position(self, t, increment, q, stat)
+        if (stat == status_ok) call go_to(self, t, q, remembers, stat)
+        if (stat /= status_ok) return
+        if (self%has_bases .or. self%m == 0) then
+            call self%find_velocity_basis(stat)
+            if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat == status_ok) call solve_here(self, qdd, stat)
+            return
+        end if
+        ! The same in a row, as explicit steps spend their time here.
+        associate (terms => self%model%terms, elimination => self%velocity_basis%elimination)
+            call self%velocity_basis%eliminate(self%n, terms%jacobian, self%scale, self%counts, stat)
+            if (stat == status_ok .and. self%has_nu) then
+                if (.not. is_finite(self%m, terms%nu)) stat = status_not_finite
+            end if
+            if (stat /= status_ok) then
+                call blame_velocity_basis(self, stat)
+                return
+            end if
+            self%has_velocity_basis = .true.
+            self%is_finite_here = .true.
+            call self%free_motion%load(elimination)
+            if (self%is_stage .and. self%skips_basis) then
+                call self%position%follow(self%t_point, elimination%height, elimination%matrix, self%counts)
+            end if
+            call add(self%n, self%qd0, increment_qd, qd)
+            call self%free_motion%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat /= status_ok) return
+            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
+            call self%free_motion%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &
+                terms%mass, terms%gamma, terms%force, qdd, stat)
+            if (stat /= status_ok) call self%name_infinite(stat)
+        end associate
+    end subroutine restore_motion
+
+    !> gamma by differences.
+    subroutine evaluate_gamma(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+
+        if (allocated(self%dropped)) then
+            call self%differences%evaluate_gamma(t, q, qd, self%all_gamma, self%counts, stat)
+            self%model%all_rows%gamma = self%all_gamma
+            self%model%terms%gamma = self%all_gamma(self%model%kept)
+        else
+            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
+        end if
+    end subroutine evaluate_gamma
+end submodule tandem_chart_dense_motion

@@ -1,0 +1,370 @@
+! SPDX-License-Identifier: MIT
+!> The Newton system of an implicit stage: the residual (53), its Jacobian (76), (77), and the reduced matrix that is factored.
+!>
+!> Unknowns of a stage are vd, wd and lambda. With D and R = X H (C R = I, C D = 0) of the current point, the rows R' R2 = 0 give
+!> lambda = R' (S + Q_A - M qdd) exactly, whatever vd and wd are, and leave
+!>
+!>   r1 = vd - V' qd = 0,   r2 = D' (M qdd - S - Q_A) = 0,   qdd = D wd - R gamma.
+!>
+!> The Newton matrix of (r1, r2) is that of (97) reduced by D' (D' C' = 0):
+!>
+!>   [ I + ha R1_v        ha R1_w            ]      R1_v = -V' Pbar,   R1_w = -V' D
+!>   [ ha D' R2_v         D' M D + ha D' R2_w ]     R2_w = (dyn_qd - M R acc_qd) D
+!>                                                  R2_v = (dyn_q - M R acc_q) Fbar + (dyn_qd - M R acc_qd) Pbar
+!>
+!> with Pbar = -R vel_q Fbar (56), (75), Fbar (54), and the gradients vel_q, acc_q, acc_qd, dyn_q, dyn_qd of
+!> `tandem_model_derivatives`. One factorisation serves every stage with the same ha = h a_ii; the blocks are kept, so that
+!> another ha costs a factorisation and no derivatives.
+!>
+!> A matrix outlives its chart: it stays in the coordinates of the chart where it was formed. With T_v = V_then' V_now and
+!> T_w = W_then' W_now, which are orthogonal up to the angle between the charts, residuals go to it as T r and corrections come back
+!> as T' dv. What that neglects is of second order in the angle and enters the contraction only.
+module tandem_chart_dense_newton_matrix
+    use tandem_kinds, only: long, wp
+    use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
+    use tandem_linalg_lu, only: lu_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_terms, only: terms_type
+    use tandem_pack, only: pack_type
+    use tandem_chart_dense_velocity_basis, only: velocity_basis_type
+    use tandem_status, only: status_newton_failed, status_ok
+    implicit none (type, external)
+    private
+
+    public :: stage_type
+
+    type :: stage_type
+        !> The blocks of (76), (77): R1_v (nv, nv), R1_w (nv, nw), R2_v (n, nv), R2_w (n, nw).
+        real(wp), allocatable :: r1_v(:, :), r1_w(:, :), r2_v(:, :), r2_w(:, :)
+        !> Fbar (n, nv) and Pbar (n, nv) of the point of the last `form`.
+        real(wp), allocatable :: fbar(:, :), pbar(:, :)
+        integer, private :: n = 0, nv = 0, nw = 0
+        real(wp), allocatable, private :: mr(:, :), gradient_q(:, :), gradient_qd(:, :), mass_d(:, :), work_mv(:, :)
+        !> D' M D (nw, nw) of the last `form`.
+        real(wp), allocatable, private :: origin_mass(:, :)
+        real(wp), allocatable, private :: matrix(:, :), block_wv(:, :), block_ww(:, :), rhs(:), force(:), defect(:)
+        !> ha of the last `factor`, 0 where there is none.
+        real(wp), private :: ha = 0.0_wp
+        !> Whether the chart is another than that of the last `form`, and whether T_v (nv, nv) and T_w (nw, nw) are those of it; the
+        !> duals of V and W of that form; a right side in its coordinates.
+        logical, private :: is_carried = .false., carry_is_current = .false.
+        real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), formed_v(:, :), formed_w(:, :), carried(:)
+        type(lu_type), private :: lu
+    contains
+        procedure :: allocate => allocate_stage
+        procedure :: form
+        procedure :: factor
+        procedure :: adapt
+        procedure :: enter_chart
+        procedure :: correct
+        procedure :: filter
+        procedure :: restore_error
+        procedure :: reciprocal_condition
+        procedure :: pack_state
+        procedure, private :: solve
+        procedure, private :: is_near
+        procedure, private :: set_carry
+    end type stage_type
+
+contains
+
+    !> Allocate for n coordinates, nh holonomic and m constraints in all.
+    subroutine allocate_stage(self, n, nh, m)
+        class(stage_type), intent(inout) :: self
+        integer, intent(in) :: n, nh, m
+        integer :: nv, nw
+
+        nv = n - nh
+        nw = n - m
+        self%n = n
+        self%nv = nv
+        self%nw = nw
+        if (allocated(self%rhs)) deallocate (self%r1_v, self%r1_w, self%r2_v, self%r2_w, self%fbar, self%pbar, self%mr, &
+            self%gradient_q, self%gradient_qd, self%mass_d, self%work_mv, self%matrix, self%block_wv, self%block_ww, &
+            self%rhs, self%force, self%defect, self%origin_mass, self%carry_v, self%carry_w, self%formed_v, &
+            self%formed_w, self%carried)
+        allocate (self%r1_v(nv, nv), self%r1_w(nv, nw), self%r2_v(n, nv), self%r2_w(n, nw), self%fbar(n, nv), &
+            self%pbar(n, nv), self%mr(n, m), self%gradient_q(n, n), self%gradient_qd(n, n), self%mass_d(n, nw), &
+            self%work_mv(m, nv), self%matrix(nv + nw, nv + nw), self%block_wv(nw, nv), self%block_ww(nw, nw), &
+            self%rhs(nv + nw), self%force(n), self%defect(m), self%origin_mass(nw, nw), self%carry_v(nv, nv), &
+            self%carry_w(nw, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
+        call self%lu%allocate(nv + nw)
+        self%ha = 0.0_wp
+    end subroutine allocate_stage
+
+    !> Form the blocks at the current point.
+    subroutine form(self, terms, derivatives, v_basis, v_dual, w_dual, u_basis, b_phi, null_space, right_inverse)
+        class(stage_type), intent(inout) :: self
+        !> The terms and derivatives of the point.
+        type(terms_type), intent(in) :: terms
+        type(derivatives_type), intent(in) :: derivatives
+        !> V as a basis and as the dual that gives coordinates (n, nv), the dual of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
+        !> point.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
+        !> D (n, nw) and R (n, m) at the point.
+        real(wp), intent(in), contiguous :: null_space(:, :), right_inverse(:, :)
+        integer :: j, l
+
+        ! Fbar = (I - U B Phi_q) V (54).
+        self%fbar = v_basis
+        do j = 1, self%nv
+            do l = 1, size(u_basis, 2)
+                self%fbar(:, j) = self%fbar(:, j) - u_basis(:, l)*dot_product(b_phi(l, :), v_basis(:, j))
+            end do
+        end do
+        ! Pbar = -R (C qd - nu)_q Fbar (75).
+        call set_product(derivatives%velocity_q, self%fbar, self%work_mv)
+        call set_product(right_inverse, self%work_mv, self%pbar)
+        self%pbar = -self%pbar
+        ! The gradients of M qdd + C' lambda - S - Q_A along the manifold of accelerations.
+        call set_product(terms%mass, right_inverse, self%mr)
+        call set_product(self%mr, derivatives%acceleration_q, self%gradient_q)
+        self%gradient_q = derivatives%dynamics_q - self%gradient_q
+        call set_product(self%mr, derivatives%acceleration_qd, self%gradient_qd)
+        self%gradient_qd = derivatives%dynamics_qd - self%gradient_qd
+        call set_product(self%gradient_qd, null_space, self%r2_w)
+        call set_product(self%gradient_q, self%fbar, self%r2_v)
+        do j = 1, self%nv
+            call add_product(self%gradient_qd, self%pbar(:, j), 1.0_wp, self%r2_v(:, j))
+        end do
+        call set_gram(v_dual, self%pbar, self%r1_v)
+        self%r1_v = -self%r1_v
+        call set_gram(v_dual, null_space, self%r1_w)
+        self%r1_w = -self%r1_w
+        ! D' M D, D' R2_v and D' R2_w.
+        call set_product(terms%mass, null_space, self%mass_d)
+        call set_gram(null_space, self%r2_v, self%block_wv)
+        call set_gram(null_space, self%r2_w, self%block_ww)
+        call set_gram(null_space, self%mass_d, self%origin_mass)
+        self%formed_v = v_dual
+        self%formed_w = w_dual
+        self%is_carried = .false.
+        self%ha = 0.0_wp
+    end subroutine form
+
+    !> Factor the reduced Newton matrix for ha = h a_ii.
+    subroutine factor(self, ha, stat)
+        class(stage_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: i, j
+
+        associate (nv => self%nv, nw => self%nw, a => self%matrix)
+            a(:nv, :nv) = ha*self%r1_v
+            do i = 1, nv
+                a(i, i) = a(i, i) + 1.0_wp
+            end do
+            a(:nv, nv + 1:) = ha*self%r1_w
+            a(nv + 1:, :nv) = ha*self%block_wv
+            do j = 1, nw
+                do i = 1, nw
+                    a(nv + i, nv + j) = ha*self%block_ww(i, j) + self%origin_mass(i, j)
+                end do
+            end do
+        end associate
+        call self%lu%factor(self%matrix, stat)
+        self%ha = merge(ha, 0.0_wp, stat == 0)
+        stat = merge(status_ok, status_newton_failed, stat == 0)
+    end subroutine factor
+
+    !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
+    subroutine adapt(self, ha, v_basis, w_basis, factorizations, can)
+        class(stage_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> Counts factorisations.
+        integer(long), intent(inout) :: factorizations
+        !> False where there is no matrix, or one of a chart too far away.
+        logical, intent(out) :: can
+        !> A step of the grid differs from the next by rounding of the time.
+        real(wp), parameter :: rounding = 1.0e-6_wp
+        integer :: stat
+
+        can = self%ha > 0.0_wp
+        if (can) can = self%is_near(v_basis, w_basis)
+        if (.not. can .or. abs(ha - self%ha) <= rounding*self%ha) return
+        call self%factor(ha, stat)
+        factorizations = factorizations + 1
+        can = stat == status_ok
+    end subroutine adapt
+
+    !> The chart has changed: the matrix is of an old one from now on.
+    pure subroutine enter_chart(self)
+        class(stage_type), intent(inout) :: self
+
+        self%is_carried = .true.
+        self%carry_is_current = .false.
+    end subroutine enter_chart
+
+    !> Solve for a right side in the current chart's coordinates, in place.
+    subroutine solve(self, v_basis, w_basis)
+        class(stage_type), intent(inout) :: self
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+
+        if (.not. self%is_carried) then
+            call self%lu%solve(self%rhs)
+            return
+        end if
+        call self%set_carry(v_basis, w_basis)
+        associate (nv => self%nv)
+            self%carried = 0.0_wp
+            call add_product(self%carry_v, self%rhs(:nv), 1.0_wp, self%carried(:nv))
+            call add_product(self%carry_w, self%rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
+            call self%lu%solve(self%carried)
+            self%rhs = 0.0_wp
+            call add_transposed_product(self%carry_v, self%carried(:nv), 1.0_wp, self%rhs(:nv))
+            call add_transposed_product(self%carry_w, self%carried(nv + 1:), 1.0_wp, self%rhs(nv + 1:))
+        end associate
+    end subroutine solve
+
+    !> T_v and T_w for the current chart, once.
+    subroutine set_carry(self, v_basis, w_basis)
+        class(stage_type), intent(inout) :: self
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+
+        if (self%carry_is_current) return
+        call set_gram(self%formed_v, v_basis, self%carry_v)
+        call set_gram(self%formed_w, w_basis, self%carry_w)
+        self%carry_is_current = .true.
+    end subroutine set_carry
+
+    !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
+    !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
+    !> converge.
+    logical function is_near(self, v_basis, w_basis)
+        class(stage_type), intent(inout) :: self
+        !> V (n, nv) and W (n, nw) of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> Of the sum of squared sines, a bound of what the turn adds to the contraction.
+        real(wp), parameter :: most = 0.1_wp
+
+        is_near = .true.
+        if (.not. self%is_carried) return
+        call self%set_carry(v_basis, w_basis)
+        is_near = self%nv - sum(self%carry_v**2) <= most .and. self%nw - sum(self%carry_w**2) <= most
+    end function is_near
+
+    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
+    !> wd = W' rate_qd are corrected, and the parts that the chart ignores are set to those of qd and qdd, which makes the rates
+    !> good start values for other stages, on other charts too.
+    subroutine correct(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q, &
+        change_qd)
+        class(stage_type), intent(inout) :: self
+        !> The terms of the point, and R and D there.
+        type(terms_type), intent(in) :: terms
+        type(velocity_basis_type), intent(inout) :: velocity_basis
+        !> V and its dual (n, nv), X (n, m), W and its dual (n, nw).
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
+        !> The velocity restored at the stage (n).
+        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        !> V times the correction of vd and W times that of wd (n). At the chart's origin W is D; elsewhere they differ by what the
+        !> chart ignores.
+        real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
+
+        associate (nv => self%nv)
+            ! -r1 = V' (qd - rate_q), and the ambient rate with that vd and the rest of qd is qd - V (-r1).
+            change_q = qd - rate_q
+            self%rhs = 0.0_wp
+            call add_transposed_product(v_dual, change_q, 1.0_wp, self%rhs(:nv))
+            rate_q = qd
+            call add_product(v_basis, self%rhs(:nv), -1.0_wp, rate_q)
+            ! qdd = D wd - R gamma = W wd - R (C W wd + gamma) and -r2 = D' (S + Q_A - M qdd).
+            call add_transposed_product(w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
+            rate_qd = 0.0_wp
+            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, rate_qd)
+            self%defect = terms%gamma
+            call add_product(terms%jacobian, rate_qd, 1.0_wp, self%defect)
+            call velocity_basis%subtract_right_inverse(x_basis, self%defect, rate_qd)
+            self%force = terms%force
+            call add_product(terms%mass, rate_qd, -1.0_wp, self%force)
+            call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
+            self%rhs(nv + 1:) = 0.0_wp
+            call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
+            call self%solve(v_basis, w_basis)
+            change_q = 0.0_wp
+            call add_product(v_basis, self%rhs(:nv), 1.0_wp, change_q)
+            change_qd = 0.0_wp
+            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, change_qd)
+            rate_q = rate_q + change_q
+            rate_qd = rate_qd + change_qd
+        end associate
+    end subroutine correct
+
+    !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration
+    !> contracts by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
+    subroutine filter(self, v_basis, v_dual, w_basis, w_dual, error_q, error_qd)
+        class(stage_type), intent(inout) :: self
+        !> V and its dual (n, nv), W and its dual (n, nw).
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        associate (nv => self%nv, w => self%force(:self%nw), carried => self%carried(:self%nw))
+            self%rhs = 0.0_wp
+            call add_transposed_product(v_dual, error_q, 1.0_wp, self%rhs(:nv))
+            w = 0.0_wp
+            call add_transposed_product(w_dual, error_qd, 1.0_wp, w)
+            if (self%is_carried) then
+                call self%set_carry(v_basis, w_basis)
+                carried = 0.0_wp
+                call add_product(self%carry_w, w, 1.0_wp, carried)
+                w = 0.0_wp
+                call add_product(self%origin_mass, carried, 1.0_wp, w)
+                call add_transposed_product(self%carry_w, w, 1.0_wp, self%rhs(nv + 1:))
+            else
+                call add_product(self%origin_mass, w, 1.0_wp, self%rhs(nv + 1:))
+            end if
+            call self%solve(v_basis, w_basis)
+            error_q = 0.0_wp
+            call add_product(v_basis, self%rhs(:nv), 1.0_wp, error_q)
+            error_qd = 0.0_wp
+            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, error_qd)
+        end associate
+    end subroutine filter
+
+    !> The error of a velocity that the chart restores from one whose increment has the error W w: D w = W w - R C W w. It grows
+    !> with the angle between the tangent spaces, without a bound where the chart turns singular.
+    subroutine restore_error(self, jacobian, velocity_basis, x_basis, error_qd)
+        class(stage_type), intent(inout) :: self
+        !> C (m, n) of the point, and R there; X (n, m).
+        real(wp), intent(in), contiguous :: jacobian(:, :), x_basis(:, :)
+        type(velocity_basis_type), intent(inout) :: velocity_basis
+        !> W w, then D w.
+        real(wp), intent(inout), contiguous :: error_qd(:)
+
+        self%defect = 0.0_wp
+        call add_product(jacobian, error_qd, 1.0_wp, self%defect)
+        call velocity_basis%subtract_right_inverse(x_basis, self%defect, error_qd)
+    end subroutine restore_error
+
+    !> An estimate of 1/cond of the factored matrix.
+    real(wp) function reciprocal_condition(self)
+        class(stage_type), intent(inout) :: self
+
+        reciprocal_condition = self%lu%reciprocal_condition()
+    end function reciprocal_condition
+
+    !> The Newton matrix, its blocks, and the way to the chart where it was formed.
+    subroutine pack_state(self, pack)
+        class(stage_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%r1_v)
+        call pack%item(self%r1_w)
+        call pack%item(self%block_wv)
+        call pack%item(self%block_ww)
+        call pack%item(self%origin_mass)
+        call pack%item(self%ha)
+        call pack%item(self%is_carried)
+        call pack%item(self%carry_is_current)
+        call pack%item(self%carry_v)
+        call pack%item(self%carry_w)
+        call pack%item(self%formed_v)
+        call pack%item(self%formed_w)
+        call self%lu%pack_state(pack)
+    end subroutine pack_state
+end module tandem_chart_dense_newton_matrix

@@ -1,0 +1,678 @@
+! SPDX-License-Identifier: MIT
+!> The position level of a chart: u with Phi(t, q0 + xi - U u) = 0 by Newton's iteration (17), and the matrix B = (Phi_q U)^-1
+!> (13) that it needs, factored once a step or refined at every point as in the paper (20). On a chart without bases
+!> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
+!> updates, and by one refinement (20) at stages that took many corrections.
+module tandem_chart_dense_position
+    use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: lane, largest_small, short
+    use tandem_linalg_kernels, only: add, add_product, copy
+    use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_products, only: multiply_first
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
+    use tandem_model_counts, only: counts_type
+    use tandem_linalg_null_space_large, only: invert_large_gram
+    use tandem_linalg_gram, only: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, &
+        set_row_weight
+    use tandem_linalg_refinement, only: refinement_type
+    implicit none (type, external)
+    private
+
+    public :: position_type
+    ! For tests: what `restore` does in its iteration.
+    public :: correct, place
+
+    !> Stands for an error or a part of it that nothing is known of.
+    real(wp), parameter :: unknown = 1.0e100_wp
+
+    type :: position_type
+        !> diag(s) U (n, width): nh columns, and zeros up to `width`.
+        real(wp), allocatable :: u_basis(:, :)
+        !> After a failure: the worst row and its error on its natural scale.
+        integer :: failed_row = 0
+        real(wp) :: failed_value = 0.0_wp
+        !> Most corrections that an iteration for u, or a refinement of B, has taken since the caller set this to zero.
+        integer :: most_corrections = 0
+        !> Whether stages are predicted and their last correction is trusted: not where the paper's iterations are counted.
+        logical :: predicts = .false.
+        logical, private :: refines = .false.
+        integer, private :: n = 0, nh = 0
+        real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
+        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); what the rows of Phi weigh, the reciprocals of
+        !> their natural scales (width).
+        real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:)
+        !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
+        real(wp), allocatable, private :: u_start(:), curvature(:)
+        !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
+        !> then what other points and corrections taught, if they did; the last Phi and the first u of an iteration (width);
+        !> whether B is in use; work space.
+        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
+        logical, private :: has_learnt = .false., held_has_learnt = .false.
+        integer, private :: width = 0
+        logical, private :: has_gram = .false.
+        integer, private :: held_most_corrections = 0
+        !> The time that B belongs to and that of the origin. A correction with a B of age t leaves the part `ageing` t of an
+        !> error, as was seen of late. How many corrections the last point took.
+        real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
+        !> What a refinement has left of an error at the time of B.
+        real(wp), private :: b_rest = 0.0_wp
+        integer, private :: n_taken = 0
+        !> u and B while the caller looks elsewhere.
+        real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
+        real(wp), private :: held_b_time = 0.0_wp, held_b_rest = 0.0_wp, held_ageing = unknown
+        type(lu_type), private :: lu
+        type(refinement_type), private :: b
+    contains
+        procedure :: allocate => allocate_position
+        procedure :: start
+        procedure :: start_without_basis
+        procedure :: start_step
+        procedure :: retry_step
+        procedure :: follow
+        procedure :: refresh
+        procedure :: refine
+        procedure :: restore
+        procedure :: find_remainder
+        procedure :: judge
+        procedure :: is_restored
+        procedure :: get_b_phi
+        procedure :: hold
+        procedure :: release
+        procedure :: pack_state
+        procedure, private :: forget_motion
+        procedure, private :: factor
+    end type position_type
+
+contains
+
+    !> Allocate for n coordinates and nh holonomic constraints.
+    subroutine allocate_position(self, n, nh, refines, utol, stage_utol, btol)
+        class(position_type), intent(inout) :: self
+        integer, intent(in) :: n, nh
+        !> Whether B follows by the paper's refinement; tolerances of (17) on the natural scale, at the ends of steps and at stages,
+        !> and of (20).
+        logical, intent(in) :: refines
+        real(wp), intent(in) :: utol, stage_utol, btol
+
+        self%n = n
+        self%nh = nh
+        self%refines = refines
+        self%utol = max(utol, 2.0e-15_wp)
+        self%stage_utol = max(stage_utol, self%utol)
+        self%btol = btol
+        self%width = short*((nh + short - 1)/short)
+        self%u = spread(0.0_wp, 1, self%width)
+        self%correction = self%u
+        self%z = self%u
+        self%has_gram = .false.
+        self%held_u = self%u
+        self%last_phi = self%u
+        self%first_u = self%u
+        self%u_start = self%u
+        self%curvature = self%u
+        self%ageing = unknown
+        self%weight = self%u
+        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
+            self%held_gram, self%origin_gram, self%product, self%residual)
+        allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
+        allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
+            self%residual(self%width, self%width), source=0.0_wp)
+        allocate (self%u_basis(n, self%width), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
+        call self%lu%allocate(nh)
+        call self%b%allocate(nh)
+    end subroutine allocate_position
+
+    !> Begin at the origin of a new chart; `u_basis` is set.
+    subroutine start(self, t, jacobian, q, scale, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> C (m, n), q (n) and coordinate scales (n).
+        real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        self%u = 0.0_wp
+        if (self%nh == 0) return
+        call self%refresh(t, jacobian, q, scale, counts, stat)
+        if (stat /= status_ok .or. .not. self%refines) return
+        call self%factor(jacobian, counts, stat)
+        if (stat == status_ok) call self%lu%invert(self%b%inverse)
+    end subroutine start
+
+    !> Begin at the origin of a new chart with U = diag(s)^2 Phi_q'.
+    subroutine start_without_basis(self, t, height, matrix, q, scale, counts, can)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> C with its columns padded (height, n).
+        integer, intent(in) :: height
+        real(wp), intent(in) :: matrix(height, self%n)
+        real(wp), intent(in), contiguous :: q(:), scale(:)
+        type(counts_type), intent(inout) :: counts
+        !> False where the rows of Phi_q are so nearly dependent that U wants to be an orthonormal basis.
+        logical, intent(out) :: can
+
+        can = .true.
+        self%u = 0.0_wp
+        if (self%nh == 0) return
+        if (self%nh > largest_small) then
+            call invert_large_gram(self%nh, matrix, q, scale, self%u_basis, self%gram, self%weight, self%z, can)
+        else
+            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
+                self%correction, self%z, can)
+        end if
+        self%has_gram = can
+        self%b_time = t
+        self%b_rest = 0.0_wp
+        self%origin_time = t
+        self%has_learnt = .false.
+        call copy(size(self%gram), self%gram, self%origin_gram)
+        counts%position_factorizations = counts%position_factorizations + 1
+    end subroutine start_without_basis
+
+    !> Take note of where a step starts: stages of an explicit method are predicted from there.
+    subroutine start_step(self, jacobian, qdd)
+        class(position_type), intent(inout) :: self
+        !> C (m, n) and the acceleration (n) at the start of the step.
+        real(wp), intent(in), contiguous :: jacobian(:, :), qdd(:)
+
+        if (self%nh == 0 .or. .not. self%predicts) return
+        call multiply_rows(size(jacobian, 1), self%n, self%nh, self%width, jacobian, qdd, self%correction)
+        call copy(self%width, self%u, self%u_start)
+        if (self%has_gram) then
+            call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
+        else
+            call self%lu%solve(self%correction(:self%nh))
+            ! Behind these `multiply_rows` may leave other rows of C; the padding of u stays zero.
+            call copy(self%nh, self%correction, self%curvature)
+        end if
+    end subroutine start_step
+
+    !> Begin a step anew with the u that it started from, not with the one that a longer try has left.
+    subroutine retry_step(self)
+        class(position_type), intent(inout) :: self
+
+        if (self%nh > 0 .and. self%predicts) call copy(self%width, self%u_start, self%u)
+    end subroutine retry_step
+
+    !> Let B follow the motion to the point that was restored last, by one refinement (20), if that took many corrections.
+    subroutine follow(self, t, height, matrix, counts)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> C at that point with its columns padded (height, n).
+        integer, intent(in) :: height
+        real(wp), intent(in) :: matrix(height, self%n)
+        type(counts_type), intent(inout) :: counts
+        !> A refinement costs about as much as a correction with its evaluation of Phi.
+        integer, parameter :: many = 3
+        real(wp) :: rest
+        logical :: can
+
+        if (self%n_taken < many .or. .not. (self%has_gram .and. self%predicts)) return
+        counts%b_corrections = counts%b_corrections + 1
+        call refine_inverse(self%n, self%nh, height, self%width, matrix, self%u_basis, self%weight, self%gram, self%product, &
+            self%residual, rest, can)
+        if (.not. can) return
+        self%has_learnt = .true.
+        self%b_time = t
+        self%b_rest = rest
+    end subroutine follow
+
+    !> Go back to the B of the chart's origin: where that is nearer in time, or what B has learnt since does not serve.
+    subroutine forget_motion(self)
+        class(position_type), intent(inout) :: self
+
+        self%gram(:, :) = self%origin_gram
+        self%b_time = self%origin_time
+        self%b_rest = 0.0_wp
+        self%has_learnt = .false.
+    end subroutine forget_motion
+
+    !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
+    subroutine refresh(self, t, jacobian, q, scale, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%nh == 0) return
+        call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
+        self%has_gram = .false.
+        self%b_time = t
+        self%b_rest = 0.0_wp
+        if (.not. self%refines) call self%factor(jacobian, counts, stat)
+    end subroutine refresh
+
+    !> With `refine`: bring B to C at a point (20).
+    subroutine refine(self, jacobian, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: jacobian(:, :)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%nh == 0 .or. .not. self%refines) return
+        call multiply_first(self%nh, jacobian, self%u_basis, self%phi_u)
+        call self%b%refine(self%phi_u, self%btol, counts%b_corrections, stat)
+        self%most_corrections = max(self%most_corrections, self%b%last_corrections)
+    end subroutine refine
+
+    !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
+    subroutine restore(self, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        class(position_type), intent(inout) :: self
+        type(evaluator_type), intent(inout) :: model
+        real(wp), intent(in) :: t
+        !> q0 (n) and xi (n).
+        real(wp), intent(in) :: origin(self%n), increment(self%n)
+        !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it did.
+        logical, intent(in) :: is_stage
+        !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for none:
+        !> then the last u is the start value.
+        real(wp), intent(in) :: defect
+        real(wp), intent(out) :: q(self%n)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        if (self%nh == 0) then
+            stat = status_ok
+            call add(self%n, origin, increment, q)
+        else if (self%width == short) then
+            ! The same, in the common cases of a length that the compiler knows.
+            call iterate(self, short, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        else if (self%width == lane) then
+            call iterate(self, lane, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        else
+            call iterate(self, self%width, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        end if
+    end subroutine restore
+
+    !> The same by Newton's iteration, for a given padded length.
+    subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        class(position_type), intent(inout) :: self
+        integer, intent(in), value :: width
+        type(evaluator_type), intent(inout) :: model
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: origin(self%n), increment(self%n)
+        logical, intent(in) :: is_stage
+        real(wp), intent(in) :: defect
+        real(wp), intent(out) :: q(self%n)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
+        integer, parameter :: limit = 40
+        !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
+        !> before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst left 4
+        !> times the tolerance; it was 38 times where nothing was kept.
+        real(wp), parameter :: distrust = 8.0_wp, kept = 0.5_wp
+        real(wp) :: age, error, total, first_error, last_error, utol
+        !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
+        real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
+        logical :: is_predicted, learns, trusts
+        integer :: k
+
+        is_predicted = self%predicts .and. defect < huge(1.0_wp)
+        call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
+        first_error = 0.0_wp
+        last_error = unknown
+        if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
+        age = abs(t - self%b_time)
+        self%n_taken = 0
+        utol = merge(self%stage_utol, self%utol, is_stage)
+        trusts = is_stage .and. self%predicts
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 0, limit
+            call place_of(width, self%n, self%u_basis, self%u, origin, increment, q)
+            if (k > 0 .and. trusts) then
+                if (distrust*(self%ageing*age + self%b_rest + last_error)*last_error <= utol) then
+                    stat = status_ok
+                    return
+                end if
+            end if
+            call model%evaluate_phi(t, q, counts, stat)
+            if (stat /= status_ok) then
+                self%u = 0.0_wp
+                return
+            end if
+            call measure(self%nh, model%terms%phi, self%weight, error, total)
+            ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
+            if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
+                merge(kept*self%ageing, 0.0_wp, self%ageing < unknown))
+            if (error <= utol .and. total <= huge(1.0_wp)) return
+            if (.not. total <= huge(1.0_wp)) then
+                model%failed_term = 'phi'
+                stat = status_not_finite
+                self%u = 0.0_wp
+                return
+            end if
+            if (k == 0) then
+                first_error = error
+            else if (self%has_learnt .and. .not. error < last_error) then
+                ! What was learnt elsewhere does not serve here.
+                call self%forget_motion()
+                self%u(:) = self%first_u
+                last_error = unknown
+                cycle
+            end if
+            if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
+            if (self%has_gram) then
+                learns = error < slow*last_error .and. last_error > noise .and. last_error < unknown
+                self%has_learnt = self%has_learnt .or. learns
+                call correct_of(width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
+                    self%correction, self%z)
+            else if (self%refines) then
+                call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
+            else
+                self%correction(:self%nh) = model%terms%phi
+                call self%lu%solve(self%correction(:self%nh))
+                self%u(:self%nh) = self%u(:self%nh) + self%correction(:self%nh)
+            end if
+            last_error = error
+            counts%position_corrections = counts%position_corrections + 1
+            self%n_taken = k + 1
+            self%most_corrections = max(self%most_corrections, k + 1)
+        end do
+        stat = status_position_diverged
+        self%failed_row = maxloc(abs(model%terms%phi)*self%weight(:self%nh), dim=1)
+        self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
+        ! Nothing of a failed iteration may reach the next step.
+        self%u = 0.0_wp
+        if (self%has_learnt) call self%forget_motion()
+    end subroutine iterate
+
+    !> The first u of an iteration, predicted where it can be.
+    pure subroutine begin(width, is_predicted, defect, u_start, curvature, u, first_u)
+        integer, intent(in), value :: width
+        logical, intent(in) :: is_predicted
+        real(wp), intent(in) :: defect, u_start(width), curvature(width)
+        real(wp), intent(inout) :: u(width), first_u(width)
+        integer :: b, i
+
+        if (is_predicted) then
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    u(b + i) = u_start(b + i) - defect*curvature(b + i)
+                end do
+            end do
+        end if
+        do b = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                first_u(b + i) = u(b + i)
+            end do
+        end do
+    end subroutine begin
+
+    !> q := origin + increment - U u. The last entries are a whole register too, which takes some of those before once more.
+    pure subroutine place_of(width, n, u_basis, u, origin, increment, q)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
+        real(wp), intent(out) :: q(n)
+        real(wp) :: x(short)
+        integer :: first, i, l
+
+        if (n < short) then
+            do i = 1, n
+                q(i) = (origin(i) + increment(i)) - dot_product(u_basis(i, :), u)
+            end do
+            return
+        end if
+        first = 0
+        do
+            do i = 1, short
+                x(i) = origin(first + i) + increment(first + i)
+            end do
+            do l = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
+                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
+                end do
+            end do
+            do i = 1, short
+                q(first + i) = x(i)
+            end do
+            if (first + short == n) exit
+            first = min(first + short, n - short)
+        end do
+    end subroutine place_of
+
+    !> The largest error of the rows of Phi and their sum, which is not finite where one of them is not.
+    pure subroutine measure(nh, phi, weight, error, total)
+        integer, intent(in) :: nh
+        real(wp), intent(in) :: phi(nh), weight(nh)
+        real(wp), intent(out) :: error, total
+        real(wp) :: e
+        integer :: i
+
+        error = 0.0_wp
+        total = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, nh
+            e = abs(phi(i))*weight(i)
+            total = total + e
+            if (e > error) error = e
+        end do
+    end subroutine measure
+
+    !> u := u + B Phi. With `learns`, B first satisfies the secant condition of the last correction, which has changed Phi by -y:
+    !> B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do not matter (C. G. Broyden, Math. Comp.
+    !> 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
+    pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+        integer, intent(in), value :: width
+        integer, intent(in) :: nh
+        real(wp), intent(in) :: phi(nh), weight(width)
+        logical, intent(in) :: learns
+        !> Phi before the last correction, then this one; B; u; work space.
+        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+        real(wp) :: along, f, square, y
+        integer :: i, j, s
+
+        ! Zeros are written in halves of a register, and a load of the whole would wait for them: start with a column.
+        f = phi(1)
+        z(1) = last_phi(1) - f
+        last_phi(1) = f
+        do s = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                w(s + i) = b(s + i, 1)*f
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 2, nh
+            f = phi(j)
+            z(j) = last_phi(j) - f
+            last_phi(j) = f
+            do s = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    w(s + i) = w(s + i) + b(s + i, j)*f
+                end do
+            end do
+        end do
+        f = 1.0_wp
+        if (learns) then
+            along = 0.0_wp
+            square = 0.0_wp
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                y = z(j)
+                z(j) = y*weight(j)**2
+                along = along + z(j)*phi(j)
+                square = square + z(j)*y
+            end do
+            square = 1.0_wp/square
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                y = z(j)*square
+                do s = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        b(s + i, j) = b(s + i, j) + w(s + i)*y
+                    end do
+                end do
+            end do
+            f = 1.0_wp + along*square
+        end if
+        do s = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                u(s + i) = u(s + i) + w(s + i)*f
+            end do
+        end do
+    end subroutine correct_of
+
+    !> q := origin + increment - U u.
+    pure subroutine place(n, width, u_basis, u, origin, increment, q)
+        integer, intent(in) :: n, width
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
+        real(wp), intent(out) :: q(n)
+
+        call place_of(width, n, u_basis, u, origin, increment, q)
+    end subroutine place
+
+    !> u := u + B Phi, see `correct_of`.
+    pure subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+        integer, intent(in) :: width, nh
+        real(wp), intent(in) :: phi(nh), weight(width)
+        logical, intent(in) :: learns
+        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+
+        call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+    end subroutine correct
+
+    !> Keep what the next step starts from, so that a look at another point leaves no trace.
+    subroutine hold(self)
+        class(position_type), intent(inout) :: self
+
+        self%held_u = self%u
+        self%held_ageing = self%ageing
+        self%held_b_time = self%b_time
+        self%held_b_rest = self%b_rest
+        self%held_has_learnt = self%has_learnt
+        self%held_most_corrections = self%most_corrections
+        if (self%has_gram) self%held_gram(:, :) = self%gram
+        if (self%refines) self%held_b = self%b%inverse
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(position_type), intent(inout) :: self
+
+        self%u = self%held_u
+        self%ageing = self%held_ageing
+        self%b_time = self%held_b_time
+        self%b_rest = self%held_b_rest
+        self%has_learnt = self%held_has_learnt
+        self%most_corrections = self%held_most_corrections
+        if (self%has_gram) self%gram(:, :) = self%held_gram
+        if (self%refines) self%b%inverse = self%held_b
+    end subroutine release
+
+    !> What rounding took from q = origin + increment - U u with the u of the last `restore`.
+    pure subroutine find_remainder(self, origin, increment, q, scale, left, is_rounding)
+        class(position_type), intent(in) :: self
+        !> All (n), `scale` the coordinate scales.
+        real(wp), intent(in), contiguous :: origin(:), increment(:), q(:), scale(:)
+        real(wp), intent(out), contiguous :: left(:)
+        !> Whether it is no more than rounding.
+        logical, intent(out) :: is_rounding
+
+        call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
+    end subroutine find_remainder
+
+    !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
+    pure subroutine judge(self, phi, error)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in) :: phi(self%nh)
+        real(wp), intent(out) :: error
+        real(wp) :: total
+
+        call measure(self%nh, phi, self%weight, error, total)
+        if (.not. total <= huge(1.0_wp)) error = total
+        self%failed_row = maxloc(abs(phi)*self%weight(:self%nh), dim=1)
+    end subroutine judge
+
+    !> Whether an error is what the iteration ends with.
+    pure logical function is_restored(self, error)
+        class(position_type), intent(in) :: self
+        real(wp), intent(in) :: error
+
+        is_restored = error <= self%utol
+    end function is_restored
+
+    !> B Phi_q (nh, n) at a point.
+    subroutine get_b_phi(self, jacobian, b_phi, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: jacobian(:, :)
+        real(wp), intent(out), contiguous :: b_phi(:, :)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: j, l
+
+        stat = status_ok
+        if (self%nh == 0) return
+        if (.not. self%refines) then
+            call self%factor(jacobian, counts, stat)
+            if (stat /= status_ok) return
+            call self%lu%invert(self%b%inverse)
+        end if
+        b_phi = 0.0_wp
+        do j = 1, self%n
+            do l = 1, self%nh
+                b_phi(:, j) = b_phi(:, j) + self%b%inverse(:, l)*jacobian(l, j)
+            end do
+        end do
+    end subroutine get_b_phi
+
+    !> Factor Phi_q U at a point.
+    subroutine factor(self, jacobian, counts, stat)
+        class(position_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: jacobian(:, :)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        call multiply_first(self%nh, jacobian, self%u_basis, self%phi_u)
+        call self%lu%factor(self%phi_u, stat)
+        counts%position_factorizations = counts%position_factorizations + 1
+        stat = merge(status_ok, status_chart_left, stat == 0)
+    end subroutine factor
+
+    !> Bases, u, B, and what they were made with.
+    subroutine pack_state(self, pack)
+        class(position_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%u_basis)
+        call pack%item(self%failed_row)
+        call pack%item(self%failed_value)
+        call pack%item(self%most_corrections)
+        call pack%item(self%u)
+        call pack%item(self%u_start)
+        call pack%item(self%curvature)
+        call pack%item(self%ageing)
+        call pack%item(self%b_time)
+        call pack%item(self%b_rest)
+        call pack%item(self%origin_time)
+        call pack%item(self%gram)
+        call pack%item(self%origin_gram)
+        call pack%item(self%has_gram)
+        call pack%item(self%has_learnt)
+        call pack%item(self%weight)
+        call pack%item(self%b%inverse)
+        call self%lu%pack_state(pack)
+    end subroutine pack_state
+end module tandem_chart_dense_position

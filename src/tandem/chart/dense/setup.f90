@@ -1,0 +1,237 @@
+! SPDX-License-Identifier: MIT
+!> The work space of the chart, and the bases at its origin.
+submodule(tandem_chart_dense) tandem_chart_dense_setup
+    implicit none (type, external)
+
+contains
+
+    !> Attach the model and allocate the work space.
+    module subroutine initialize(self, model, options, implicit, error, kept)
+        class(dense_chart_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
+        type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
+        real(wp) :: utol
+        integer :: way, i
+
+        self%refines = options%refresh == 'refine'
+        self%is_implicit = implicit
+        self%uses_svd = options%basis == 'svd'
+        self%tolerance = options%constraint_tolerance
+        ! Handed on where it is absent, gfortran computes with bounds that it has not.
+        if (present(kept)) then
+            call self%model%initialize(model, kept)
+        else
+            call self%model%initialize(model)
+        end if
+        self%n = model%n
+        self%nh = size(self%model%terms%phi)
+        self%m = size(self%model%terms%nu)
+        if (present(kept)) then
+            self%n_dropped = model%n_constraints() - size(kept)
+            self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
+            self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
+            self%all_lambda = self%all_gamma
+            if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
+        end if
+        call self%watch%allocate(options, implicit, self%n, self%nh, self%m)
+        ! The condition of (38) is that of the paper's D, which needs W.
+        self%has_bases = implicit .or. self%refines .or. self%watch%condition
+        self%scale = spread(1.0_wp, 1, model%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%has_nu = iand(self%model%has, need_nu) /= 0
+        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
+        associate (n => self%n, nh => self%nh, m => self%m)
+            way = by_elimination
+            if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
+            ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
+            ! accepted must not miss the tolerance for that.
+            utol = options%position_tolerance()
+            if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
+            call self%position%allocate(n, nh, self%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
+            self%position%predicts = .not. (self%refines .or. implicit .or. options%chart == 'paper')
+            call self%velocity_basis%allocate(n, m, way, options%h_tolerance())
+            call self%dynamics%allocate(n, n - m)
+            call self%basis%allocate(n, nh, m)
+            if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
+            self%q0 = spread(0.0_wp, 1, n)
+            self%x = spread(0.0_wp, 1, m)
+            allocate (self%step_jacobian(m, n), self%ties(m, m), source=0.0_wp)
+            self%massless = spread(0, 1, n)
+            self%best_tie = 0.0_wp
+            call self%row_space%forget()
+            if (self%has_bases) then
+                allocate (self%origin_c_x(m, m), source=0.0_wp)
+                call self%origin_lu%allocate(m)
+                allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
+                allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
+            else
+                allocate (self%x_basis(0, 0), self%w_basis(0, 0))
+                call self%free_motion%allocate(m, n, self%scale)
+            end if
+            ! Of redundant rows the singular values say when others are wanted.
+            self%skips_basis = .not. (self%has_bases .or. self%uses_svd .or. self%watch%v .or. self%watch%w .or. &
+                self%watch%secants .or. present(kept))
+            if (implicit) then
+                call self%stage%allocate(n, nh, m)
+                call self%derivatives%allocate(n, m)
+                self%stage_segment = 0
+                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
+                self%cost = 2.5_wp
+                if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
+                allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
+            end if
+        end associate
+        self%qd0 = self%q0
+        self%trial = self%q0
+        self%q_point = self%q0
+        self%qd_point = self%q0
+    end subroutine initialize
+
+    !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
+    module subroutine renew(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        logical :: is_done
+        integer :: split_stat
+
+        self%failed_row = 0
+        call copy(self%n, q, self%q0)
+        call copy(self%n, qd, self%qd0)
+        call self%visit(t, q, stat)
+        if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
+        ! A promise that was kept at the start may be broken later.
+        if (stat == status_ok) call self%judge_blocks(stat)
+        if (stat /= status_ok) return
+        call copy(self%m*self%n, self%model%terms%jacobian, self%step_jacobian)
+        split_stat = status_ok
+        ! Implicit steps split where they need it.
+        if (.not. self%has_bases) call self%find_velocity_basis(split_stat)
+        if (split_stat == status_not_finite) then
+            stat = split_stat
+            return
+        end if
+        is_done = .false.
+        if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
+        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, q, is_done)
+        if (.not. is_done) then
+            call load_bases(self, stat)
+            if (stat /= status_ok) return
+            if (self%is_implicit) call self%stage%enter_chart()
+            call self%position%start(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            if (stat /= status_ok) return
+        end if
+        if (self%has_bases) then
+            self%has_velocity_basis = .false.
+            call self%velocity_basis%start(self%model%terms%jacobian, self%x_basis, stat)
+        else
+            stat = split_stat
+            call self%blame(self%velocity_basis%failed_row, 0.0_wp)
+            if (stat /= status_ok) return
+            self%origin_orientation = self%velocity_basis%orientation
+            self%last_independence = self%velocity_basis%independence
+            call self%free_motion%set_origin()
+        end if
+    end subroutine renew
+
+    !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
+    subroutine load_bases(self, stat)
+        class(dense_chart_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        integer :: columns, j
+
+        stat = status_ok
+        ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
+        columns = self%nh
+        if (self%watch%w .or. self%watch%secants) columns = self%m
+        if (self%has_bases) columns = self%n
+        if (self%uses_svd) then
+            call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
+        else
+            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
+        end if
+        self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
+        self%independence = self%basis%smallest
+        self%best_independence = max(self%best_independence, self%independence)
+        if (self%basis%deficient) then
+            call self%blame_dependent(self%basis%dependent_row)
+            stat = status_rank_deficient
+            return
+        end if
+        do j = 1, self%nh
+            self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
+        end do
+        if (.not. self%has_bases) return
+        do j = 1, self%m
+            self%x_basis(:, j) = self%scale*self%basis%q(:, j)
+        end do
+        do j = 1, self%n - self%nh
+            self%v_basis(:, j) = self%scale*self%basis%q(:, self%nh + j)
+            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%scale
+        end do
+        do j = 1, self%n - self%m
+            self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
+            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
+        end do
+    end subroutine load_bases
+
+    !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
+    module subroutine pack_state(self, pack)
+        class(dense_chart_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%pack_contract(pack)
+        call self%model%pack_state(pack)
+        call self%differences%pack_state(pack)
+        call self%position%pack_state(pack)
+        call self%velocity_basis%pack_state(pack)
+        if (self%is_implicit) call self%stage%pack_state(pack)
+        call pack%item(self%q0)
+        call pack%item(self%qd0)
+        call pack%item(self%basis%q)
+        call pack%item(self%x_basis)
+        call pack%item(self%v_basis)
+        call pack%item(self%w_basis)
+        call pack%item(self%v_dual)
+        call pack%item(self%w_dual)
+        if (.not. self%has_bases) call self%free_motion%pack_state(pack)
+        call pack%item(self%dropped)
+        call pack%item(self%origin_orientation)
+        call pack%item(self%last_independence)
+        call pack%item(self%best_tie)
+        call pack%item(self%step_jacobian)
+        call pack%item(self%has_point)
+        call pack%item(self%is_finite_here)
+        call pack%item(self%has_velocity_basis)
+        call pack%item(self%phi_is_current)
+        call pack%item(self%has_motion)
+        call pack%item(self%t_point)
+        call pack%item(self%q_point)
+        call pack%item(self%qd_point)
+        call pack%item(self%stage_segment)
+    end subroutine pack_state
+
+    !> Where C has full rank by far, no basis is needed.
+    subroutine start_without_basis(self, t, q, can)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        logical, intent(out) :: can
+        !> A smallest singular value above this needs no closer look.
+        real(wp), parameter :: clearly_independent = 1.0e-5_wp
+        !> Neither does one that is hardly larger than all before.
+        real(wp), parameter :: much_better = 1.25_wp
+
+        associate (e => self%velocity_basis%elimination, bound => self%velocity_basis%independence)
+            ! The largest so far is to be that of the singular values, not of their bound.
+            can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
+            if (.not. can) return
+            self%independence = bound
+            call self%position%start_without_basis(t, e%height, e%matrix, q, self%scale, self%counts, can)
+        end associate
+    end subroutine start_without_basis
+end submodule tandem_chart_dense_setup

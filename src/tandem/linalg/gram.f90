@@ -1,0 +1,431 @@
+! SPDX-License-Identifier: MIT
+!> The loops of `tandem_chart_dense_position` but for those of its iteration. Over the rows of Phi matrices and vectors are padded
+!> with zeros to `width`.
+module tandem_linalg_gram
+    use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: short
+    implicit none (type, external)
+    private
+
+    public :: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
+    public :: smallest_gram_pivot
+
+    !> The least part of an entry on the diagonal of a Gram matrix that its pivot may be. The matrix squares the condition of Phi_q:
+    !> beyond 1e5 U is made an orthonormal basis.
+    real(wp), parameter :: smallest_gram_pivot = 1.0e-10_wp
+
+contains
+
+    !> increment - (q - origin) - U u, and whether that is no more than rounding.
+    pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        integer, intent(in) :: n, width
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
+        real(wp), intent(out) :: left(n)
+        logical, intent(out) :: is_rounding
+
+        if (width == short) then
+            call find_rounding_of(short, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        else
+            call find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        end if
+    end subroutine find_rounding
+
+    !> The same, for a given length; registers as in `place` of `tandem_chart_dense_position`.
+    pure subroutine find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
+        integer, intent(in), value :: width
+        integer, intent(in) :: n
+        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
+        real(wp), intent(out) :: left(n)
+        logical, intent(out) :: is_rounding
+        real(wp), parameter :: most = 8*epsilon(1.0_wp)
+        real(wp) :: x(short), above(short)
+        integer :: first, i, l
+
+        if (n < short) then
+            left = increment - (q - origin) - matmul(u_basis, u)
+            is_rounding = all(abs(left) <= most*(abs(q) + abs(increment) + scale))
+            return
+        end if
+        do i = 1, short
+            above(i) = 0.0_wp
+        end do
+        first = 0
+        do
+            do i = 1, short
+                x(i) = increment(first + i) - (q(first + i) - origin(first + i))
+            end do
+            do l = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
+                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                left(first + i) = x(i)
+                above(i) = merge(above(i), 1.0_wp, &
+                    abs(x(i)) <= most*(abs(q(first + i)) + abs(increment(first + i)) + scale(first + i)))
+            end do
+            if (first + short == n) exit
+            first = min(first + short, n - short)
+        end do
+        is_rounding = (above(1) + above(2)) + (above(3) + above(4)) <= 0.0_wp
+    end subroutine find_rounding_of
+
+    !> x := C y, the first nh rows; behind them zeros, and in the block of the last one other rows of C where there are some.
+    pure subroutine multiply_rows(m, n, nh, width, c, y, x)
+        integer, intent(in) :: m, n, nh, width
+        real(wp), intent(in) :: c(m, n), y(n)
+        real(wp), intent(out) :: x(width)
+        real(wp) :: sums(short)
+        integer :: b, i, j
+
+        do b = 0, width - short, short
+            do i = 1, short
+                sums(i) = 0.0_wp
+            end do
+            if (b + short <= m) then
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, n
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        sums(i) = sums(i) + c(b + i, j)*y(j)
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(b + i) = sums(i)
+                end do
+            else
+                x(b + 1:b + short) = 0.0_wp
+                do j = 1, n
+                    do i = b + 1, nh
+                        x(i) = x(i) + c(i, j)*y(j)
+                    end do
+                end do
+            end if
+        end do
+    end subroutine multiply_rows
+
+    !> y := B x, the first nh columns of B.
+    pure subroutine multiply_columns(nh, width, b, x, y)
+        integer, intent(in) :: nh, width
+        real(wp), intent(in) :: b(width, width), x(width)
+        real(wp), intent(out) :: y(width)
+        real(wp) :: sums(short)
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            do i = 1, short
+                sums(i) = 0.0_wp
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    sums(i) = sums(i) + b(s + i, j)*x(j)
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(s + i) = sums(i)
+            end do
+        end do
+    end subroutine multiply_columns
+
+    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The weights
+    !> of the rows of Phi by the way.
+    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+        integer, intent(in) :: n, nh, height, width
+        !> C (height, n), q, coordinate scales.
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        !> U, the inverse of Phi_q U, weights of the rows, work space.
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), column(width)
+        !> The pivots of the elimination.
+        real(wp), intent(inout) :: pivots(width)
+        !> False where the rows of Phi_q are nearly dependent.
+        logical, intent(out) :: can
+
+        if (width == short) then
+            call invert_gram_of(n, nh, height, short, c, q, scale, u, gram, weight, pivots, column, can)
+        else
+            call invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+        end if
+    end subroutine invert_gram
+
+    !> The same, for a given length.
+    pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
+        logical, intent(out) :: can
+        integer :: b, k
+
+        do b = 0, width - short, short
+            call set_block(n, nh, height, width, b, c, q, scale, u, weight)
+        end do
+        call multiply(n, nh, height, width, c, u, gram)
+        if (nh < width) gram(nh + 1:, :) = 0.0_wp
+        do k = 1, width
+            pivots(k) = merge(smallest_gram_pivot*gram(k, k), 1.0_wp, k <= nh)
+        end do
+        call invert(nh, width, gram, pivots, column, can)
+    end subroutine invert_gram_of
+
+    !> B := B + B (I - Phi_q U B), Newton's iteration (20) for the inverse once. What is beyond the nh rows and columns of B is zero
+    !> and stays so.
+    pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, rest, can)
+        integer, intent(in) :: n, nh, height, width
+        !> C (height, n), U, weights of the rows.
+        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
+        !> B, work space.
+        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        !> About what is left of the entries of I - Phi_q U B, of weighted rows: the square of the largest one before.
+        real(wp), intent(out) :: rest
+        !> False where B is too far from the inverse; it is as it was then.
+        logical, intent(out) :: can
+
+        if (width == short) then
+            call refine_inverse_of(n, nh, height, short, c, u, weight, b, a, e, rest, can)
+        else
+            call refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
+        end if
+    end subroutine refine_inverse
+
+    !> The same, for a given length.
+    pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
+        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+        real(wp), intent(out) :: rest
+        logical, intent(out) :: can
+        !> An entry of I - Phi_q U B, of weighted rows, above this: what would be left is no longer small.
+        real(wp), parameter :: too_far = 0.3_wp
+        integer :: i, j, s
+
+        call multiply(n, nh, height, width, c, u, a)
+        ! E = A B, then I - E.
+        call set_product(nh, width, a, b, e)
+        can = .true.
+        rest = 0.0_wp
+        do j = 1, nh
+            e(j, j) = e(j, j) - 1.0_wp
+            do i = 1, nh
+                if (.not. abs(e(i, j))*weight(i) <= too_far*weight(j)) can = .false.
+                rest = max(rest, abs(e(i, j))*weight(i)/weight(j))
+            end do
+        end do
+        if (.not. can) return
+        rest = rest**2
+        call set_product(nh, width, b, e, a)
+        do j = 1, nh
+            do s = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    b(s + i, j) = b(s + i, j) - a(s + i, j)
+                end do
+            end do
+        end do
+    end subroutine refine_inverse_of
+
+    !> Y := A X, nh columns each.
+    pure subroutine set_product(nh, width, a, x, y)
+        integer, intent(in) :: nh
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: a(width, width), x(width, width)
+        real(wp), intent(inout) :: y(width, width)
+        integer :: i, j, l, s
+
+        do s = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(s + i, j) = (a(s + i, 1)*x(1, j) + a(s + i, 2)*x(2, j)) + (a(s + i, 3)*x(3, j) + a(s + i, 4)*x(4, j))
+                end do
+            end do
+            do l = short, width - short, short
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, nh
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y(s + i, j) = y(s + i, j) + ((a(s + i, l + 1)*x(l + 1, j) + a(s + i, l + 2)*x(l + 2, j)) + &
+                            (a(s + i, l + 3)*x(l + 3, j) + a(s + i, l + 4)*x(l + 4, j)))
+                    end do
+                end do
+            end do
+        end do
+    end subroutine set_product
+
+    !> A^-1 in place, A (width, width) of which nh rows and columns count, by elimination without a search.
+    pure subroutine invert(nh, width, a, pivots, column, can)
+        integer, intent(in) :: nh
+        integer, intent(in), value :: width
+        real(wp), intent(inout) :: a(width, width)
+        !> What pivots must exceed, positive numbers, then the pivots; work space.
+        real(wp), intent(inout) :: pivots(width), column(width)
+        !> False where one does not.
+        logical, intent(out) :: can
+        !> Four neighbours of it are a part of a unit vector.
+        real(wp), parameter :: one_at_0(-short:short) = [0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+        real(wp) :: f, inverse
+        integer :: b, i, j, k, p
+
+        can = .true.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, nh
+            f = a(k, k)
+            can = f > pivots(k)
+            if (.not. can) return
+            pivots(k) = f
+            inverse = 1.0_wp/f
+            ! Row k is divided by its pivot at last, as in `tandem_linalg_elimination`: columns are written as wholes.
+            do b = 0, width - short, short
+                p = min(max(k - b, 0), short + 1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    column(b + i) = a(b + i, k)*(1.0_wp - one_at_0(i - p))
+                    a(b + i, k) = one_at_0(i - p)
+                end do
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, nh
+                f = a(k, j)*inverse
+                do b = 0, width - short, short
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        a(b + i, j) = a(b + i, j) - column(b + i)*f
+                    end do
+                end do
+            end do
+        end do
+        do b = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = 1.0_wp/pivots(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, nh
+            do b = 0, width - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j)*column(b + i)
+                end do
+            end do
+        end do
+    end subroutine invert
+
+    !> Rows b + 1 to b + short of Phi_q: their weights and their columns of U.
+    pure subroutine set_block(n, nh, height, width, b, c, q, scale, u, weight)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width, b
+        real(wp), intent(in) :: c(height, n), q(n), scale(n)
+        real(wp), intent(inout) :: u(n, width), weight(width)
+        real(wp) :: row(short), mask(short), sums(short), magnitude, square
+        integer :: i, j
+
+        do i = 1, short
+            mask(i) = merge(1.0_wp, 0.0_wp, b + i <= nh)
+            sums(i) = tiny(1.0_wp)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            magnitude = max(abs(q(j)), scale(j))
+            square = scale(j)**2
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + abs(c(b + i, j))*magnitude
+                row(i) = c(b + i, j)*mask(i)*square
+            end do
+            u(j, b + 1) = row(1)
+            u(j, b + 2) = row(2)
+            u(j, b + 3) = row(3)
+            u(j, b + 4) = row(4)
+        end do
+        !GCC$ UNROLL 1
+        do i = 1, short
+            weight(b + i) = 1.0_wp/sums(i)
+        end do
+    end subroutine set_block
+
+    !> A = C U, the first `width` rows, nh columns, and zeros in those behind. Four columns of C at a time, in one expression, as
+    !> `multiply_all` in `tandem_linalg_null_space_kernels`.
+    pure subroutine multiply(n, nh, height, width, c, u, a)
+        integer, intent(in) :: n, nh, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: c(height, n), u(n, width)
+        real(wp), intent(inout) :: a(width, width)
+        real(wp) :: u1, u2, u3, u4
+        integer :: i, j, l, rest, s
+
+        rest = iand(n, 3)
+        do s = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, width
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(s + i, l) = 0.0_wp
+                end do
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, rest
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = 1, nh
+                    u1 = u(j, l)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        a(s + i, l) = a(s + i, l) + c(s + i, j)*u1
+                    end do
+                end do
+            end do
+            do j = rest + 1, n, 4
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = 1, nh
+                    u1 = u(j, l)
+                    u2 = u(j + 1, l)
+                    u3 = u(j + 2, l)
+                    u4 = u(j + 3, l)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        a(s + i, l) = a(s + i, l) + &
+                            ((c(s + i, j)*u1 + c(s + i, j + 1)*u2) + (c(s + i, j + 2)*u3 + c(s + i, j + 3)*u4))
+                    end do
+                end do
+            end do
+        end do
+    end subroutine multiply
+
+    !> The reciprocals of the natural scales of the rows of Phi.
+    pure subroutine set_row_weight(m, n, nh, jacobian, q, scale, weight)
+        integer, intent(in) :: m, n, nh
+        real(wp), intent(in) :: jacobian(m, n), q(n), scale(n)
+        real(wp), intent(inout) :: weight(nh)
+        real(wp) :: magnitude
+        integer :: i, j
+
+        weight = tiny(1.0_wp)
+        do j = 1, n
+            magnitude = max(abs(q(j)), scale(j))
+            do i = 1, nh
+                weight(i) = weight(i) + abs(jacobian(i, j))*magnitude
+            end do
+        end do
+        weight = 1.0_wp/weight
+    end subroutine set_row_weight
+end module tandem_linalg_gram

@@ -1,0 +1,459 @@
+! SPDX-License-Identifier: MIT
+!> Velocities and accelerations at stages with two or three degrees of freedom, as rolling bodies and vehicles have them, and at
+!> most `lane` constraints: what `tandem_linalg_null_space_kernels` gives, in less time. A column of D' is one register, and sums
+!> over columns stay in registers, in two chains, so that an addition need not wait for the one before; systems of order three are
+!> solved where they stand, two degrees of freedom being three of which the last is at rest.
+module tandem_linalg_null_space_few
+    use tandem_kinds, only: wp
+    use tandem_linalg_elimination, only: lane, short
+    use tandem_linalg_small, only: smallest_definite_pivot
+    implicit none (type, external)
+    private
+
+    public :: can_be_few, find_few_velocity, find_few_acceleration
+
+contains
+
+    !> Whether these procedures are for m constraints and k degrees of freedom.
+    pure logical function can_be_few(m, k)
+        integer, intent(in) :: m, k
+
+        can_be_few = m >= 1 .and. m <= lane .and. (k == 2 .or. k == 3)
+    end function can_be_few
+
+    !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0.
+    pure subroutine find_few_velocity(m, n, order, a, basis, origin, has_nu, nu, qd, stat)
+        !> Constraints, coordinates; the order of the columns.
+        integer, intent(in) :: m, n, order(n)
+        !> Whether nu is not zero.
+        logical, intent(in) :: has_nu
+        !> C eliminated, D' and D0' diag(s)^-2, nu.
+        real(wp), intent(in) :: a(lane, n), basis(short, n), origin(short, n), nu(m)
+        !> The velocity, first the wanted one.
+        real(wp), intent(inout) :: qd(n)
+        !> 1 where D0' D wants a search for pivots: then the velocity is as it was.
+        integer, intent(out) :: stat
+        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
+        !> scales do not matter to that.
+        real(wp), parameter :: smallest_determinant = 1.0e-2_wp
+        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
+            c1, c2, c3, determinant, f, f1, f2, f3, g, g1, g2, g3
+        integer :: b, i, l, p
+
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = 0.0_wp
+            s2(i) = 0.0_wp
+            s3(i) = 0.0_wp
+            sums(i) = 0.0_wp
+            t1(i) = 0.0_wp
+            t2(i) = 0.0_wp
+            t3(i) = 0.0_wp
+            more(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, n/2
+            l = 2*p - 1
+            f1 = basis(1, l)
+            f2 = basis(2, l)
+            f3 = basis(3, l)
+            f = qd(l)
+            g1 = basis(1, l + 1)
+            g2 = basis(2, l + 1)
+            g3 = basis(3, l + 1)
+            g = qd(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + origin(i, l)*f1
+                s2(i) = s2(i) + origin(i, l)*f2
+                s3(i) = s3(i) + origin(i, l)*f3
+                sums(i) = sums(i) + origin(i, l)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t1(i) = t1(i) + origin(i, l + 1)*g1
+                t2(i) = t2(i) + origin(i, l + 1)*g2
+                t3(i) = t3(i) + origin(i, l + 1)*g3
+                more(i) = more(i) + origin(i, l + 1)*g
+            end do
+        end do
+        if (iand(n, 1) == 1) then
+            f1 = basis(1, n)
+            f2 = basis(2, n)
+            f3 = basis(3, n)
+            f = qd(n)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + origin(i, n)*f1
+                s2(i) = s2(i) + origin(i, n)*f2
+                s3(i) = s3(i) + origin(i, n)*f3
+                sums(i) = sums(i) + origin(i, n)*f
+            end do
+        end if
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = s1(i) + t1(i)
+            s2(i) = s2(i) + t2(i)
+            s3(i) = s3(i) + t3(i)
+            sums(i) = sums(i) + more(i)
+        end do
+        if (n - m == 2) s3(3) = 1.0_wp
+        if (has_nu) then
+            call multiply(m, a, nu, r)
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, m
+                f = r(l)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    sums(i) = sums(i) - origin(i, order(l))*f
+                end do
+            end do
+        end if
+        ! By cofactors, with one division: near the chart's origin the matrix is near a definite one.
+        c1 = s2(2)*s3(3) - s2(3)*s3(2)
+        c2 = s2(3)*s3(1) - s2(1)*s3(3)
+        c3 = s2(1)*s3(2) - s2(2)*s3(1)
+        determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
+        f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
+            abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
+        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
+        if (stat /= 0) return
+        f = 1.0_wp/determinant
+        z(1) = f*(c1*sums(1) + (c2*sums(2) + c3*sums(3)))
+        z(2) = f*((s1(3)*s3(2) - s1(2)*s3(3))*sums(1) + ((s1(1)*s3(3) - s1(3)*s3(1))*sums(2) + &
+            (s1(2)*s3(1) - s1(1)*s3(2))*sums(3)))
+        z(3) = f*((s1(2)*s2(3) - s1(3)*s2(2))*sums(1) + ((s1(3)*s2(1) - s1(1)*s2(3))*sums(2) + &
+            (s1(1)*s2(2) - s1(2)*s2(1))*sums(3)))
+        if (.not. has_nu) then
+            f = z(1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = -a(b + i, m + 1)*f
+                end do
+            end do
+            call finish(2, m, n, order, a, z, r, qd)
+        else
+            call finish(1, m, n, order, a, z, r, qd)
+        end if
+    end subroutine find_few_velocity
+
+    !> qdd = D z - R gamma with D' (M qdd - S - Q_A) = 0.
+    pure subroutine find_few_acceleration(m, n, order, a, basis, n_blocks, blocks, mass, gamma, force, basis_mass, qdd, stat)
+        !> Constraints, coordinates; the order of the columns.
+        integer, intent(in) :: m, n, order(n)
+        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
+        !> C eliminated, D', M, gamma, S + Q_A.
+        real(wp), intent(in) :: a(lane, n), basis(short, n), mass(n*n), gamma(m), force(n)
+        !> Work space, and the acceleration.
+        real(wp), intent(inout) :: basis_mass(short, n), qdd(n)
+        !> > 0 where D' M D is not positive definite; -1 where the acceleration is not finite.
+        integer, intent(out) :: stat
+        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), &
+            rest(lane), z(3), f, f1, f2, f3, g, g1, g2, g3
+        integer :: b, i, l, p
+
+        call multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = 0.0_wp
+            s2(i) = 0.0_wp
+            s3(i) = 0.0_wp
+            sums(i) = 0.0_wp
+            t1(i) = 0.0_wp
+            t2(i) = 0.0_wp
+            t3(i) = 0.0_wp
+            more(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, n/2
+            l = 2*p - 1
+            f1 = basis(1, l)
+            f2 = basis(2, l)
+            f3 = basis(3, l)
+            f = force(l)
+            g1 = basis(1, l + 1)
+            g2 = basis(2, l + 1)
+            g3 = basis(3, l + 1)
+            g = force(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + basis_mass(i, l)*f1
+                s2(i) = s2(i) + basis_mass(i, l)*f2
+                s3(i) = s3(i) + basis_mass(i, l)*f3
+                sums(i) = sums(i) + basis(i, l)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t1(i) = t1(i) + basis_mass(i, l + 1)*g1
+                t2(i) = t2(i) + basis_mass(i, l + 1)*g2
+                t3(i) = t3(i) + basis_mass(i, l + 1)*g3
+                more(i) = more(i) + basis(i, l + 1)*g
+            end do
+        end do
+        if (iand(n, 1) == 1) then
+            f1 = basis(1, n)
+            f2 = basis(2, n)
+            f3 = basis(3, n)
+            f = force(n)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + basis_mass(i, n)*f1
+                s2(i) = s2(i) + basis_mass(i, n)*f2
+                s3(i) = s3(i) + basis_mass(i, n)*f3
+                sums(i) = sums(i) + basis(i, n)*f
+            end do
+        end if
+        ! R gamma, in two chains as well.
+        f = gamma(1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                r(b + i) = a(b + i, 1)*f
+                rest(b + i) = 0.0_wp
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, (m - 1)/2
+            l = 2*p
+            f = gamma(l)
+            g = gamma(l + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = r(b + i) + a(b + i, l)*f
+                end do
+            end do
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, l + 1)*g
+                end do
+            end do
+        end do
+        if (iand(m, 1) == 0) then
+            f = gamma(m)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, m)*f
+                end do
+            end do
+        end if
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                r(b + i) = r(b + i) + rest(b + i)
+            end do
+        end do
+        ! D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots'.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, m/2
+            l = 2*p - 1
+            f = r(l)
+            g = r(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + basis_mass(i, order(l))*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                more(i) = more(i) + basis_mass(i, order(l + 1))*g
+            end do
+        end do
+        if (iand(m, 1) == 1) then
+            f = r(m)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + basis_mass(i, order(m))*f
+            end do
+        end if
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = s1(i) + t1(i)
+            s2(i) = s2(i) + t2(i)
+            s3(i) = s3(i) + t3(i)
+            sums(i) = sums(i) + more(i)
+        end do
+        if (n - m == 2) s3(3) = 1.0_wp
+        call solve_definite(s1, s2, s3, sums, z, stat)
+        if (stat /= 0) return
+        f = z(1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                r(b + i) = -r(b + i) - a(b + i, m + 1)*f
+            end do
+        end do
+        call finish(2, m, n, order, a, z, r, qdd)
+        ! What is not finite in gamma or the forces is in each sum.
+        if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
+    end subroutine find_few_acceleration
+
+    !> Solve a symmetric, definite system of order 3 by L diag(d) L', as `factor_definite` does.
+    pure subroutine solve_definite(s1, s2, s3, b, z, stat)
+        !> The columns of the matrix, the right side.
+        real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
+        real(wp), intent(out) :: z(3)
+        !> > 0: the leading minor of that order is not positive, or so small that the solution would be noise.
+        integer, intent(out) :: stat
+        real(wp) :: d1, d2, d3, i1, i2, i3, l21, l31, l32, b2, b3, least
+
+        d1 = s1(1)
+        i1 = 1.0_wp/d1
+        l21 = s1(2)*i1
+        l31 = s1(3)*i1
+        d2 = s2(2) - l21*s1(2)
+        i2 = 1.0_wp/d2
+        l32 = (s2(3) - l31*s1(2))*i2
+        d3 = (s3(3) - l31*s1(3)) - l32*(s2(3) - l31*s1(2))
+        i3 = 1.0_wp/d3
+        b2 = b(2) - l21*b(1)
+        b3 = (b(3) - l31*b(1)) - l32*b2
+        z(3) = b3*i3
+        z(2) = b2*i2 - l32*z(3)
+        z(1) = b(1)*i1 - (l21*z(2) + l31*z(3))
+        least = min(1.0_wp, d2/s2(2))
+        stat = 0
+        if (.not. d3*least > smallest_definite_pivot*s3(3)) stat = 3
+        if (.not. d2 > smallest_definite_pivot*s2(2)) stat = 2
+        if (.not. d1 > 0.0_wp) stat = 1
+    end subroutine solve_definite
+
+    !> y := r + D z, r given by its rows of pivots; r has the first terms already.
+    pure subroutine finish(first, m, n, order, a, z, r, y)
+        integer, intent(in), value :: first
+        integer, intent(in) :: m, n, order(n)
+        real(wp), intent(in) :: a(lane, n), z(3)
+        real(wp), intent(inout) :: r(lane), y(n)
+        real(wp) :: f
+        integer :: b, i, j
+
+        y(order(m + 1)) = z(1)
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = first, n - m
+            f = z(j)
+            y(order(m + j)) = f
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = r(b + i) - a(b + i, m + j)*f
+                end do
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, m
+            y(order(i)) = r(i)
+        end do
+    end subroutine finish
+
+    !> y := A x, m columns.
+    pure subroutine multiply(m, a, x, y)
+        integer, intent(in) :: m
+        real(wp), intent(in) :: a(lane, m), x(m)
+        real(wp), intent(out) :: y(lane)
+        real(wp) :: more(lane), f, g
+        integer :: b, i, j, p
+
+        f = x(1)
+        if (iand(m, 1) == 0) f = 0.0_wp
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = a(b + i, 1)*f
+                more(b + i) = 0.0_wp
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, m/2
+            j = 2*p - 1 + iand(m, 1)
+            f = x(j)
+            g = x(j + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(b + i) = y(b + i) + a(b + i, j)*f
+                end do
+            end do
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    more(b + i) = more(b + i) + a(b + i, j + 1)*g
+                end do
+            end do
+        end do
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = y(b + i) + more(b + i)
+            end do
+        end do
+    end subroutine multiply
+
+    !> D' M, block by block, two columns at a time.
+    pure subroutine multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
+        integer, intent(in) :: n, n_blocks, blocks(2, n_blocks)
+        real(wp), intent(in) :: basis(short, n), mass(n, n)
+        real(wp), intent(inout) :: basis_mass(short, n)
+        real(wp) :: y1(short), y2(short), f, g
+        integer :: b, first, i, j, l, last
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            f = mass(j, j)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                basis_mass(i, j) = basis(i, j)*f
+            end do
+        end do
+        do b = 1, n_blocks
+            first = blocks(1, b)
+            last = blocks(2, b)
+            j = first
+            do
+                f = mass(first, j)
+                g = mass(first, j + 1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y1(i) = basis(i, first)*f
+                    y2(i) = basis(i, first)*g
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = first + 1, last
+                    f = mass(l, j)
+                    g = mass(l, j + 1)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y1(i) = y1(i) + basis(i, l)*f
+                    end do
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y2(i) = y2(i) + basis(i, l)*g
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis_mass(i, j) = y1(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis_mass(i, j + 1) = y2(i)
+                end do
+                if (j + 1 == last) exit
+                ! The last column of an odd number is taken with the one before once more.
+                j = min(j + 2, last - 1)
+            end do
+        end do
+    end subroutine multiply_mass
+end module tandem_linalg_null_space_few

@@ -1,0 +1,69 @@
+! SPDX-License-Identifier: MIT
+!> What a chart has done: the counters behind the claim that a scene pays for nothing that it does not need.
+module tandem_model_counts
+    use tandem_kinds, only: long, wp
+    use tandem_model_derivatives, only: n_derivatives
+    use tandem_model_terms, only: n_terms
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: counts_type
+
+    type :: counts_type
+        !> Evaluations of the index-0 right-hand side.
+        integer(long) :: right_hand_sides = 0
+        !> Corrections of u (17), of B (20) and of H (29).
+        integer(long) :: position_corrections = 0, b_corrections = 0, h_corrections = 0
+        !> Factorisations: of Phi_q U, of C, of D' M D, and QR or SVD for bases.
+        integer(long) :: position_factorizations = 0, constraint_factorizations = 0, mass_factorizations = 0
+        integer(long) :: basis_factorizations = 0
+        !> Evaluations of each term of the model, see `term_name`; calls of the fused procedure.
+        integer(long) :: terms(n_terms) = 0, fused_calls = 0
+        !> Evaluations of C among them that served the search for integrable rows, once at the start.
+        integer(long) :: start_evaluations = 0
+        !> Newton matrices of implicit stages formed (their derivatives evaluated), factorisations of them (a changed step takes one
+        !> without derivatives), corrections of stages, and stages.
+        integer(long) :: newton_matrices = 0, newton_factorizations = 0, newton_corrections = 0, implicit_stages = 0
+        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms that
+        !> differences spent in their place, for derivatives and for gamma.
+        integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0
+        !> Noise of a gamma by differences, largest seen on the natural scale of its row; 0 where the model has its own.
+        real(wp) :: gamma_noise = 0.0_wp
+        !> Computations of the multipliers, of kinetic and of potential energy: only where somebody asked.
+        integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
+    contains
+        procedure :: pack_state
+    end type counts_type
+
+contains
+
+    !> All counters.
+    subroutine pack_state(self, pack)
+        class(counts_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%right_hand_sides)
+        call pack%item(self%position_corrections)
+        call pack%item(self%b_corrections)
+        call pack%item(self%h_corrections)
+        call pack%item(self%position_factorizations)
+        call pack%item(self%constraint_factorizations)
+        call pack%item(self%mass_factorizations)
+        call pack%item(self%basis_factorizations)
+        call pack%fixed(self%terms)
+        call pack%item(self%fused_calls)
+        call pack%item(self%start_evaluations)
+        call pack%item(self%newton_matrices)
+        call pack%item(self%newton_factorizations)
+        call pack%item(self%newton_corrections)
+        call pack%item(self%implicit_stages)
+        call pack%fixed(self%derivatives)
+        call pack%item(self%difference_evaluations)
+        call pack%item(self%gamma_evaluations)
+        call pack%item(self%gamma_noise)
+        call pack%item(self%multipliers)
+        call pack%item(self%kinetic_energies)
+        call pack%item(self%potential_energies)
+    end subroutine pack_state
+end module tandem_model_counts

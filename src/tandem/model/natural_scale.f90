@@ -1,0 +1,200 @@
+! SPDX-License-Identifier: MIT
+!> Constraint errors on the natural scale of each row: an error is small or large against the terms that cancel in its row.
+!>
+!> The scale of row i is sum_j |C_ij| |y_j| plus the modulus of its right side, with y = q, qd or qdd. Its floor replaces
+!> |y_j| by the coordinate's typical magnitude s_j (for qd and qdd: s_j a unit of time, s_j a unit of time squared), so that a
+!> mechanism at rest or at the origin has a scale too.
+module tandem_model_natural_scale
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: constraint_errors, position_errors, velocity_errors
+
+    !> Rows are taken so many at a time: no work space, and inner loops of constant length, one vector register each.
+    integer, parameter :: lane = 8, short = 4
+
+contains
+
+    !> max_i |Phi_i| / scale_i and its row.
+    pure subroutine position_errors(phi, jacobian, q, scale, error, row)
+        !> Phi (nh), C (m, n), q (n), coordinate scales (n).
+        real(wp), intent(in), contiguous :: phi(:), jacobian(:, :), q(:), scale(:)
+        real(wp), intent(out) :: error
+        integer, intent(out) :: row
+
+        call find_worst(size(phi), size(jacobian, 1), size(q), .false., phi, jacobian, q, scale, error, row)
+    end subroutine position_errors
+
+    !> max_i |C qd - nu|_i / scale_i and its row.
+    pure subroutine velocity_errors(nu, jacobian, qd, scale, error, row)
+        !> nu (m), C (m, n), qd (n), coordinate scales (n).
+        real(wp), intent(in), contiguous :: nu(:), jacobian(:, :), qd(:), scale(:)
+        real(wp), intent(out) :: error
+        integer, intent(out) :: row
+
+        call find_worst(size(nu), size(nu), size(qd), .true., nu, jacobian, qd, scale, error, row)
+    end subroutine velocity_errors
+
+    !> Both and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at the position level where it has no rows.
+    pure subroutine constraint_errors(phi, nu, gamma, jacobian, q, qd, qdd, scale, errors, rows)
+        !> Phi (nh), nu and gamma (m), C (m, n); q, qd, qdd and coordinate scales (n).
+        real(wp), intent(in), contiguous :: phi(:), nu(:), gamma(:), jacobian(:, :), q(:), qd(:), qdd(:), scale(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+
+        call find_all(size(phi), size(nu), size(q), phi, nu, gamma, jacobian, q, qd, qdd, scale, errors, rows)
+        if (size(phi) == 0) errors(1) = 0.0_wp
+    end subroutine constraint_errors
+
+    !> The three errors in one pass through C.
+    pure subroutine find_all(nh, m, n, phi, nu, gamma, c, q, qd, qdd, scale, errors, rows)
+        integer, intent(in) :: nh, m, n
+        real(wp), intent(in) :: phi(nh), nu(m), gamma(m), c(m*n), q(n), qd(n), qdd(n), scale(n)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        real(wp), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
+        real(wp) :: tail(lane, lane)
+        integer :: b, i, j, s, whole
+
+        errors = -1.0_wp
+        rows = 0
+        do b = 0, m - 1, lane
+            ! Columns behind whose rows memory ends are taken from a copy.
+            whole = max(n - (b + lane - 1)/m, 0)
+            do j = whole + 1, n
+                call get_column(m, n, b, j, c, tail(:, j - whole))
+            end do
+            do s = 0, lane - short, short
+                do i = 1, short
+                    of_velocity(s + i) = 0.0_wp
+                    of_acceleration(s + i) = 0.0_wp
+                    q_scale(s + i) = 0.0_wp
+                    qd_scale(s + i) = 0.0_wp
+                    qdd_scale(s + i) = 0.0_wp
+                end do
+            end do
+            call add_columns(whole, m, b, m*n, c, q, qd, qdd, scale, of_velocity, of_acceleration, q_scale, qd_scale, &
+                qdd_scale)
+            call add_columns(n - whole, lane, 0, lane*lane, tail, q(whole + 1:), qd(whole + 1:), qdd(whole + 1:), &
+                scale(whole + 1:), of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
+            call judge(b, nh, .false., 0.0_wp, phi, of_velocity, q_scale, errors(1), rows(1))
+            call judge(b, m, .true., -1.0_wp, nu, of_velocity, qd_scale, errors(2), rows(2))
+            call judge(b, m, .true., 1.0_wp, gamma, of_acceleration, qdd_scale, errors(3), rows(3))
+        end do
+    end subroutine find_all
+
+    !> What n columns of m rows of C give: C qd, C qdd and the scales of rows b + 1 to b + lane.
+    pure subroutine add_columns(n, m, b, l, c, q, qd, qdd, scale, of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
+        integer, intent(in) :: n, m, b, l
+        real(wp), intent(in) :: c(l), q(n), qd(n), qdd(n), scale(n)
+        real(wp), intent(inout), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
+        real(wp) :: a, magnitude_q, magnitude_qd, magnitude_qdd
+        integer :: first, i, j, s
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            first = (j - 1)*m + b
+            magnitude_q = max(abs(q(j)), scale(j))
+            magnitude_qd = max(abs(qd(j)), scale(j))
+            magnitude_qdd = max(abs(qdd(j)), scale(j))
+            do s = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a = abs(c(first + s + i))
+                    q_scale(s + i) = q_scale(s + i) + a*magnitude_q
+                    of_velocity(s + i) = of_velocity(s + i) + c(first + s + i)*qd(j)
+                    qd_scale(s + i) = qd_scale(s + i) + a*magnitude_qd
+                    of_acceleration(s + i) = of_acceleration(s + i) + c(first + s + i)*qdd(j)
+                    qdd_scale(s + i) = qdd_scale(s + i) + a*magnitude_qdd
+                end do
+            end do
+        end do
+    end subroutine add_columns
+
+    !> The largest error of the first l of m rows, and which. The residual is g, or with `is_linear` C y - g.
+    pure subroutine find_worst(l, m, n, is_linear, g, c, y, scale, error, row)
+        integer, intent(in) :: l, m, n
+        logical, intent(in) :: is_linear
+        real(wp), intent(in) :: g(l), c(m*n), y(n), scale(n)
+        real(wp), intent(out) :: error
+        integer, intent(out) :: row
+        real(wp), dimension(lane) :: column, product, row_scale
+        real(wp) :: magnitude
+        integer :: b, i, j
+
+        error = -1.0_wp
+        row = 0
+        do b = 0, l - 1, lane
+            product = 0.0_wp
+            row_scale = 0.0_wp
+            do j = 1, n
+                call get_column(m, n, b, j, c, column)
+                magnitude = max(abs(y(j)), scale(j))
+                do i = 1, lane
+                    product(i) = product(i) + column(i)*y(j)
+                    row_scale(i) = row_scale(i) + abs(column(i))*magnitude
+                end do
+            end do
+            call judge(b, l, is_linear, -1.0_wp, g, product, row_scale, error, row)
+        end do
+    end subroutine find_worst
+
+    !> Rows b + 1 to b + lane of a column of C (m, n). What is behind the last row is of no account.
+    pure subroutine get_column(m, n, b, j, c, column)
+        integer, intent(in) :: m, n, b, j
+        real(wp), intent(in) :: c(m*n)
+        real(wp), intent(out) :: column(lane)
+        integer :: first, i, s
+
+        first = (j - 1)*m + b
+        if (first + lane <= m*n) then
+            do s = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    column(s + i) = c(first + s + i)
+                end do
+            end do
+        else
+            column = 0.0_wp
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do i = 1, m - b
+                column(i) = c(first + i)
+            end do
+        end if
+    end subroutine get_column
+
+    !> The largest |residual|/scale of rows b + 1 to b + lane, of l rows in all, if it is larger than those before; a NaN counts as
+    !> infinite, a zero row as its own scale. The residual of a row is g, or with `is_linear` product + sign g, to whose scale |g|
+    !> belongs.
+    pure subroutine judge(b, l, is_linear, sign, g, product, row_scale, error, row)
+        integer, intent(in) :: b, l
+        logical, intent(in) :: is_linear
+        real(wp), intent(in) :: sign, g(l), product(lane), row_scale(lane)
+        real(wp), intent(inout) :: error
+        integer, intent(inout) :: row
+        real(wp) :: residual, size_of_terms
+        integer :: i
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, min(lane, l - b)
+            residual = g(b + i)
+            size_of_terms = row_scale(i)
+            if (is_linear) then
+                size_of_terms = size_of_terms + abs(residual)
+                residual = product(i) + sign*residual
+            end if
+            size_of_terms = max(size_of_terms, tiny(1.0_wp))
+            ! Few rows are worse than those before, and the others cost no division.
+            if (abs(residual) <= error*size_of_terms .and. size_of_terms <= huge(1.0_wp)) cycle
+            residual = abs(residual)/size_of_terms
+            if (.not. residual <= huge(1.0_wp)) residual = huge(1.0_wp)
+            if (residual <= error) cycle
+            error = residual
+            row = b + i
+        end do
+    end subroutine judge
+end module tandem_model_natural_scale

@@ -1,0 +1,267 @@
+! SPDX-License-Identifier: MIT
+!> Redundant constraints at a start: which rows repeat others and can be left out, whether they contradict them, and whether the
+!> rows depend on each other only there, in a singular configuration that is no redundancy.
+!>
+!> A row is redundant where it depends on those that are kept (`split_rows` chooses them) and still does at neighbouring states,
+!> reached along the motions that these allow. Works on the rows of the model as they are, without a chart. Used only where a chart
+!> finds dependent rows.
+module tandem_model_redundancy
+    use tandem_kinds, only: wp
+    use tandem_linalg_dependence, only: solve_least_norm, split_rows
+    use tandem_model, only: model_type
+    use tandem_model_differences, only: differences_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi
+    use tandem_status, only: status_inconsistent_rows, status_not_evaluable, status_ok, status_rank_deficient
+    use tandem_model_counts, only: counts_type
+    use tandem_model_natural_scale, only: position_errors
+    implicit none (type, external)
+    private
+
+    public :: redundancy_type
+
+    type :: redundancy_type
+        !> Rows to use and rows to leave out, by their numbers in the model.
+        integer, allocatable :: kept(:), dropped(:)
+        !> C(dropped, :) = combination C(kept, :).
+        real(wp), allocatable :: combination(:, :)
+        !> The coordinates (n), brought onto all rows.
+        real(wp), allocatable :: q(:)
+        !> After `inconsistent_rows` or `rank_deficient`: a row that depends on others, and the level at which it contradicts
+        !> them: 0 none, 1 position, 2 velocity, 3 acceleration.
+        integer :: failed_row = 0, failed_level = 0
+        !> The largest position error of the start as it was given, on the natural scale of its row, and that row.
+        real(wp) :: error = 0.0_wp
+        integer :: worst_row = 0
+        type(evaluator_type), private :: evaluator
+        type(differences_type), private :: differences
+        real(wp), allocatable, private :: scale(:)
+    contains
+        procedure :: analyse
+        procedure :: choose
+        procedure :: partners
+        procedure, private :: restore
+        procedure, private :: find_contradiction
+        procedure, private :: probe
+    end type redundancy_type
+
+    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    real(wp), parameter :: dependent = 1.0e-10_wp
+
+contains
+
+    !> Decide at (t, q, qd). Status: ok where the rows `dropped` can be left out; inconsistent_rows; rank_deficient; what evaluating
+    !> the model may give.
+    subroutine analyse(self, model, scale, t, q, qd, tolerance, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> Contradictions up to this, on the natural scale of a row, are rounding of the start.
+        real(wp), intent(in) :: tolerance
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+        real(wp), allocatable :: jacobian(:, :)
+        integer :: i
+
+        self%scale = scale
+        self%failed_row = 0
+        self%failed_level = 0
+        self%q = q
+        call self%evaluator%initialize(model)
+        call self%differences%initialize(model, scale)
+        call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
+        if (stat /= status_ok) return
+        self%error = 0.0_wp
+        associate (terms => self%evaluator%terms)
+            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, self%q, self%scale, &
+                self%error, self%worst_row)
+        end associate
+        call self%restore([(i, i=1, model%n_holonomic)], t, self%q, counts, stat)
+        if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian + need_nu, t, self%q, qd, counts, stat)
+        if (stat /= status_ok) return
+        jacobian = self%evaluator%terms%jacobian
+        call split_rows(jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, self%combination)
+        if (size(self%dropped) == 0) return
+        call self%find_contradiction(t, self%q, qd, tolerance, 2, counts, stat)
+        if (stat == status_ok) call self%probe(jacobian, t, counts, stat)
+        if (stat == status_ok) call self%find_contradiction(t, self%q, qd, tolerance, 3, counts, stat)
+    end subroutine analyse
+
+    !> Choose anew which rows to leave out, at a state on the constraints: those that the others replace best.
+    subroutine choose(self, model, scale, t, q, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        !> Coordinate scales (n), time and coordinates (n).
+        real(wp), intent(in) :: scale(:), t, q(:)
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+
+        call self%evaluator%initialize(model)
+        call self%evaluator%evaluate(need_jacobian, t, q, q, counts, stat)
+        if (stat /= status_ok) return
+        call split_rows(self%evaluator%terms%jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, &
+            self%combination)
+    end subroutine choose
+
+    !> The rows that a dropped one depends on.
+    pure function partners(self, number) result(rows)
+        class(redundancy_type), intent(in) :: self
+        !> Index into `dropped`.
+        integer, intent(in) :: number
+        integer, allocatable :: rows(:)
+
+        associate (part => abs(self%combination(number, :)))
+            rows = pack(self%kept, part > max(1.0e-3_wp*maxval(part), tiny(1.0_wp)))
+        end associate
+    end function partners
+
+    !> Bring q onto holonomic rows by steps of least length; stands still where they contradict each other.
+    subroutine restore(self, rows, t, q, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        !> The rows to satisfy.
+        integer, intent(in) :: rows(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer, parameter :: most_steps = 8
+        real(wp) :: step(size(q)), error, last_error, place(size(q)), phi(size(rows)), jacobian(size(rows), size(q))
+        integer :: k, row
+
+        stat = status_ok
+        if (size(rows) == 0) return
+        last_error = huge(1.0_wp)
+        associate (terms => self%evaluator%terms)
+            do k = 1, most_steps
+                call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
+                if (stat /= status_ok) return
+                phi = terms%phi(rows)
+                jacobian = terms%jacobian(rows, :)
+                place = q
+                call position_errors(phi, jacobian, place, self%scale, error, row)
+                if (error <= 4*epsilon(1.0_wp) .or. .not. error < 0.5_wp*last_error) return
+                last_error = error
+                call solve_least_norm(jacobian*spread(self%scale, 1, size(rows)), -phi, step)
+                q = q + self%scale*step
+            end do
+        end associate
+    end subroutine restore
+
+    !> Do dropped rows ask for something else than their combination of the others, up to a level?
+    subroutine find_contradiction(self, t, q, qd, tolerance, level, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), tolerance
+        !> 2 for positions and velocities, 3 for accelerations.
+        integer, intent(in) :: level
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        !> gamma may come from differences.
+        real(wp), parameter :: noise = 1.0e-6_wp
+        real(wp), dimension(size(self%evaluator%terms%nu)) :: full, gamma
+        real(wp) :: place(size(q)), speed(size(qd))
+        integer :: nh
+
+        nh = size(self%evaluator%terms%phi)
+        associate (terms => self%evaluator%terms)
+            if (level == 3) then
+                if (iand(self%evaluator%has, need_gamma) /= 0) then
+                    call self%evaluator%evaluate(need_jacobian + need_gamma, t, q, qd, counts, stat)
+                else
+                    call self%evaluator%evaluate(need_jacobian, t, q, qd, counts, stat)
+                    place = q
+                    speed = qd
+                    if (stat == status_ok) call self%differences%evaluate_gamma(t, place, speed, gamma, counts, stat)
+                    terms%gamma = gamma
+                end if
+                if (stat == status_ok) call compare(terms%gamma, qd, max(tolerance, noise), 3)
+                return
+            end if
+            stat = status_ok
+            ! A holonomic row may repeat holonomic rows only: they come first.
+            full = 0.0_wp
+            full(:nh) = terms%phi
+            call compare(full, q, tolerance, 1)
+            if (stat == status_ok) call compare(terms%nu, qd, tolerance, 2)
+        end associate
+
+    contains
+
+        !> Compare one value a row.
+        subroutine compare(value, y, allowed, number)
+            real(wp), intent(in) :: value(:), y(:), allowed
+            integer, intent(in) :: number
+            real(wp) :: expected, natural
+            integer :: i
+
+            associate (c => self%evaluator%terms%jacobian)
+                do i = 1, size(self%dropped)
+                    associate (row => self%dropped(i))
+                        if (number == 1 .and. row > nh) cycle
+                        expected = dot_product(self%combination(i, :), value(self%kept))
+                        natural = sum(abs(c(row, :))*max(abs(y), self%scale)) + abs(value(row)) + abs(expected)
+                        if (abs(value(row) - expected) <= allowed*natural) cycle
+                        self%failed_row = row
+                        self%failed_level = number
+                        stat = status_inconsistent_rows
+                        return
+                    end associate
+                end do
+            end associate
+        end subroutine compare
+    end subroutine find_contradiction
+
+    !> Look at neighbouring states: do the dropped rows still hold and depend there?
+    subroutine probe(self, jacobian, t, counts, stat)
+        class(redundancy_type), intent(inout) :: self
+        !> C at the start (m, n).
+        real(wp), intent(in) :: jacobian(:, :)
+        real(wp), intent(in) :: t
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        !> How far the states are, in coordinate scales, and what of a row may fail there: a singular configuration leaves the
+        !> first squared at the position level and the first itself in the rank; a redundancy leaves rounding.
+        real(wp), parameter :: distance = 1.0e-3_wp, largest_error = 1.0e-9_wp, largest_rest = 1.0e-7_wp
+        integer, parameter :: n_states = 3
+        integer, allocatable :: kept(:), dropped(:)
+        real(wp), allocatable :: combination(:, :)
+        real(wp) :: direction(size(self%q)), part(size(self%q)), q(size(self%q)), error
+        integer :: i, j, nh, row
+
+        stat = status_ok
+        if (size(self%kept) == size(self%q)) return
+        nh = size(self%evaluator%terms%phi)
+        do i = 1, n_states
+            ! A direction without preference, less its part in the rows.
+            direction = [(sin(real(i + j*(i + 1), wp)), j=1, size(direction))]
+            associate (rows => jacobian(self%kept, :)*spread(self%scale, 1, size(self%kept)))
+                call solve_least_norm(rows, matmul(rows, direction), part)
+            end associate
+            direction = direction - part
+            if (.not. norm2(direction) > 0.0_wp) cycle
+            q = self%q + distance*self%scale*direction/norm2(direction)
+            call self%restore(pack(self%kept, self%kept <= nh), t, q, counts, stat)
+            if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
+            ! A state that cannot be evaluated says nothing.
+            if (stat == status_not_evaluable) then
+                stat = status_ok
+                cycle
+            end if
+            if (stat /= status_ok) return
+            associate (terms => self%evaluator%terms)
+                if (.not. sum(abs(terms%jacobian)) + sum(abs(terms%phi)) <= huge(1.0_wp)) cycle
+                error = 0.0_wp
+                row = 0
+                if (nh > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, error, row)
+                call split_rows(terms%jacobian, self%scale, nh, largest_rest, kept, dropped, combination)
+                if (error <= largest_error .and. size(kept) == size(self%kept)) cycle
+            end associate
+            self%failed_row = self%dropped(1)
+            stat = status_rank_deficient
+            return
+        end do
+    end subroutine probe
+end module tandem_model_redundancy

@@ -1,0 +1,273 @@
+! SPDX-License-Identifier: MIT
+!> What a run remembers as a row of numbers, and back, for checkpoints. Bases and factors are kept, never made again: a basis made
+!> anew would be another one up to rounding.
+submodule(tandem_simulation) tandem_simulate_checkpoint
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_invalid_checkpoint
+    implicit none (type, external)
+
+    character(len=*), parameter :: kind_of_row = 'run'
+
+contains
+
+    !> All that the run remembers.
+    module subroutine save_state(self, words, error)
+        class(simulation_type), intent(inout) :: self
+        integer(long), allocatable, intent(inout) :: words(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(pack_type) :: pack
+        character(len=96) :: problem
+
+        if (.not. self%is_ready) then
+            call set_error(error, status_invalid_checkpoint, 'there is no run to save', 'call initialize first')
+            return
+        end if
+        call self%look_back()
+        if (self%has_to_act) then
+            call set_error(error, status_invalid_checkpoint, 'an event at t = '//to_text(self%state%t)// &
+                ' has not acted yet', 'save the state after the step')
+            return
+        end if
+        if (self%is_integrating) call self%book_time()
+        call pack%begin_writing()
+        call pack_identity(self, pack, problem)
+        call pack_run(self, pack)
+        call pack%end_writing(kind_of_row, words)
+    end subroutine save_state
+
+    !> Take up a run.
+    module subroutine restore_state(self, words, error)
+        class(simulation_type), intent(inout) :: self
+        integer(long), intent(in) :: words(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(pack_type) :: pack
+        character(len=96) :: problem
+
+        if (.not. self%is_ready) then
+            call set_error(error, status_invalid_checkpoint, 'there is no simulation to restore', 'call initialize first')
+            return
+        end if
+        call self%look_back()
+        call pack%begin_reading(kind_of_row, words, problem)
+        if (problem /= '') then
+            call refuse('give what save_state of this version gave, or start the run anew')
+            return
+        end if
+        call pack_identity(self, pack, problem)
+        if (problem /= '') then
+            call refuse('set the simulation up as the one that was saved: the same model, options, start and events')
+            return
+        end if
+        call pack_run(self, pack)
+        call pack%end_reading()
+        if (.not. pack%has_failed) return
+        self%is_ready = .false.
+        problem = 'it holds other items than are read here'
+        call refuse('let pack_state of your model and events list the same items whenever it is called')
+
+    contains
+
+        subroutine refuse(advice)
+            character(len=*), intent(in) :: advice
+
+            call set_error(error, status_invalid_checkpoint, 'the state cannot be restored: '//trim(problem), advice)
+        end subroutine refuse
+    end subroutine restore_state
+
+    !> What must be the same where the run is taken up.
+    subroutine pack_identity(self, pack, problem)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        !> Where reading: what is not, blank where all is.
+        character(len=*), intent(out) :: problem
+        type(options_type) :: options
+        character(len=label_length) :: name
+        real(wp), allocatable :: breakpoints(:), jumps(:), scale(:), blocks(:)
+        logical :: constant_mass
+        integer :: sizes(5), i
+
+        problem = ''
+        associate (model => self%model)
+            sizes = [model%n, model%n_holonomic, model%n_nonholonomic, self%chart%n_dropped, 0]
+            name = ''
+            if (allocated(model%name)) name = model%name
+        end associate
+        if (allocated(self%watched)) sizes(5) = size(self%watched)
+        options = self%options
+        call compare_text(pack, name, 'the model', problem)
+        call compare(pack, sizes(1), 'coordinates', problem)
+        call compare(pack, sizes(2), 'holonomic constraints', problem)
+        call compare(pack, sizes(3), 'nonholonomic constraints', problem)
+        call compare(pack, sizes(4), 'redundant rows', problem)
+        if (problem /= '') return
+        call options%pack_state(pack)
+        if (self%options%first_difference(options) /= '') then
+            problem = 'it was made with another '//trim(self%options%first_difference(options))
+            return
+        end if
+        ! What is kept of the mass matrix and of the pivots was chosen with these.
+        scale = [real(wp) ::]
+        blocks = [real(wp) ::]
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        if (allocated(self%model%mass_blocks)) blocks = real(self%model%mass_blocks, wp)
+        call compare_numbers(pack, scale, 'scales of coordinates', problem)
+        call compare_numbers(pack, blocks, 'blocks of the mass matrix', problem)
+        constant_mass = self%model%constant_mass
+        call pack%item(constant_mass)
+        if (problem == '' .and. (constant_mass .neqv. self%model%constant_mass)) problem = 'its mass matrix is '// &
+            trim(merge('constant    ', 'not constant', constant_mass))
+        if (problem /= '') return
+        ! The number of the segment has a meaning among these alone.
+        breakpoints = [real(wp) ::]
+        jumps = [real(wp) ::]
+        if (allocated(self%model%breakpoints)) breakpoints = self%model%breakpoints
+        if (allocated(self%model%nu_jumps)) jumps = merge(1.0_wp, 0.0_wp, self%model%nu_jumps)
+        call compare_numbers(pack, breakpoints, 'breakpoints', problem)
+        call compare_numbers(pack, jumps, 'jumps of nu', problem)
+        if (problem /= '') return
+        call compare(pack, sizes(5), 'events watched', problem)
+        do i = 1, sizes(5)
+            if (problem /= '') return
+            name = self%watched(i)%event%name
+            call compare_text(pack, name, 'event '//to_text(i), problem)
+        end do
+    end subroutine pack_identity
+
+    !> A number that must be the same.
+    subroutine compare(pack, number, what, problem)
+        type(pack_type), intent(inout) :: pack
+        integer, intent(in) :: number
+        character(len=*), intent(in) :: what
+        !> Kept where there is one already.
+        character(len=*), intent(inout) :: problem
+        integer :: theirs
+
+        theirs = number
+        call pack%item(theirs)
+        if (problem == '' .and. theirs /= number) problem = 'it has '//to_text(theirs)//' '//what//', not '//to_text(number)
+    end subroutine compare
+
+    !> Numbers that must be the same.
+    subroutine compare_numbers(pack, numbers, what, problem)
+        type(pack_type), intent(inout) :: pack
+        real(wp), intent(in) :: numbers(:)
+        character(len=*), intent(in) :: what
+        character(len=*), intent(inout) :: problem
+        real(wp), allocatable :: theirs(:)
+        logical :: differ
+
+        allocate (theirs, source=numbers)
+        call pack%item(theirs)
+        if (problem /= '') return
+        differ = pack%has_failed .or. size(theirs) /= size(numbers)
+        if (.not. differ) differ = any(theirs > numbers .or. theirs < numbers)
+        if (differ) problem = 'it was made with other '//what
+    end subroutine compare_numbers
+
+    !> A name that must be the same.
+    subroutine compare_text(pack, text, what, problem)
+        type(pack_type), intent(inout) :: pack
+        character(len=label_length), intent(in) :: text
+        character(len=*), intent(in) :: what
+        character(len=*), intent(inout) :: problem
+        character(len=label_length) :: theirs
+
+        theirs = text
+        call pack%item(theirs)
+        if (problem == '' .and. theirs /= text) problem = what//' is "'//trim(theirs)//'" there, not "'//trim(text)//'"'
+    end subroutine compare_text
+
+    !> What the run remembers.
+    subroutine pack_run(self, pack)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%model%pack_state(pack)
+        call pack%item(self%model%segment)
+        call self%state%pack_state(pack)
+        ! The last step, for its dense output.
+        call self%start%pack_state(pack)
+        call self%next%pack_state(pack)
+        call pack%item(self%has_step)
+        call pack%item(self%segment_of_step)
+        call pack%item(self%last_step)
+        call pack%item(self%grid_steps)
+        call pack%item(self%on_grid)
+        call pack%item(self%t_start)
+        call pack%fixed(self%errors)
+        call self%chart%pack_state(pack)
+        call pack%item(self%chart_is_current)
+        call pack%item(self%renewal)
+        call pack%item(self%room)
+        call pack%item(self%hindrance)
+        call pack%item(self%is_interrupted)
+        call pack%item(self%try_has_failed)
+        call pack%item(self%last_gap)
+        call pack%item(self%loss)
+        call pack%item(self%loss_until)
+        call pack%item(self%tries)
+        call pack%item(self%tries_from)
+        call self%stepper%pack_state(pack)
+        call self%control%pack_state(pack)
+        call self%work%pack_state(pack)
+        call self%stiffness%pack_state(pack)
+        call self%local_error%pack_state(pack)
+        call self%tally%pack_state(pack)
+        call pack_warnings(self, pack)
+        call pack%item(self%is_stopped)
+        call pack%item(self%stopped_by)
+        if (allocated(self%watched)) call pack_events(self, pack)
+    end subroutine pack_run
+
+    !> What there is to say.
+    subroutine pack_warnings(self, pack)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i, n
+
+        call pack%item(self%n_redundant)
+        n = 0
+        if (allocated(self%warnings)) n = size(self%warnings)
+        call pack%item(n)
+        if (pack%is_reading) then
+            if (allocated(self%warnings)) deallocate (self%warnings)
+            if (n > 0 .and. .not. pack%has_failed) allocate (self%warnings(n))
+        end if
+        if (.not. allocated(self%warnings)) return
+        do i = 1, size(self%warnings)
+            call pack%text(self%warnings(i)%text)
+        end do
+    end subroutine pack_warnings
+
+    !> The events that are watched, and what has happened.
+    subroutine pack_events(self, pack)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i
+
+        call pack%item(self%values_are_stale)
+        call pack%item(self%n_at_once)
+        call pack%item(self%lambda)
+        call pack%item(self%lambda_is_current)
+        do i = 1, size(self%watched)
+            call self%watched(i)%pack_state(pack)
+        end do
+        call pack%item(self%n_events)
+        if (pack%is_reading) then
+            deallocate (self%events)
+            if (pack%has_failed) self%n_events = 0
+            allocate (self%events(self%n_events))
+        end if
+        do i = 1, self%n_events
+            associate (event => self%events(i))
+                call pack%item(event%number)
+                call pack%item(event%name)
+                call pack%item(event%direction)
+                call pack%item(event%t)
+                call pack%item(event%q)
+                call pack%item(event%qd)
+            end associate
+            if (pack%has_failed) return
+        end do
+    end subroutine pack_events
+end submodule tandem_simulate_checkpoint

@@ -1,0 +1,140 @@
+! SPDX-License-Identifier: MIT
+!> What there is to doubt about the result of a complete run: the one place that decides when its user is warned of large errors.
+!>
+!> Without a doubt, a run whose error was estimated is right to `allowed_error`: twice what the warning begins with, since an
+!> estimate is right to a factor of two (theory, section 20).
+module tandem_simulate_error_warnings
+    use tandem_error, only: error_type, to_text
+    use tandem_kinds, only: wp
+    use tandem_options, only: options_type
+    use tandem_simulate_global_error, only: global_error_type
+    use tandem_simulate_statistics, only: statistics_type
+    use tandem_simulate_warning, only: add_warning, large, times, warning_limit, warning_type
+    use tandem_status, only: status_interrupted, status_invalid_option
+    implicit none (type, external)
+    private
+
+    public :: find_error_warnings, allowed_error, short_run
+
+    !> Seconds of a run that one need not hesitate to make twice, to know its error.
+    real(wp), parameter :: short_run = 2.0_wp
+
+contains
+
+    !> The doubts, none where all is well.
+    subroutine find_error_warnings(options, statistics, doubts, global_error, failure)
+        !> What the run was asked for, and what it reports.
+        type(options_type), intent(in) :: options
+        type(statistics_type), intent(in) :: statistics
+        type(warning_type), allocatable, intent(out) :: doubts(:)
+        !> The error of the whole run, where it was asked for, and why it was not found, where it was not.
+        class(global_error_type), intent(in), optional :: global_error
+        type(error_type), allocatable, intent(in), optional :: failure
+        character(len=*), parameter :: contradicted = ', since the model contradicts itself', &
+            suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
+        character(len=:), allocatable :: advice, cause
+        real(wp) :: limit, tolerance
+        logical :: is_contradicted
+
+        allocate (doubts(0))
+        tolerance = options%relative_tolerance()
+        advice = ': take smaller steps'
+        if (options%is_adaptive()) advice = ': tighten rtol'
+        ! What all else may come from is told first.
+        is_contradicted = statistics%contradiction /= ''
+        if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
+        if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &
+            two_digits(statistics%local_error_sum)//' of the state'//advice)
+        if (present(failure)) then
+            if (is_reason(failure, global_error)) call add_warning(doubts, &
+                'a second, more accurate run has failed, so this one may be right by chance only'//advice)
+        end if
+        limit = warning_limit(options)
+        if (statistics%velocity_gap > limit) then
+            cause = ': where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '// &
+                advice(3:)//suspect
+            if (is_contradicted) cause = contradicted
+            call add_warning(doubts, 'the velocity changes by '//two_digits(statistics%velocity_gap)// &
+                ' of itself without an acceleration in the step to t = '//to_text(statistics%t_gap)//cause)
+        end if
+        if (statistics%dense_error > limit) then
+            cause = advice
+            if (options%is_adaptive()) cause = cause//' or set max_step'
+            call add_warning(doubts, 'between steps, where the output looks, the motion is off by up to '// &
+                two_digits(statistics%dense_error)//' of the state'//cause)
+        end if
+        if (.not. present(global_error)) return
+        if (.not. global_error%is_known) return
+        associate (largest => global_error%largest)
+            cause = advice
+            ! The local errors are root mean squares, of which a largest one of 2 n errors is less than sqrt(2 n).
+            if (statistics%local_error_steps > 0 .and. &
+                largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
+                cause = ', since the motion amplifies what steps leave'//advice//suspect
+            else if (statistics%local_error_steps > 0) then
+                cause = ', to which the errors of its steps add up'//advice
+            end if
+            if (is_contradicted) cause = contradicted
+            if (options%is_adaptive() .and. largest > times*tolerance) then
+                call add_warning(doubts, 'the error reaches '//two_digits(largest/tolerance)//' times the tolerance'//cause)
+            else if (largest > large) then
+                call add_warning(doubts, 'the error reaches '//two_digits(largest)//' of the state'//cause)
+            end if
+        end associate
+    end subroutine find_error_warnings
+
+    !> Whether the failure of a second run is a reason to doubt the first: that events keep it from being compared, that somebody
+    !> stops it, or that the time is over, says nothing.
+    pure logical function is_reason(failure, global_error)
+        type(error_type), allocatable, intent(in) :: failure
+        class(global_error_type), intent(in), optional :: global_error
+
+        is_reason = .false.
+        if (.not. allocated(failure)) return
+        is_reason = all(failure%stat /= [status_invalid_option, status_interrupted])
+        if (present(global_error)) is_reason = is_reason .and. .not. global_error%is_out_of_time
+    end function is_reason
+
+    !> What the error of a run may reach, on the scale s + |y|, before somebody is warned who asked for an estimate.
+    pure real(wp) function allowed_error(options)
+        type(options_type), intent(in) :: options
+
+        allowed_error = 2*warning_limit(options)
+    end function allowed_error
+
+    !> A positive number with two digits, as 1.3e-7, with blanks behind.
+    pure function two_digits_padded(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=16) :: text
+        character(len=16) :: buffer
+        integer :: exponent, point
+
+        if (value >= 1.0_wp .and. value < 1.0e4_wp) then
+            write (text, '(i0)') nint(value)
+            return
+        end if
+        write (buffer, '(es9.1e3)') value
+        point = index(buffer, 'E')
+        if (point == 0) then
+            text = adjustl(buffer)
+            return
+        end if
+        read (buffer(point + 1:), *) exponent
+        write (text, '(2a, i0)') trim(adjustl(buffer(:point - 1))), 'e', exponent
+    end function two_digits_padded
+
+    !> The length of such a number (a deferred length would be static memory, see `tandem_status`).
+    pure integer function two_digits_length(value)
+        real(wp), intent(in) :: value
+
+        two_digits_length = len_trim(two_digits_padded(value))
+    end function two_digits_length
+
+    !> A positive number with two digits.
+    pure function two_digits(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=two_digits_length(value)) :: text
+
+        text = two_digits_padded(value)
+    end function two_digits
+end module tandem_simulate_error_warnings

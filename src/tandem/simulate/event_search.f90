@@ -1,0 +1,563 @@
+! SPDX-License-Identifier: MIT
+!> The events of a step: searched on its dense output, recorded in the order of their times, and the step cut where they ask for it.
+!>
+!> Every g is sampled at a few places of the step. A sign change is narrowed to 1e-13 of the step. Where the samples come near zero
+!> and turn back, the minimum of |g| is searched: it may hide two sign changes, or a touch. A g that leaves and returns within a
+!> quarter of a step, not seen by the parabola through the samples, is missed; `max_step` bounds that. A zero at the very end of
+!> a step is judged with the next step, which shows whether g goes on or turns back.
+submodule(tandem_simulation) tandem_simulate_event_search
+    use tandem_simulate_event, only: threshold_event_type
+    use tandem_simulate_root, only: bracket_type, minimum_type, vertex
+    use tandem_status, only: status_event_limit
+    implicit none (type, external)
+
+    !> Places of the samples within the step. Those beside the ends tell an extremum at an end from one before or behind it.
+    integer, parameter :: n_samples = 7
+    real(wp), parameter :: aside = 1.0_wp/256
+    real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
+    !> Where g is looked at first after an event: closer to its zero the sign is rounding.
+    real(wp), parameter :: early = 1.0e-6_wp
+    !> Zeros are located to this part of the step; events closer than twice that are at once.
+    real(wp), parameter :: resolution = 1.0e-13_wp
+    !> Below these parts of the largest |g| in the step a value is zero: at a sample; soon after an event; at an extremum, where
+    !> the error of the integration decides whether g gets there.
+    real(wp), parameter :: zero = 1.0e-13_wp, early_zero = 1.0e-11_wp, touch = 1.0e-9_wp
+    !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
+    integer, parameter :: most_zeros = 2*n_samples
+    !> Events without an advance of time, one after the other, before they count as endless.
+    integer, parameter :: most_at_once = 100
+
+contains
+
+    !> Watch an event from the current state on.
+    module subroutine add_event(self, event)
+        class(simulation_type), intent(inout) :: self
+        class(event_type), intent(inout), target :: event
+        type(watched_type), allocatable :: longer(:)
+        integer :: n
+
+        if (.not. self%is_ready) return
+        n = 0
+        if (allocated(self%watched)) n = size(self%watched)
+        allocate (longer(n + 1))
+        if (n > 0) longer(:n) = self%watched
+        longer(n + 1)%event => event
+        call move_alloc(longer, self%watched)
+        select type (event)
+        class is (threshold_event_type)
+            if (event%quantity == 'lambda') event%needs_multipliers = .true.
+        end select
+        if (.not. allocated(self%events)) allocate (self%events(0))
+        if (.not. allocated(self%lambda)) allocate (self%lambda(self%model%n_constraints()), source=0.0_wp)
+        if (allocated(self%samples)) deallocate (self%samples)
+        allocate (self%samples(n + 1, n_samples + 1), source=0.0_wp)
+        call self%zeros%allocate(most_zeros*(n + 1))
+        self%values_are_stale = .true.
+    end subroutine add_event
+
+    !> Look for events in the step that was just accepted, from self%start to self%state, record them, and cut the step at the
+    !> first that stops the run or changes the motion. On an error without a cut the step has not been searched to its end.
+    module subroutine look_for_events(self, is_last, is_cut, error)
+        class(simulation_type), intent(inout) :: self
+        logical, intent(in) :: is_last
+        logical, intent(out) :: is_cut
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: cut_at, at_once
+        integer :: i, k
+
+        is_cut = .false.
+        call take_samples(self, error)
+        self%zeros%n = 0
+        do i = 1, size(self%watched)
+            if (.not. allocated(error)) call find_zeros(self, i, is_last, error)
+        end do
+        if (allocated(error)) then
+            call self%look_back()
+            return
+        end if
+        ! The first that cuts the step, with what happens at once with it: all of them have passed their zeros at the cut.
+        at_once = max(2*resolution, 4*spacing(abs(self%next%t))/(self%next%t - self%start%t))
+        cut_at = 2.0_wp
+        associate (zeros => self%zeros)
+            do k = 1, zeros%n
+                associate (event => self%watched(zeros%number(k))%event)
+                    is_cut = event%stops .or. event%changes
+                end associate
+                if (is_cut) cut_at = maxval(zeros%place(k:zeros%n), zeros%place(k:zeros%n) <= zeros%place(k) + at_once)
+                if (is_cut) exit
+            end do
+            do k = 1, zeros%n
+                if (zeros%place(k) > cut_at) exit
+                call record(self, zeros%number(k), zeros%direction(k), zeros%place(k), error)
+                if (.not. allocated(error)) cycle
+                ! The run ends at the event that is one too many.
+                is_cut = .true.
+                cut_at = zeros%place(k)
+                call cut_step(self, cut_at)
+                return
+            end do
+        end associate
+        if (is_cut) then
+            call begin_events(self, cut_at, at_once, error)
+        else
+            call self%look_back()
+            do i = 1, size(self%watched)
+                call pass(self%watched(i), self%samples(i, :n_samples), is_last)
+            end do
+        end if
+    end subroutine look_for_events
+
+    !> All functions at all samples of the step.
+    subroutine take_samples(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: k
+
+        if (self%values_are_stale) then
+            call sample(self, 0.0_wp, self%samples(:, 1), error)
+        else
+            self%samples(:, 1) = self%watched%value
+        end if
+        if (.not. allocated(error) .and. any(self%watched%rests)) then
+            call sample(self, early, self%samples(:, n_samples + 1), error)
+        end if
+        do k = 2, n_samples
+            if (allocated(error)) return
+            call sample(self, place(k), self%samples(:, k), error)
+        end do
+        self%values_are_stale = .false.
+    end subroutine take_samples
+
+    !> The values of all events at a place of the step.
+    subroutine sample(self, x, value, error)
+        class(simulation_type), intent(inout) :: self
+        !> 0 at the start of the step, 1 at its end.
+        real(wp), intent(in) :: x
+        real(wp), intent(out) :: value(:)
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        value = 0.0_wp
+        call go_to(self, x, error)
+        do i = 1, size(self%watched)
+            if (allocated(error)) return
+            call evaluate(self, i, value(i), error)
+        end do
+    end subroutine sample
+
+    !> Make the state that of a place of the step.
+    subroutine go_to(self, x, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: x
+        type(error_type), allocatable, intent(out) :: error
+
+        if (x >= 1.0_wp) then
+            call self%look_back()
+        else
+            call self%look_at(self%start%t + x*(self%next%t - self%start%t), error)
+        end if
+        self%lambda_is_current = .false.
+    end subroutine go_to
+
+    !> g of one event at the current state.
+    subroutine evaluate(self, number, value, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp), intent(out) :: value
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        associate (event => self%watched(number)%event, state => self%state)
+            if (event%needs_multipliers .and. .not. self%lambda_is_current) then
+                call self%multipliers(self%lambda)
+                self%lambda_is_current = .true.
+            end if
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            self%tally%event_evaluations = self%tally%event_evaluations + 1
+            if (stat == 0 .and. ieee_is_finite(value)) return
+            if (stat == 0) then
+                call set_error(error, status_not_finite, 'the function of the event "'//trim(event%name)// &
+                    '" gives a NaN or an infinity at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            else
+                call set_error(error, status_callback_failed, 'the function of the event "'//trim(event%name)// &
+                    '" returned the status '//to_text(stat)//' at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            end if
+        end associate
+    end subroutine evaluate
+
+    !> g of one event at a place of the step.
+    subroutine evaluate_at(self, number, x, value, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp), intent(in) :: x
+        real(wp), intent(out) :: value
+        type(error_type), allocatable, intent(out) :: error
+
+        value = 0.0_wp
+        call go_to(self, x, error)
+        if (.not. allocated(error)) call evaluate(self, number, value, error)
+    end subroutine evaluate_at
+
+    !> The zeros of one event in the step, added to those found.
+    subroutine find_zeros(self, number, is_last, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        !> Whether a zero at the end of the step counts.
+        logical, intent(in) :: is_last
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: x(n_samples), value(n_samples), largest
+        integer :: s(n_samples), first, last, k
+        logical :: is_found
+
+        x = place
+        value = self%samples(number, :n_samples)
+        largest = maxval(abs(value))
+        self%watched(number)%largest = largest
+        if (.not. largest > 0.0_wp .and. .not. self%watched(number)%is_open) return
+        do k = 1, n_samples
+            s(k) = sign_of(value(k), max(zero*largest, self%watched(number)%noise))
+        end do
+        if (self%watched(number)%rests) then
+            call judge_rest()
+        else
+            call judge_start()
+        end if
+        if (self%watched(number)%is_sent_back) call judge_return()
+        ! Crossings between samples; at samples crossings or touches, as the signs around them say.
+        last = 0
+        do k = first, n_samples
+            if (allocated(error)) return
+            if (s(k) == 0) cycle
+            if (last > 0) then
+                if (last < k - 1 .and. s(k) /= s(last)) then
+                    call add_if_wanted(x(last + 1), s(k))
+                else if (last < k - 1) then
+                    ! It may also be one of two crossings.
+                    call search_minimum(x(last), value(last), x(k), value(k), is_found)
+                    if (.not. is_found) call add_if_wanted(x(last + 1), 0)
+                else if (s(k) /= s(last)) then
+                    call locate(x(last), value(last), x(k), value(k))
+                end if
+            end if
+            last = k
+        end do
+        if (last > 0 .and. last < n_samples .and. is_last) call add_if_wanted(x(last + 1), -s(last))
+        self%watched(number)%is_open = self%watched(number)%is_open .or. &
+            (last > 0 .and. last < n_samples .and. .not. is_last)
+        do k = first, n_samples
+            if (.not. allocated(error)) call look_for_minimum(k)
+        end do
+
+    contains
+
+        !> It has happened at the start of the step: begin a little behind it.
+        subroutine judge_rest()
+            first = 2
+            self%watched(number)%is_open = .false.
+            s(1) = sign_of(self%samples(number, n_samples + 1), max(early_zero*largest, self%watched(number)%noise))
+            if (s(1) /= 0) then
+                first = 1
+                x(1) = early
+                value(1) = self%samples(number, n_samples + 1)
+            end if
+        end subroutine judge_rest
+
+        !> An action that has sent g back has done so for longer than what is seen here, or for nothing: g comes out on the side
+        !> that it was sent away from.
+        subroutine judge_return()
+            integer :: i
+
+            associate (watched => self%watched(number))
+                do i = first, n_samples
+                    if (s(i) == 0 .or. abs(value(i)) <= 1.0e-9_wp*watched%reach) cycle
+                    watched%is_sent_back = .false.
+                    if (s(i) /= watched%direction) return
+                    call set_error(error, status_event_limit, 'the event "'//trim(watched%event%name)//'" at t = '// &
+                        to_text(self%start%t)//' would follow itself at once', &
+                        'stop the run where its motion comes to rest, or change the model there')
+                    return
+                end do
+                watched%is_sent_back = self%next%t < watched%judged_until
+            end associate
+        end subroutine judge_return
+
+        !> A zero at the start of the step: one of the start of the run, one that the last step has left open, or a jump.
+        subroutine judge_start()
+            integer :: after
+
+            first = 1
+            associate (watched => self%watched(number))
+                k = findloc(s /= 0, .true., dim=1)
+                after = 0
+                if (k > 0) after = s(k)
+                associate (before => watched%sign_before, wanted => watched%event%direction)
+                    if (.not. watched%is_open) then
+                        if (s(1)*before < 0) call add_if_wanted(0.0_wp, s(1))
+                        ! What is zero here is not there yet, or was counted.
+                        if (s(1) == 0 .and. s(2) /= 0) s(1) = before
+                        return
+                    end if
+                    watched%is_open = .false.
+                    if (after == 0) then
+                        ! g stays at zero: that is one zero, now, or a crossing where it leaves.
+                        if (wanted == 0) call add_if_wanted(0.0_wp, 0)
+                        watched%is_open = wanted /= 0
+                    else if (before == 0) then
+                        if (s(1) == 0 .and. (wanted == 0 .or. wanted == after)) call self%zeros%add(number, 0.0_wp, 0)
+                    else if (before /= after) then
+                        call add_if_wanted(0.0_wp, after)
+                    else if (s(1) == 0 .or. s(2) == s(1)) then
+                        call add_if_wanted(0.0_wp, 0)
+                    end if
+                end associate
+            end associate
+        end subroutine judge_start
+
+        !> Narrow a sign change between two places.
+        subroutine locate(a, value_a, b, value_b)
+            real(wp), intent(in) :: a, value_a, b, value_b
+            !> More than two secants to a bisection take.
+            integer, parameter :: most_points = 150
+            type(bracket_type) :: bracket
+            real(wp) :: point, value_there
+            integer :: j
+
+            bracket = bracket_type(a, b, value_a, value_b)
+            do j = 1, most_points
+                if (bracket%b - bracket%a <= resolution) exit
+                point = bracket%next_point()
+                if (point <= bracket%a .or. point >= bracket%b) exit
+                call evaluate_at(self, number, point, value_there, error)
+                if (allocated(error)) return
+                call bracket%narrow(point, value_there)
+            end do
+            ! Behind the zero, so that the motion goes on from where the sign has changed; what is left of a step is a step.
+            point = bracket%b
+            if ((1.0_wp - point)*(self%next%t - self%start%t) <= 8*spacing(abs(self%next%t))) point = 1.0_wp
+            call add_if_wanted(point, merge(1, -1, value_b > 0.0_wp))
+        end subroutine locate
+
+        !> Is |g| at a sample smaller than beside it, and may it reach zero there?
+        subroutine look_for_minimum(k)
+            integer, intent(in) :: k
+            real(wp) :: at, extreme
+            integer :: i, low, high
+
+            i = min(max(k - 1, first), n_samples - 2)
+            low = max(k - 1, first)
+            high = min(k + 1, n_samples)
+            if (s(i) == 0 .or. any(s(i:i + 2) /= s(i))) return
+            if (k > low .and. abs(value(k)) > abs(value(low))) return
+            if (k < high .and. abs(value(k)) >= abs(value(high))) return
+            call vertex(x(i:i + 2), abs(value(i:i + 2)), at, extreme)
+            if (extreme > 0.25_wp*maxval(abs(value(i:i + 2)))) return
+            ! At an end: only an extremum of this step, or one too near to the end to tell.
+            associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(number)%rests))
+                if (k == low .and. (at > x(high) .or. at < x(low) - reach)) return
+                if (k == high .and. (at < x(low) .or. at > x(high) + x(high) - x(low))) return
+            end associate
+            call search_minimum(x(low), value(low), x(high), value(high), is_found)
+        end subroutine look_for_minimum
+
+        !> Find out what a minimum of |g| near zero is.
+        subroutine search_minimum(a, value_a, b, value_b, is_found)
+            real(wp), intent(in) :: a, value_a, b, value_b
+            !> Whether g gets to zero there.
+            logical, intent(out) :: is_found
+            !> Golden sections alone take 45.
+            integer, parameter :: most_points = 60
+            type(minimum_type) :: minimum
+            real(wp) :: point, value_there, toward
+            integer :: j
+
+            is_found = .false.
+            toward = sign(1.0_wp, value_a)
+            call minimum%begin(a, b)
+            do j = 1, most_points
+                point = minimum%next_point()
+                if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
+                ! Far above zero: no parabola will bring it there.
+                if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
+                    minimum%value > 1.0e3_wp*touch*largest .and. minimum%n_points > 4) return
+                if (point <= minimum%a .or. point >= minimum%b) exit
+                call evaluate_at(self, number, point, value_there, error)
+                if (allocated(error)) return
+                call minimum%narrow(point, toward*value_there)
+                is_found = minimum%value < -touch*largest
+                if (is_found) then
+                    call locate(a, value_a, minimum%x, toward*minimum%value)
+                    if (.not. allocated(error)) call locate(minimum%x, toward*minimum%value, b, value_b)
+                    return
+                end if
+            end do
+            is_found = minimum%value <= touch*largest .and. minimum%value < min(abs(value_a), abs(value_b))
+            if (is_found) call add_if_wanted(minimum%x, 0)
+        end subroutine search_minimum
+
+        !> Add a zero where the event asks for its direction.
+        subroutine add_if_wanted(at, direction)
+            real(wp), intent(in) :: at
+            integer, intent(in) :: direction
+
+            associate (wanted => self%watched(number)%event%direction)
+                if (wanted == 0 .or. wanted == direction) call self%zeros%add(number, at, direction)
+            end associate
+        end subroutine add_if_wanted
+    end subroutine find_zeros
+
+    !> -1, 0 or 1.
+    pure integer function sign_of(value, smallest)
+        real(wp), intent(in) :: value
+        !> What counts as zero.
+        real(wp), intent(in) :: smallest
+
+        sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
+    end function sign_of
+
+    !> Keep what has happened.
+    subroutine record(self, number, direction, x, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number, direction
+        real(wp), intent(in) :: x
+        type(error_type), allocatable, intent(out) :: error
+        type(event_record_type), allocatable :: longer(:)
+
+        call go_to(self, x, error)
+        if (allocated(error)) return
+        if (self%n_events >= self%options%max_events) then
+            call set_error(error, status_event_limit, 'max_events = '//to_text(self%n_events)//' until t = '//to_text(self%state%t))
+            return
+        end if
+        if (self%n_events == size(self%events)) then
+            allocate (longer(max(16, 2*self%n_events)))
+            longer(:self%n_events) = self%events
+            call move_alloc(longer, self%events)
+        end if
+        self%n_events = self%n_events + 1
+        associate (event => self%watched(number)%event, state => self%state)
+            self%events(self%n_events) = event_record_type(number, event%name, direction, state%t, state%q, state%qd)
+        end associate
+    end subroutine record
+
+    !> End the step at the state that is looked at. What the chart keeps stays that of the whole step, for its dense output.
+    subroutine cut_step(self, x)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: x
+
+        if (.not. x > 0.0_wp) then
+            call self%look_back()
+            call self%state%copy(self%start)
+        end if
+        if (self%is_looking) then
+            self%is_looking = .false.
+            call self%chart%release()
+        end if
+        self%last_step = self%state%t - self%start%t
+        self%renewal = by_event
+    end subroutine cut_step
+
+    !> End the step at events: what they ask for, and where all functions go on from.
+    subroutine begin_events(self, x, at_once, error)
+        class(simulation_type), intent(inout) :: self
+        !> Place of the cut; zeros that are this near to it are at once with it.
+        real(wp), intent(in) :: x, at_once
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, k
+
+        call go_to(self, x, error)
+        if (allocated(error)) return
+        call cut_step(self, x)
+        self%n_at_once = merge(self%n_at_once + 1, 0, self%last_step <= 4*spacing(abs(self%state%t)))
+        if (self%n_at_once > most_at_once) then
+            call set_error(error, status_event_limit, 'at t = '//to_text(self%state%t))
+            return
+        end if
+        self%watched%rests = .false.
+        self%watched%noise = 0.0_wp
+        do k = 1, self%zeros%n
+            if (self%zeros%place(k) > x) exit
+            if (self%zeros%place(k) < x - at_once) cycle
+            associate (watched => self%watched(self%zeros%number(k)))
+                watched%rests = .true.
+                watched%direction = self%zeros%direction(k)
+                watched%is_due = watched%event%changes
+                watched%is_sent_back = .false.
+                if (watched%is_due) self%has_to_act = .true.
+                if (.not. watched%event%stops .or. self%is_stopped) cycle
+                self%is_stopped = .true.
+                self%stopped_by = watched%event%name
+            end associate
+        end do
+        do i = 1, size(self%watched)
+            if (x < 1.0_wp) self%watched(i)%is_open = .false.
+            ! The sign before the cut, for those that do not happen there.
+            do k = 1, n_samples
+                if (place(k) > x) exit
+                associate (s => sign_of(self%samples(i, k), zero*self%watched(i)%largest))
+                    if (s /= 0) self%watched(i)%sign_before = s
+                end associate
+            end do
+        end do
+        call self%measure_errors(error)
+        if (.not. allocated(error)) call self%renew_values(error)
+    end subroutine begin_events
+
+    !> The values of all functions at the current state.
+    module subroutine renew_values(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        self%lambda_is_current = .false.
+        do i = 1, size(self%watched)
+            associate (watched => self%watched(i))
+                call evaluate(self, i, watched%value, error)
+                if (allocated(error)) return
+                if (watched%rests) call measure_noise(self, i, watched%noise)
+                associate (s => sign_of(watched%value, max(zero*watched%largest, watched%noise)))
+                    if (s /= 0) watched%sign_before = s
+                end associate
+            end associate
+        end do
+    end subroutine renew_values
+
+    !> How far rounding of time, state and multipliers may move g.
+    subroutine measure_noise(self, number, noise)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: number
+        real(wp), intent(out) :: noise
+        real(wp), parameter :: eps = 4*epsilon(1.0_wp)
+        real(wp) :: up(self%model%n), value, moved
+        integer :: stat, i
+
+        noise = 0.0_wp
+        associate (event => self%watched(number)%event, state => self%state)
+            up = [(1.0_wp + merge(-eps, eps, mod(i, 2) == 0), i=1, self%model%n)]
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat == 0) call event%evaluate(state%t*(1.0_wp + eps), up*state%q, up*state%qd, (1.0_wp + eps)*self%lambda, &
+                moved, stat)
+            self%tally%event_evaluations = self%tally%event_evaluations + 2
+            if (stat == 0 .and. ieee_is_finite(moved - value)) noise = abs(moved - value)
+        end associate
+    end subroutine measure_noise
+
+    !> Let a watched event go on to the next step.
+    subroutine pass(watched, value, is_last)
+        type(watched_type), intent(inout) :: watched
+        !> g at the samples of the step that ended.
+        real(wp), intent(in) :: value(:)
+        !> Whether a zero at the end has counted, as a crossing.
+        logical, intent(in) :: is_last
+        integer :: k
+
+        watched%value = value(size(value))
+        do k = 1, size(value)
+            associate (s => sign_of(value(k), max(zero*watched%largest, watched%noise)))
+                if (s /= 0) watched%rests = .false.
+                if (s /= 0) watched%sign_before = s
+                if (s == 0 .and. k == size(value) .and. is_last) watched%sign_before = -watched%sign_before
+            end associate
+        end do
+        if (.not. watched%rests) watched%noise = 0.0_wp
+    end subroutine pass
+end submodule tandem_simulate_event_search

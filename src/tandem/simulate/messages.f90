@@ -1,0 +1,132 @@
+! SPDX-License-Identifier: MIT
+!> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
+submodule(tandem_simulation) tandem_simulate_messages
+    use tandem_model_consistency, only: find_contradiction
+    use tandem_simulate_warning, only: add_warning
+    use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_singular_mass, &
+        status_type
+    implicit none (type, external)
+
+contains
+
+    !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
+    module subroutine fail(self, stat, where_, error)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: stat
+        character(len=*), intent(in) :: where_
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: message
+
+        message = trim(adjustl(meaning(stat)))//' '//where_
+        if (self%chart%failed_row > 0) then
+            message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
+            if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
+                message = message//trim(self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with '))
+            end if
+            if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
+                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+            end if
+        end if
+        if (stat == status_singular_mass .and. self%chart%failed_coordinate > 0) message = message//': nothing ties "'// &
+            trim(self%model%coordinate_label(self%chart%failed_coordinate))//'", which has no mass'
+        if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
+            associate (term => self%chart%failed_term)
+                if (index(term, 'outside') == 1) then
+                    message = 'the mass matrix is not zero outside of mass_blocks '//where_//', entry mass'//term(8:)// &
+                        ': give larger blocks'
+                else
+                    message = 'the mass matrix is not symmetric '//where_//', entry '//term
+                end if
+            end associate
+        end if
+        if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
+            allocated(self%chart%failed_term)) then
+            message = message//', term '//self%chart%failed_term
+        end if
+        call set_error(error, stat, message)
+    end subroutine fail
+
+    !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
+    module subroutine explain(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(inout) :: error
+        !> Time to look ahead.
+        real(wp), parameter :: ahead = 1.0e-3_wp
+
+        select case (error%stat)
+        case (status_position_diverged, status_chart_left, status_newton_failed, status_constraints_not_held, &
+            status_rank_deficient, status_step_underflow)
+            call self%compare_procedures()
+            ! The last step may have been too short to show anything.
+            if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
+                ahead, self%chart%counts, self%tally%contradiction)
+        case (status_step_limit, status_work_limit)
+            ! Limits of the user's leave no trace: what was found before is told.
+        case default
+            return
+        end select
+        if (self%tally%contradiction /= '') error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
+            error%message(len(status_name(error%stat)) + 3:)
+    end subroutine explain
+
+    !> Look for procedures of the model that contradict each other, within the last step. What was found once is not looked for
+    !> again.
+    module subroutine compare_procedures(self)
+        class(simulation_type), intent(inout) :: self
+
+        if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
+        ! Of the step to a breakpoint or to an event the model may not know any more.
+        if (self%model%segment /= self%segment_of_step) return
+        if (self%n_events > 0) then
+            if (self%events(self%n_events)%t >= self%state%t) return
+        end if
+        call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%chart%counts, &
+            self%tally%contradiction)
+    end subroutine compare_procedures
+
+    !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
+    recursive module function with_rows(self, rows, row, before) result(text)
+        class(simulation_type), intent(in) :: self
+        integer, intent(in) :: rows(:), row
+        character(len=*), intent(in) :: before
+        character(len=len(before) + most_names*(label_length + 4) + 11) :: text
+        character(len=:), allocatable :: list
+        integer :: i, n_named
+
+        list = ''
+        n_named = 0
+        do i = 1, size(rows)
+            if (rows(i) == row) cycle
+            n_named = n_named + 1
+            if (n_named > most_names) exit
+            if (n_named == 1) list = before
+            if (n_named > 1) list = list//', '
+            list = list//'"'//self%model%row_name(rows(i))//'"'
+        end do
+        if (n_named > most_names) list = list//' and others'
+        text = list
+    end function with_rows
+
+    !> Keep a warning, once.
+    module subroutine warn(self, text)
+        class(simulation_type), intent(inout) :: self
+        character(len=*), intent(in) :: text
+        integer :: i
+
+        if (.not. allocated(self%warnings)) allocate (self%warnings(0))
+        do i = 1, size(self%warnings)
+            if (self%warnings(i)%text == text) return
+        end do
+        call add_warning(self%warnings, text)
+    end subroutine warn
+
+    !> The meaning of a status code, with blanks behind.
+    pure function meaning(stat) result(text)
+        integer, intent(in) :: stat
+        type(status_type) :: row
+        character(len=len(row%meaning)) :: text
+
+        row = status_of(stat)
+        text = row%meaning
+    end function meaning
+end submodule tandem_simulate_messages

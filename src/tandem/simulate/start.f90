@@ -1,0 +1,209 @@
+! SPDX-License-Identifier: MIT
+!> The start of a simulation: is it consistent, are rows redundant, is a nonholonomic row integrable? What is little is put right.
+submodule(tandem_simulation) tandem_simulate_start
+    use tandem_status, only: status_inconsistent_rows
+    use tandem_model_integrability, only: find_integrable_rows
+    use tandem_model_redundancy, only: redundancy_type
+    implicit none (type, external)
+
+    character(len=12), parameter :: level_name(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
+
+contains
+
+    !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
+    module subroutine accept_start(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: rows(3), stat, i
+
+        self%start%q = self%state%q
+        self%start%qd = self%state%qd
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (stat == status_ok) call measure(self, rows, stat)
+        if (stat == status_rank_deficient .or. (stat == status_ok .and. may_hide_redundancy(self))) then
+            call drop_redundant_rows(self, stat == status_rank_deficient, error)
+            if (allocated(error)) return
+            call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+            if (stat == status_ok) call measure(self, rows, stat)
+        end if
+        if (stat /= status_ok) then
+            call self%fail(stat, 'at the start', error)
+            return
+        end if
+        do i = 1, 2
+            if (self%errors(i) <= self%options%start_tolerance) cycle
+            call set_error(error, status_inconsistent_start, 'the start violates the '//trim(level_name(i))// &
+                ' constraint "'//self%model%row_name(rows(i))//'" by '//to_text(self%errors(i))// &
+                ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')')
+            return
+        end do
+        if (any(self%errors(1:2) > self%options%constraint_tolerance)) call remove_errors(self, stat)
+        if (stat /= status_ok) then
+            call self%fail(stat, 'at the start', error)
+            return
+        end if
+        self%tally%start_moved_q = maxval(abs(self%start%q - self%state%q))
+        self%tally%start_moved_qd = maxval(abs(self%start%qd - self%state%qd))
+        call self%renew_chart(by_start, error)
+        if (allocated(error)) return
+        associate (state => self%state)
+            call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+        end associate
+        if (stat /= status_ok) then
+            call self%fail(stat, 'at the start', error)
+            return
+        end if
+        call self%measure_errors(error)
+        if (.not. allocated(error)) call look_for_integrable_rows(self)
+    end subroutine accept_start
+
+    !> The constraint errors of the start.
+    subroutine measure(self, rows, stat)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(out) :: rows(3), stat
+
+        associate (state => self%state)
+            call self%chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+        end associate
+    end subroutine measure
+
+    !> Rows that depend on each other on the manifold only do so up to what the start is off it.
+    logical function may_hide_redundancy(self)
+        class(simulation_type), intent(in) :: self
+
+        may_hide_redundancy = self%errors(1) <= self%options%start_tolerance .and. &
+            self%chart%independence <= 1.0e3_wp*self%errors(1)
+    end function may_hide_redundancy
+
+    !> Bring the start onto the constraints by what the chart does to a point that is off.
+    subroutine remove_errors(self, stat)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        associate (state => self%state)
+            state%dq = 0.0_wp
+            state%dqd = 0.0_wp
+            call self%chart%restore_position(state%t, state%dq, self%next%q, stat)
+            if (stat == status_ok) call self%chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+            if (stat /= status_ok) return
+            state%q = self%next%q
+            state%qd = self%next%qd
+        end associate
+    end subroutine remove_errors
+
+    !> Find redundant rows and make a chart without them; the start is then on all rows.
+    subroutine drop_redundant_rows(self, is_deficient, error)
+        class(simulation_type), intent(inout) :: self
+        !> Whether a chart with all rows is impossible.
+        logical, intent(in) :: is_deficient
+        type(error_type), allocatable, intent(out) :: error
+        type(redundancy_type) :: redundancy
+        real(wp) :: scale(self%model%n)
+        integer :: stat, i, k
+
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        associate (state => self%state, options => self%options, model => self%model)
+            call redundancy%analyse(model, scale, state%t, state%q, state%qd, options%constraint_tolerance, self%chart%counts, &
+                stat)
+            if (stat == status_inconsistent_rows) then
+                k = findloc(redundancy%dropped, redundancy%failed_row, dim=1)
+                if (size(redundancy%partners(k)) == 0) then
+                    call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
+                        '" has no gradient at the start, and its '//trim(level_name(redundancy%failed_level))// &
+                        ' is violated there', 'start elsewhere, or correct the row')
+                    return
+                end if
+                call set_error(error, stat, 'the constraint "'//model%row_name(redundancy%failed_row)// &
+                    '" depends on'//trim(self%with_rows(redundancy%partners(k), 0, ' '))//' and contradicts it in the '// &
+                    trim(level_name(redundancy%failed_level))//' at the start')
+                return
+            else if (stat == status_rank_deficient .or. (is_deficient .and. stat == status_ok .and. &
+                size(redundancy%dropped) == 0)) then
+                call self%fail(status_rank_deficient, 'at the start, though not beside it (a singular configuration)', error)
+                return
+            else if (stat /= status_ok) then
+                call self%fail(stat, 'at the start', error)
+                return
+            end if
+            ! What is off by more than the tolerance is not moved silently: it is refused with the rows that are left.
+            if (redundancy%error <= options%start_tolerance) state%q = redundancy%q
+            if (size(redundancy%dropped) == 0) return
+            self%n_redundant = size(redundancy%dropped)
+            do i = 1, size(redundancy%dropped)
+                if (size(redundancy%partners(i)) == 0) then
+                    call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))// &
+                        '" restricts nothing and was left out')
+                else
+                    call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))//'" repeats'// &
+                        trim(self%with_rows(redundancy%partners(i), 0, ' '))// &
+                        ' and was left out; the multipliers are those of least norm')
+                end if
+            end do
+        end associate
+        call use_rows(self, redundancy%kept, error)
+    end subroutine drop_redundant_rows
+
+    !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
+    module subroutine choose_rows_anew(self, stat)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        type(redundancy_type) :: redundancy
+        type(error_type), allocatable :: error
+        real(wp) :: scale(self%model%n)
+
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        call redundancy%choose(self%model, scale, self%state%t, self%state%q, self%chart%counts, stat)
+        if (stat /= status_ok) return
+        if (size(redundancy%dropped) /= self%chart%n_dropped) then
+            stat = status_rank_deficient
+            return
+        end if
+        call use_rows(self, redundancy%kept, error)
+        if (allocated(error)) then
+            stat = error%stat
+            return
+        end if
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+    end subroutine choose_rows_anew
+
+    !> A chart that uses some of the rows.
+    subroutine use_rows(self, kept, error)
+        class(simulation_type), intent(inout) :: self
+        !> Their numbers, ascending.
+        integer, intent(in) :: kept(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(counts_type) :: counts
+
+        counts = self%chart%counts
+        call self%allocate_chart()
+        call self%chart%initialize(self%model, self%options, self%method%implicit, error, kept)
+        self%chart%counts = counts
+    end subroutine use_rows
+
+    !> Warn of nonholonomic rows that are integrable.
+    subroutine look_for_integrable_rows(self)
+        class(simulation_type), intent(inout) :: self
+        integer, allocatable :: alone(:)
+        logical :: together
+        real(wp) :: scale(self%model%n)
+        integer :: i
+
+        if (self%model%n_nonholonomic == 0) return
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        call find_integrable_rows(self%model, scale, self%state%t, self%state%q, self%chart%counts, alone, together)
+        do i = 1, size(alone)
+            call self%warn('the nonholonomic constraint "'//self%model%row_name(alone(i))// &
+                '" is integrable: it restricts the position, which is held only if it is given as a holonomic constraint')
+        end do
+        if (.not. together) return
+        associate (nh => self%model%n_holonomic)
+            call self%warn('the nonholonomic constraints'// &
+                trim(self%with_rows([(i, i=nh + 1, self%model%n_constraints())], 0, ' '))// &
+                ' are integrable together: they restrict the position, which is held only if they are given as '// &
+                'holonomic constraints')
+        end associate
+    end subroutine look_for_integrable_rows
+end submodule tandem_simulate_start
