@@ -214,7 +214,7 @@ def copy_sources():
     shutil.rmtree(STRICT, ignore_errors=True)
     STRICT.mkdir(parents=True)
     shutil.copy(ROOT / "fpm.toml", STRICT)
-    for folder in ("src", "io", "app", "test", "example"):
+    for folder in ("src", "io", "cli", "app", "test", "example"):
         if (ROOT / folder).exists():
             shutil.copytree(ROOT / folder, STRICT / folder, symlinks=True, ignore=shutil.ignore_patterns("build"))
     shutil.copytree(ROOT / "build" / "dependencies", STRICT / "build" / "dependencies", symlinks=True)
