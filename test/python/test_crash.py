@@ -23,7 +23,8 @@ import h5py
 import numpy as np
 from test_output import TANDEM, Case
 
-LONG = ["--set", "time.end=20000", "--no-error", "--quiet"]
+REPORTED = ["--set", "time.end=20000", "--no-error"]
+LONG = [*REPORTED, "--quiet"]
 MOMENTS = 20
 # How often the room for a file ends, of each kind of run and in either way.
 ROOMS = int(os.environ.get("TANDEM_MOMENTS", "2"))
@@ -155,12 +156,12 @@ class Signals(Running):
         for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
             with self.subTest(number.name):
                 name = f"{number.name}.h5"
-                process = self.start("rolling_disk", *LONG, "--output", name)
+                process = self.start("rolling_disk", *REPORTED, "--output", name)
                 self.wait_for(self.has_rows(name), process)
                 process.send_signal(number)
                 out, err = self.end(process, 128 + number)
                 self.assertIn("INTERRUPTED after", out)
-                self.assertRegex(err, rf"^tandem: interrupted: {number.name} came at t = ")
+                self.assertRegex(err, rf"(?m)^tandem: interrupted: {number.name} came at t = ")
                 with h5py.File(self.folder / name) as file:
                     self.assertEqual(file.attrs["status"], "interrupted")
                     self.assertIn(number.name, file.attrs["status_message"])
@@ -183,7 +184,7 @@ class Signals(Running):
             self.assertEqual(file.attrs["status"], "running")
 
     def test_a_second_run_for_the_error_is_ended_too_and_the_file_is_complete(self):
-        process = self.start("rolling_disk", "--set", "time.end=100", "--set", "solver.step=1e-3", "--error", "--quiet",
+        process = self.start("rolling_disk", "--set", "time.end=100", "--set", "solver.step=1e-3", "--error",
                              "--output", "a.h5")
 
         def is_complete():
@@ -253,7 +254,7 @@ class Disk(Running):
         if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", small], capture_output=True).returncode != 0:
             self.skipTest("only root may mount a small disk")
         try:
-            out, err = self.end(self.start("rolling_disk", *LONG, "--output", "small/a.h5"), 1)
+            out, err = self.end(self.start("rolling_disk", *REPORTED, "--output", "small/a.h5"), 1)
             self.assertIn("No space left on device", err)
             self.assertIn("INCOMPLETE", out)
             self.check_left(small / "a.h5", "No space left on device")

@@ -124,7 +124,7 @@ class Profile(Case):
         untimed = {"restore_motion", "initialize", "remainder", "start_step", "retry_step", "forget", "forget_model", "hold", "release",
                    "matrix_cost", "pack_state", "relative_change", "keep_tangent"}
         source = ROOT / "src" / "tandem"
-        asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "tangent" / "chart.f90").read_text()))
+        asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "chart" / "chart.f90").read_text()))
         timed = set(re.findall(r"call self%profile%enter.*\n.*self%dense_chart_type%(\w+)",
                                (source / "profile" / "chart.f90").read_text()))
         self.assertGreater(len(timed), 10)

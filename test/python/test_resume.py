@@ -305,7 +305,7 @@ class Signalled(Resume):
         # A shorter end than planned is one too; the file may have moved.
         (self.folder / "parts.h5").rename(self.folder / "moved.h5")
         end = float(np.ceil(times[-1])) + 0.5
-        done = self.tandem("resume", "moved.h5", "--set", f"time.end={end}", "--quiet", "--no-error")
+        done = self.tandem("resume", "moved.h5", "--set", f"time.end={end}", "--no-error")
         self.assertIn(f"0.0 to {end} s", done.stdout)
         with h5py.File(self.folder / "moved.h5") as file:
             self.assertEqual(file.attrs["status"], "complete")
