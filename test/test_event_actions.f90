@@ -95,7 +95,8 @@ contains
                         call check_below(error, abs(dot_product(q, qd)), 1.0e-12_wp, 'velocity along the rod')
                         call check_below(error, abs(dot_product(q, qdd) + dot_product(qd, qd)), 1.0e-11_wp, 'acceleration')
                     end associate
-                    call check_close(error, simulation%events(1)%q, simulation%state%q, 0.0_wp, 'record')
+                    ! The state has been brought onto the constraints once more: roundings of a rod of 1 m.
+                    call check_close(error, simulation%events(1)%q, simulation%state%q, 4*epsilon(1.0_wp), 'record')
                     t = simulation%state%t
                     call simulation%integrate(t + 0.1_wp, failure)
                     call check_no_failure(error, failure)

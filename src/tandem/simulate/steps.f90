@@ -467,15 +467,32 @@ contains
         if (self%tries < many) return
         hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
         associate (t => self%state%t, from => self%tries_from)
-            if (.not. t - from > hopeful*(t_limit - t)) call set_error(error, status_step_underflow, 'the last '// &
-                to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
-                to_text(t - from)//' further', &
-                'see what makes steps fail or errors large there: a singularity, or a procedure that is wrong (tandem check, '// &
-                'verify_model)')
+            if (.not. t - from > hopeful*(t_limit - t)) then
+                call name_near_loss(self, error)
+                if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
+                    to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
+                    to_text(t - from)//' further', &
+                    'see what makes steps fail or errors large there: a singularity, or a procedure that is wrong '// &
+                    '(tandem check, verify_model)')
+            end if
             from = t
         end associate
         self%tries = 0
     end subroutine check_progress
+
+    !> Steps have become hopelessly short. Where C loses its rank, or what ties a coordinate without mass, within a millionth of the
+    !> run ahead, that is why: the errors of steps grow without bound towards it.
+    subroutine name_near_loss(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: near = 1.0e-6_wp
+        integer :: loss
+
+        associate (state => self%state)
+            loss = self%chart%loss_ahead(state%t, state%q, state%qd, near*(state%t - self%t_start))
+            if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(state%t), error)
+        end associate
+    end subroutine name_near_loss
 
     !> The error of a step that would no longer change the time.
     subroutine underflow(self, reason, h, error)
@@ -491,8 +508,9 @@ contains
         else if (reason /= status_ok) then
             call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
         else
-            call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
-                ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
+            call name_near_loss(self, error)
+            if (.not. allocated(error)) call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '// &
+                to_text(self%state%t)//' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
         end if
         ! Whoever goes on after that, has mended what it came from.
         call self%control%begin()
