@@ -61,6 +61,8 @@ contains
                 end if
                 arguments%first = 3
             end if
+        case default
+            continue
         end select
         arguments%about = ''
         allocate (arguments%models, source=models)
@@ -99,6 +101,8 @@ contains
                 call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
             case ('SCENE', 'SCENE...')
                 call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
+            case default
+                continue
             end select
         end associate
     end subroutine parse

@@ -96,6 +96,8 @@ contains
             words = words//'bash zsh'
         case ('[COMMAND]')
             words = words//first_words()
+        case default
+            continue
         end select
     end function words_of
 end module tandem_cli_completion

@@ -94,6 +94,8 @@ contains
         case ('completion')
             call say('bash: tandem completion bash > ~/.local/share/bash-completion/completions/tandem')
             call say('zsh: tandem completion zsh > a file _tandem in a folder of $fpath')
+        case default
+            continue
         end select
     end subroutine say_notes
 

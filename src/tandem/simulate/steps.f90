@@ -502,19 +502,24 @@ contains
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%state%t <= self%loss_until .and. any(self%loss == losses)) then
-            call self%fail(self%loss, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
-                error)
-        else if (reason /= status_ok) then
-            call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
-        else
-            call name_near_loss(self, error)
-            if (.not. allocated(error)) call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '// &
-                to_text(self%state%t)//' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
-        end if
-        ! Whoever goes on after that, has mended what it came from.
+        call name_near_loss(self, error)
+        if (.not. allocated(error)) call name_failure()
+        ! Something was mended before a run goes on after that.
         call self%control%begin()
         self%hindrance = status_ok
+    contains
+        !> The failure of the last try, or that it was too inaccurate.
+        subroutine name_failure()
+            if (self%state%t <= self%loss_until .and. any(self%loss == losses)) then
+                call self%fail(self%loss, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
+                    error)
+            else if (reason /= status_ok) then
+                call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
+            else
+                call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
+                    ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
+            end if
+        end subroutine name_failure
     end subroutine underflow
 
     !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).
