@@ -145,6 +145,7 @@ contains
         type(warning_type), allocatable :: doubts(:)
         integer :: i
 
+        allocate (doubts(0))
         call find_error_warnings(options, statistics, doubts)
         warns = .false.
         do i = 1, size(doubts)

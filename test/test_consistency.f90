@@ -290,6 +290,7 @@ contains
         global_error%is_known = .true.
         global_error%n = 2
         global_error%largest = 1.0_wp
+        allocate (doubts(0))
         call find_error_warnings(options_type(rtol=1.0e-6_wp), statistics, doubts, global_error)
         call check_count(error, size(doubts), 2, 'doubts')
         if (allocated(error)) return
@@ -376,9 +377,7 @@ contains
         call check_model(error, four_bar, q, qd, 0.0_wp, 2.0_wp)
         if (allocated(error)) return
         q = spread(0.0_wp, 1, 2)
-        qd = q
-        qdd = q
-        lambda = q
+        allocate (qd, qdd, lambda, source=q)
         call belt%define()
         call belt%solution(0.0_wp, q, qd, qdd, lambda)
         call check_model(error, belt, q, qd, 0.0_wp, 2.0_wp)

@@ -283,6 +283,7 @@ contains
         statistics%local_error_steps = 50
         statistics%local_error_sum = 1.0e-5_wp
         global_error%largest = 3.9e-5_wp
+        allocate (doubts(0))
         call find_error_warnings(options, statistics, doubts, global_error)
         call check_text(error, doubts(1)%text, 'to which the errors of its steps add up: tighten rtol')
         if (allocated(error)) return

@@ -146,7 +146,7 @@ contains
 
         if (allocated(error)) then
             self%stat = error%stat
-            message = error%message
+            allocate (message, source=error%message)
             call in_words_of(self%model%by_rows, message)
             call set_message(self, message)
         else if (self%stat /= status_ok) then

@@ -252,8 +252,7 @@ contains
 
         n = size(forms%q)
         k = size(forms%directions, 2)
-        ahead = forms%rows
-        behind = forms%rows
+        allocate (ahead, behind, source=forms%rows)
         if (allocated(forms%slope)) deallocate (forms%slope, forms%magnitude)
         allocate (forms%slope(size(ahead, 1) - nh, k, k), forms%magnitude(size(ahead, 1) - nh, k, k))
         do a = 1, k

@@ -124,6 +124,7 @@ contains
         class(toml_value), pointer :: found
         integer :: i, j
 
+        allocate (names(0))
         call table%get_keys(names)
         do i = 1, size(names)
             do j = n + 1, 1, -1

@@ -57,6 +57,7 @@ contains
         end if
         if (stat == status_ok) then
             call find_massless(self)
+            if (self%n_massless > 0 .and. .not. self%best_tie > 0.0_wp) call weigh_rows(self, self%step_jacobian)
             if (.not. keeps_ties(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_singular_mass
         end if
         if (stat /= status_ok) then
@@ -118,8 +119,8 @@ contains
         real(wp) :: from, to, at
         integer :: k, stat_there
 
-        near = self%step_jacobian
-        far = self%model%terms%jacobian
+        allocate (near, source=self%step_jacobian)
+        allocate (far, middle, source=self%model%terms%jacobian)
         from = 0.0_wp
         to = 1.0_wp
         do k = 1, most_halvings
@@ -177,6 +178,20 @@ contains
         if (.not. keeps_ties) self%failed_coordinate = self%loosest
     end function keeps_ties
 
+    !> What the rows weigh where ties are compared: 1 over their squared lengths in scaled unknowns at the first point of a run, so
+    !> that their units do not matter.
+    pure subroutine weigh_rows(self, jacobian)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: jacobian(:, :)
+        integer :: j
+
+        self%tie_weight = 0.0_wp
+        do j = 1, self%n
+            self%tie_weight = self%tie_weight + (self%scale(j)*jacobian(:, j))**2
+        end do
+        self%tie_weight = 1.0_wp/max(self%tie_weight, tiny(1.0_wp))
+    end subroutine weigh_rows
+
     !> The coordinates without mass at the current point: a zero on the diagonal of M, which has no negative eigenvalue.
     pure subroutine find_massless(self)
         class(dense_chart_type), intent(inout) :: self
@@ -192,15 +207,16 @@ contains
         if (self%n_massless > self%m) self%n_massless = 0
     end subroutine find_massless
 
-    !> Whether det(A' B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with rows of unit
-    !> length in A and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
+    !> Whether det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
+    !> rows and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
     pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weight, weakest, smallest, is_positive)
         !> Rows, columns, those to compare and their numbers.
         integer, intent(in) :: m, n, k, columns(n)
         !> Scales of the unknowns, A and B.
         real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space.
-        real(wp), intent(inout) :: product(m, m), weight(m)
+        !> Work space; what the rows weigh.
+        real(wp), intent(inout) :: product(m, m)
+        real(wp), intent(in) :: weight(m)
         !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
@@ -212,16 +228,6 @@ contains
         smallest = huge(1.0_wp)
         is_positive = .true.
         if (k == 0) return
-        weight = 0.0_wp
-        do j = 1, n
-            f = scale(j)**2
-            do l = 1, m
-                weight(l) = weight(l) + f*a(l, j)**2
-            end do
-        end do
-        do l = 1, m
-            weight(l) = 1.0_wp/max(weight(l), tiny(1.0_wp))
-        end do
         do j = 1, k
             do i = 1, k
                 f = 0.0_wp
@@ -286,7 +292,8 @@ contains
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
         call find_massless(self)
-        here = self%model%terms%jacobian
+        if (self%n_massless > 0 .and. .not. self%best_tie > 0.0_wp) call weigh_rows(self, self%model%terms%jacobian)
+        allocate (here, source=self%model%terms%jacobian)
         near = 0.0_wp
         far = h
         if (keeps_until(h)) return

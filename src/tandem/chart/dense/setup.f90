@@ -203,6 +203,7 @@ contains
         call pack%item(self%origin_orientation)
         call pack%item(self%last_independence)
         call pack%item(self%best_tie)
+        call pack%item(self%tie_weight)
         call pack%item(self%step_jacobian)
         call pack%item(self%has_point)
         call pack%item(self%is_finite_here)
