@@ -8,6 +8,8 @@ module tandem_model_differences
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
+    use tandem_model_timer, only: of_evaluate_derivatives, of_force_q, of_force_qd, of_gamma_q, of_gamma_qd, &
+        of_jacobian_derivative, of_mass_derivative, of_nu_derivative, of_reaction_derivative
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -129,14 +131,16 @@ contains
         stat = 0
         missing_q = 0
         missing_qd = 0
-        associate (fused => self%model%provides_derivatives)
+        associate (model => self%model, fused => self%model%provides_derivatives)
             if (fused /= 0) then
-                call self%model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
+                if (associated(model%timer)) call model%timer%begin_call(of_evaluate_derivatives + fused)
+                call model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
                 do i = 1, n_derivatives
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
             if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+            if (associated(model%timer)) call model%timer%end_call()
             if (stat /= 0) then
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
                 return
@@ -171,12 +175,14 @@ contains
             if (self%has_constraints .and. iand(fused, need_velocity_q) == 0) then
                 d%velocity_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
                     call model%jacobian_derivative(t, q, qd, d%velocity_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
                 if (associated(model%nu_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_nu_derivative)
                     call model%nu_derivative(t, q, self%block_m, stat)
                     if (stat /= 0) return
                     d%velocity_q = d%velocity_q - self%block_m
@@ -188,12 +194,14 @@ contains
             if (self%has_constraints .and. iand(fused, need_acceleration_q) == 0) then
                 d%acceleration_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
                     call model%jacobian_derivative(t, q, qdd, d%acceleration_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
                 if (associated(model%gamma_q)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_q)
                     call model%gamma_q(t, q, qd, self%block_m, stat)
                     if (stat /= 0) return
                     d%acceleration_q = d%acceleration_q + self%block_m
@@ -205,6 +213,7 @@ contains
             if (self%has_constraints .and. iand(fused, need_acceleration_qd) == 0) then
                 d%acceleration_qd = 0.0_wp
                 if (associated(model%gamma_qd)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_qd)
                     call model%gamma_qd(t, q, qd, d%acceleration_qd, stat)
                     if (stat /= 0) return
                 else
@@ -216,6 +225,7 @@ contains
                 d%dynamics_q = 0.0_wp
                 if (.not. model%constant_mass) then
                     if (associated(model%mass_derivative)) then
+                        if (associated(model%timer)) call model%timer%begin_call(of_mass_derivative)
                         call model%mass_derivative(q, qdd, d%dynamics_q, stat)
                         if (stat /= 0) return
                     else
@@ -224,6 +234,7 @@ contains
                 end if
                 if (self%has_constraints) then
                     if (associated(model%reaction_derivative)) then
+                        if (associated(model%timer)) call model%timer%begin_call(of_reaction_derivative)
                         call model%reaction_derivative(t, q, lambda, self%block_n, stat)
                         if (stat /= 0) return
                         d%dynamics_q = d%dynamics_q + self%block_n
@@ -232,6 +243,7 @@ contains
                     end if
                 end if
                 if (associated(model%force_q)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_force_q)
                     call model%force_q(t, q, qd, self%block_n, stat)
                     if (stat /= 0) return
                     d%dynamics_q = d%dynamics_q - self%block_n
@@ -243,6 +255,7 @@ contains
             if (iand(fused, need_dynamics_qd) == 0) then
                 d%dynamics_qd = 0.0_wp
                 if (associated(model%force_qd)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_force_qd)
                     call model%force_qd(t, q, qd, d%dynamics_qd, stat)
                     d%dynamics_qd = -d%dynamics_qd
                 else if (iand(self%has, need_force) /= 0) then

@@ -2,6 +2,7 @@
 !> What there is to see of the motion: the dense output at times within the last step, and at any state looked at its multipliers
 !> and energies. Looking takes no part in the integration.
 submodule(tandem_simulation) tandem_simulate_dense_output
+    use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
     implicit none (type, external)
 
 contains
@@ -142,7 +143,9 @@ contains
         if (.not. self%is_ready) return
         if (associated(self%model%kinetic_energy)) then
             self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
+            if (associated(self%model%timer)) call self%model%timer%begin_call(of_kinetic_energy)
             call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
+            if (associated(self%model%timer)) call self%model%timer%end_call()
         else
             call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
         end if
@@ -158,6 +161,8 @@ contains
         stat = status_invalid_option
         if (.not. self%is_ready) return
         self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
+        if (associated(self%model%timer)) call self%model%timer%begin_call(of_potential_energy)
         call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
+        if (associated(self%model%timer)) call self%model%timer%end_call()
     end subroutine potential_energy
 end submodule tandem_simulate_dense_output
