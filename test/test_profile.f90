@@ -9,8 +9,8 @@ module test_profile
     use subjects, only: new_subject, subject_names
     use tandem, only: failure_type => error_type, long, mark_type, model_type, n_derivatives, n_part_groups, n_parts, n_terms, &
         observer_type, options_type, part_group, part_group_name, part_name, part_open, part_rows, part_start, part_watch, &
-        profile_type, profiled_chart_type, profiled_model_type, profiled_observer_type, simulation_type, statistics_type, &
-        stepper_names, term_name, terms_of_part, to_text, wp
+        profile_type, profiled_chart_type, profiled_observer_type, simulation_type, statistics_type, stepper_names, term_name, &
+        terms_of_part, to_text, wp
     use tandem_io_output_observers, only: observer_list_type
     use tandem_profile_parts, only: part_acceleration, part_control, part_correction, part_derivatives, part_energy, part_matrix, &
         part_multipliers, part_renew, part_terms
@@ -27,7 +27,6 @@ module test_profile
     type :: case_type
         type(simulation_type) :: simulation
         class(model_type), allocatable :: model, inner
-        type(profiled_model_type) :: stand_in
         type(profile_type) :: profile
         real(wp), allocatable :: q(:), qd(:)
     end type case_type
@@ -122,7 +121,7 @@ contains
         end do
     end subroutine test_calls
 
-    !> The model that works knows its segment, and a jump of nu is followed.
+    !> Breakpoints and a jump of nu are followed.
     subroutine test_segments(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: plain, profiled
@@ -330,9 +329,9 @@ contains
         if (allocated(error)) return
         if (is_profiled) then
             call self%profile%begin()
-            call self%stand_in%wrap(self%model, self%profile)
+            self%model%timer => self%profile
             chart%profile => self%profile
-            call self%simulation%initialize(self%stand_in, options, 0.0_wp, self%q, self%qd, failure, chart=chart)
+            call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure, chart=chart)
         else
             call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure)
         end if

@@ -4,8 +4,8 @@
 
 Usage: tools/docs.py
 
-Prints "ok NAME" or "not ok NAME" for each check: every public entity has a comment, FORD has nothing to warn of, and every
-link between the pages leads somewhere. The exit code is 1 if anything failed. Needs FORD (tools/setup.sh docs).
+Prints "ok NAME" or "not ok NAME" for each check: folders use each other one way, as CONTRIBUTING.md shows, every public entity has
+a comment, FORD has nothing to warn of, and every link between the pages leads somewhere. The exit code is 1 if anything failed. Needs FORD (tools/setup.sh docs).
 """
 
 import html.parser
@@ -15,6 +15,8 @@ import subprocess
 import sys
 import urllib.parse
 from pathlib import Path
+
+import arrows
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "build" / "docs-pages"
@@ -148,6 +150,7 @@ def dead_links():
 
 
 def main():
+    check("folders-use-each-other-one-way", arrows.problems())
     sources = sorted((ROOT / "src").rglob("*.f90"))
     check("public-entities-have-comments", [problem for source in sources for problem in undocumented(source)])
     make_pages()

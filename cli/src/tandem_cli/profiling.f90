@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What takes the time of a run, for `tandem run --profile`.
 module tandem_cli_profiling
-    use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_chart_type, profiled_model_type, &
-        profiled_observer_type
+    use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_chart_type, profiled_observer_type
     use tandem_io, only: observer_list_type
     implicit none (type, external)
     private
@@ -13,8 +12,6 @@ module tandem_cli_profiling
     type :: profiling_type
         !> The times.
         type(profile_type) :: profile
-        !> Stands in for the model of the run.
-        type(profiled_model_type) :: model
         type(profiled_observer_type), private :: watching, writing
     contains
         procedure :: begin
@@ -27,12 +24,12 @@ contains
     subroutine begin(self, model, chart)
         class(profiling_type), intent(inout), target :: self
         !> The model of the run.
-        class(model_type), intent(inout), target :: model
+        class(model_type), intent(inout) :: model
         !> What `initialize` of the simulation takes as its chart.
         type(profiled_chart_type), intent(inout) :: chart
 
         call self%profile%begin()
-        call self%model%wrap(model, self%profile)
+        model%timer => self%profile
         chart%profile => self%profile
     end subroutine begin
 

@@ -154,8 +154,7 @@ contains
         if (present(profiling)) then
             call profiling%begin(scene%model, chart)
             call profiling%profile%enter(part_start, mark)
-            call simulation%initialize(profiling%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, &
-                chart)
+            call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, chart)
             call profiling%profile%leave(mark)
         else
             call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)

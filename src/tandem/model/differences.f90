@@ -8,6 +8,8 @@ module tandem_model_differences
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
+    use tandem_model_timer, only: of_evaluate_derivatives, of_force_q, of_force_qd, of_gamma_q, of_gamma_qd, &
+        of_jacobian_derivative, of_mass_derivative, of_nu_derivative, of_reaction_derivative
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -24,7 +26,7 @@ module tandem_model_differences
         !> The terms that the model has, and whether gamma is its own.
         integer :: has = 0
         logical :: has_gamma = .false., has_constraints = .false.
-        real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:), gamma(:)
+        real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:)
         !> Residuals at the point and at a displaced one: velocity, acceleration (m), dynamics (n).
         real(wp), allocatable :: velocity(:), acceleration(:), dynamics(:), velocity0(:), acceleration0(:), dynamics0(:)
         !> Work space for single derivative procedures (m, n), (n, n).
@@ -35,8 +37,7 @@ module tandem_model_differences
         procedure, public :: evaluate_derivatives
         procedure, public :: pack_state
         procedure :: add_single
-        procedure :: differentiate_q
-        procedure :: differentiate_qd
+        procedure :: differentiate
         procedure :: residuals
     end type differences_type
 
@@ -67,7 +68,6 @@ contains
         self%dynamics = self%q
         self%dynamics0 = self%q
         self%velocity = spread(0.0_wp, 1, m)
-        self%gamma = self%velocity
         self%acceleration = self%velocity
         self%velocity0 = self%velocity
         self%acceleration0 = self%velocity
@@ -129,23 +129,25 @@ contains
         stat = 0
         missing_q = 0
         missing_qd = 0
-        associate (fused => self%model%provides_derivatives)
+        associate (model => self%model, fused => self%model%provides_derivatives)
             if (fused /= 0) then
-                call self%model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
+                if (associated(model%timer)) call model%timer%begin_call(of_evaluate_derivatives + fused)
+                call model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
                 do i = 1, n_derivatives
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
             if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+            if (associated(model%timer)) call model%timer%end_call()
             if (stat /= 0) then
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
                 return
             end if
             if (missing_q /= 0) then
-                call self%differentiate_q(missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+                call self%differentiate(.false., missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
             if (stat == status_ok .and. missing_qd /= 0) then
-                call self%differentiate_qd(missing_qd, t, q, qd, qdd, lambda, derivatives, counts, stat)
+                call self%differentiate(.true., missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
             end if
         end associate
     end subroutine evaluate_derivatives
@@ -171,12 +173,14 @@ contains
             if (self%has_constraints .and. iand(fused, need_velocity_q) == 0) then
                 d%velocity_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
                     call model%jacobian_derivative(t, q, qd, d%velocity_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
                 if (associated(model%nu_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_nu_derivative)
                     call model%nu_derivative(t, q, self%block_m, stat)
                     if (stat /= 0) return
                     d%velocity_q = d%velocity_q - self%block_m
@@ -188,12 +192,14 @@ contains
             if (self%has_constraints .and. iand(fused, need_acceleration_q) == 0) then
                 d%acceleration_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
                     call model%jacobian_derivative(t, q, qdd, d%acceleration_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
                 if (associated(model%gamma_q)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_q)
                     call model%gamma_q(t, q, qd, self%block_m, stat)
                     if (stat /= 0) return
                     d%acceleration_q = d%acceleration_q + self%block_m
@@ -205,6 +211,7 @@ contains
             if (self%has_constraints .and. iand(fused, need_acceleration_qd) == 0) then
                 d%acceleration_qd = 0.0_wp
                 if (associated(model%gamma_qd)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_qd)
                     call model%gamma_qd(t, q, qd, d%acceleration_qd, stat)
                     if (stat /= 0) return
                 else
@@ -216,6 +223,7 @@ contains
                 d%dynamics_q = 0.0_wp
                 if (.not. model%constant_mass) then
                     if (associated(model%mass_derivative)) then
+                        if (associated(model%timer)) call model%timer%begin_call(of_mass_derivative)
                         call model%mass_derivative(q, qdd, d%dynamics_q, stat)
                         if (stat /= 0) return
                     else
@@ -224,6 +232,7 @@ contains
                 end if
                 if (self%has_constraints) then
                     if (associated(model%reaction_derivative)) then
+                        if (associated(model%timer)) call model%timer%begin_call(of_reaction_derivative)
                         call model%reaction_derivative(t, q, lambda, self%block_n, stat)
                         if (stat /= 0) return
                         d%dynamics_q = d%dynamics_q + self%block_n
@@ -232,6 +241,7 @@ contains
                     end if
                 end if
                 if (associated(model%force_q)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_force_q)
                     call model%force_q(t, q, qd, self%block_n, stat)
                     if (stat /= 0) return
                     d%dynamics_q = d%dynamics_q - self%block_n
@@ -243,6 +253,7 @@ contains
             if (iand(fused, need_dynamics_qd) == 0) then
                 d%dynamics_qd = 0.0_wp
                 if (associated(model%force_qd)) then
+                    if (associated(model%timer)) call model%timer%begin_call(of_force_qd)
                     call model%force_qd(t, q, qd, d%dynamics_qd, stat)
                     d%dynamics_qd = -d%dynamics_qd
                 else if (iand(self%has, need_force) /= 0) then
@@ -263,79 +274,62 @@ contains
         end subroutine count_single
     end subroutine add_single
 
-    !> Add forward differences with respect to q of what is missing.
-    subroutine differentiate_q(self, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+    !> Add forward differences of what is missing, with respect to q or to qd.
+    subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
+        logical, intent(in) :: by_qd
         integer, intent(in) :: missing, fused
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        real(wp) :: delta
+        real(wp) :: x, moved, delta
         integer :: j
 
         self%q = q
-        call self%residuals(missing, t, qd, qd, qdd, lambda, counts, stat)
+        self%qd = qd
+        call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
         if (stat /= status_ok) return
         self%velocity0 = self%velocity
         self%acceleration0 = self%acceleration
         self%dynamics0 = self%dynamics
         do j = 1, size(q)
-            delta = sqrt(epsilon(1.0_wp))*max(abs(q(j)), self%scale(j))
-            self%q(j) = q(j) + delta
-            delta = self%q(j) - q(j)
-            call self%residuals(missing, t, qd, qd, qdd, lambda, counts, stat)
+            x = merge(qd(j), q(j), by_qd)
+            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), self%scale(j))
+            if (by_qd) then
+                self%qd(j) = moved
+            else
+                self%q(j) = moved
+            end if
+            call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
             if (stat /= status_ok) return
             self%q(j) = q(j)
-            if (iand(fused, need_velocity_q) == 0) derivatives%velocity_q(:, j) = derivatives%velocity_q(:, j) + &
-                (self%velocity - self%velocity0)/delta
-            if (iand(fused, need_acceleration_q) == 0) derivatives%acceleration_q(:, j) = &
-                derivatives%acceleration_q(:, j) + (self%acceleration - self%acceleration0)/delta
-            if (iand(fused, need_dynamics_q) == 0) derivatives%dynamics_q(:, j) = derivatives%dynamics_q(:, j) + &
-                (self%dynamics - self%dynamics0)/delta
-        end do
-    end subroutine differentiate_q
-
-    !> Add forward differences with respect to qd of what is missing.
-    subroutine differentiate_qd(self, missing, t, q, qd, qdd, lambda, derivatives, counts, stat)
-        class(differences_type), intent(inout) :: self
-        integer, intent(in) :: missing
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
-        type(derivatives_type), intent(inout) :: derivatives
-        type(counts_type), intent(inout) :: counts
-        integer, intent(out) :: stat
-        real(wp) :: delta
-        integer :: j
-
-        self%q = q
-        self%qd = qd
-        call self%residuals(missing, t, qd, self%qd, qdd, lambda, counts, stat)
-        if (stat /= status_ok) return
-        self%acceleration0 = self%acceleration
-        self%dynamics0 = self%dynamics
-        do j = 1, size(q)
-            delta = sqrt(epsilon(1.0_wp))*max(abs(qd(j)), self%scale(j))
-            self%qd(j) = qd(j) + delta
-            delta = self%qd(j) - qd(j)
-            call self%residuals(missing, t, qd, self%qd, qdd, lambda, counts, stat)
-            if (stat /= status_ok) return
             self%qd(j) = qd(j)
-            if (iand(missing, from_gamma) /= 0) then
-                derivatives%acceleration_qd(:, j) = (self%acceleration - self%acceleration0)/delta
-            end if
-            if (iand(missing, from_force) /= 0) derivatives%dynamics_qd(:, j) = (self%dynamics - self%dynamics0)/delta
+            delta = moved - x
+            self%velocity = (self%velocity - self%velocity0)/delta
+            self%acceleration = (self%acceleration - self%acceleration0)/delta
+            self%dynamics = (self%dynamics - self%dynamics0)/delta
+            associate (d => derivatives)
+                if (by_qd) then
+                    if (iand(missing, from_gamma) /= 0) d%acceleration_qd(:, j) = self%acceleration
+                    if (iand(missing, from_force) /= 0) d%dynamics_qd(:, j) = self%dynamics
+                else
+                    if (iand(fused, need_velocity_q) == 0) d%velocity_q(:, j) = d%velocity_q(:, j) + self%velocity
+                    if (iand(fused, need_acceleration_q) == 0) d%acceleration_q(:, j) = d%acceleration_q(:, j) + self%acceleration
+                    if (iand(fused, need_dynamics_q) == 0) d%dynamics_q(:, j) = d%dynamics_q(:, j) + self%dynamics
+                end if
+            end associate
         end do
-    end subroutine differentiate_qd
+    end subroutine differentiate
 
     !> The missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. The velocity that multiplies C
-    !> is constant; gamma and the forces see `qd_moved`.
-    subroutine residuals(self, missing, t, qd, qd_moved, qdd, lambda, counts, stat)
+    !> is constant; gamma and the forces see self%qd.
+    subroutine residuals(self, missing, t, qd, qdd, lambda, counts, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: missing
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: qd(:), qd_moved(:), qdd(:), lambda(:)
+        real(wp), intent(in), contiguous :: qd(:), qdd(:), lambda(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
         integer :: need
@@ -352,10 +346,10 @@ contains
         self%dynamics = 0.0_wp
         stat = status_ok
         if (iand(missing, from_gamma) /= 0 .and. .not. self%has_gamma) then
-            call self%evaluate_gamma(t, self%q, qd_moved, self%acceleration, counts, stat)
+            call self%evaluate_gamma(t, self%q, self%qd, self%acceleration, counts, stat)
             if (stat /= status_ok) return
         end if
-        call self%probe%evaluate(need, t, self%q, qd_moved, counts, stat)
+        call self%probe%evaluate(need, t, self%q, self%qd, counts, stat)
         if (stat /= status_ok) return
         associate (terms => self%probe%terms)
             if (iand(missing, from_jacobian) /= 0) then

@@ -7,6 +7,8 @@ module tandem_model_evaluator
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
+    use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_evaluate, of_holonomic, of_holonomic_jacobian, &
+        of_holonomic_rate, of_inertia_force, of_mass_matrix, of_nonholonomic_jacobian, of_nonholonomic_rhs
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -32,7 +34,8 @@ module tandem_model_evaluator
         logical :: mass_is_trusted = .false.
         !> Whether nothing of it is to be looked at any more.
         logical, private :: mass_is_settled = .false.
-        !> The terms that one call of the model's `evaluate` puts where they belong, a sum of need bits.
+        !> The terms that one call of the model's `evaluate` puts where they belong, a sum of need bits; none where its time is
+        !> taken, so that a run without a profile pays nothing for that.
         integer, private :: direct = 0
         !> The diagonal blocks of M with more than one entry: M is diagonal but for them. The first and the last coordinate of
         !> each, one block after the other.
@@ -86,7 +89,7 @@ contains
         self%part = spread(0.0_wp, 1, model%n)
         call self%take_blocks()
         self%has = model%provides
-        self%direct = merge(0, model%provides, present(kept))
+        self%direct = merge(0, model%provides, present(kept) .or. associated(model%timer))
         if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
         if (model%n_constraints() > 0) self%has = ior(self%has, need_jacobian)
         if (associated(model%constraint_acceleration)) self%has = ior(self%has, need_gamma)
@@ -162,7 +165,7 @@ contains
         stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine evaluate_phi
 
-    !> Evaluate terms by several procedures, or with rows that are not in use.
+    !> Evaluate terms by several procedures, or with rows that are not in use, or where the time is taken.
     subroutine evaluate_parts(self, wanted, t, q, qd, counts, stat)
         class(evaluator_type), intent(inout) :: self
         integer, intent(in) :: wanted
@@ -334,10 +337,12 @@ contains
         stat = 0
         fused = iand(wanted, model%provides)
         if (fused /= 0) then
-            failed_term = 'evaluate'
+            if (associated(model%timer)) call model%timer%begin_call(of_evaluate + fused)
             call model%evaluate(fused, t, q, qd, terms, stat)
+            if (stat /= 0) failed_term = 'evaluate'
         end if
         if (stat == 0 .and. wanted /= fused) call evaluate_single(model, wanted - fused, t, q, qd, terms, part, failed_term, stat)
+        if (associated(model%timer)) call model%timer%end_call()
     end subroutine evaluate_terms
 
     !> Evaluate terms by the model's single procedures.
@@ -353,6 +358,7 @@ contains
         stat = status_ok
         if (iand(wanted, need_phi) /= 0) then
             failed_term = term_name(1)
+            if (associated(model%timer)) call model%timer%begin_call(of_holonomic)
             call model%holonomic(t, q, terms%phi, stat)
             if (stat /= 0) return
         end if
@@ -368,11 +374,13 @@ contains
         end if
         if (iand(wanted, need_gamma) /= 0) then
             failed_term = term_name(4)
+            if (associated(model%timer)) call model%timer%begin_call(of_constraint_acceleration)
             call model%constraint_acceleration(t, q, qd, terms%gamma, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_mass) /= 0) then
             failed_term = term_name(5)
+            if (associated(model%timer)) call model%timer%begin_call(of_mass_matrix)
             call model%mass_matrix(q, terms%mass, stat)
             if (stat /= 0) return
         end if
@@ -391,8 +399,13 @@ contains
 
         stat = 0
         associate (nh => model%n_holonomic)
-            if (nh > 0) call model%holonomic_jacobian(t, q, c(:nh, :), stat)
-            if (stat == 0 .and. model%n_nonholonomic > 0) call model%nonholonomic_jacobian(t, q, c(nh + 1:, :), stat)
+            if (nh > 0) then
+                if (associated(model%timer)) call model%timer%begin_call(of_holonomic_jacobian)
+                call model%holonomic_jacobian(t, q, c(:nh, :), stat)
+            end if
+            if (stat /= 0 .or. model%n_nonholonomic == 0) return
+            if (associated(model%timer)) call model%timer%begin_call(of_nonholonomic_jacobian)
+            call model%nonholonomic_jacobian(t, q, c(nh + 1:, :), stat)
         end associate
     end subroutine evaluate_jacobian
 
@@ -406,10 +419,13 @@ contains
         stat = 0
         associate (nh => model%n_holonomic)
             if (associated(model%holonomic_rate)) then
+                if (associated(model%timer)) call model%timer%begin_call(of_holonomic_rate)
                 call model%holonomic_rate(t, q, nu(:nh), stat)
                 nu(:nh) = -nu(:nh)
             end if
-            if (stat == 0 .and. associated(model%nonholonomic_rhs)) call model%nonholonomic_rhs(t, q, nu(nh + 1:), stat)
+            if (stat /= 0 .or. .not. associated(model%nonholonomic_rhs)) return
+            if (associated(model%timer)) call model%timer%begin_call(of_nonholonomic_rhs)
+            call model%nonholonomic_rhs(t, q, nu(nh + 1:), stat)
         end associate
     end subroutine evaluate_nu
 
@@ -421,11 +437,14 @@ contains
         integer, intent(out) :: stat
 
         if (.not. associated(model%inertia_force)) then
+            if (associated(model%timer)) call model%timer%begin_call(of_applied_force)
             call model%applied_force(t, q, qd, force, stat)
             return
         end if
+        if (associated(model%timer)) call model%timer%begin_call(of_inertia_force)
         call model%inertia_force(q, qd, force, stat)
         if (stat /= 0 .or. .not. associated(model%applied_force)) return
+        if (associated(model%timer)) call model%timer%begin_call(of_applied_force)
         call model%applied_force(t, q, qd, part, stat)
         force = force + part
     end subroutine evaluate_force

@@ -13,6 +13,7 @@ module tandem_model
     use tandem_kinds, only: wp
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
+    use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -55,6 +56,8 @@ module tandem_model
         !> Which smooth piece is current, 1 before the first breakpoint; set by the simulation. Procedures look at this
         !> and never compare t with a breakpoint.
         integer :: segment = 1
+        !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
+        class(timer_type), pointer :: timer => null()
 
         !> Phi(t, q) (nh); required where nh > 0.
         procedure(vector_of_position), pointer :: holonomic => null()

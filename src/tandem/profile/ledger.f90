@@ -6,11 +6,12 @@
 !> empty part shows on either side is measured in a loop, and taken off for each call. In a run it costs more, because it keeps the
 !> processor from looking ahead: `compare` finds how much from a run with clocks and the same without them.
 !>
-!> Nothing of the library knows of this: a model, a chart and observers are wrapped (`profiled_model_type`, `profiled_chart_type`,
-!> `profiled_observer_type`), and a run without them pays nothing.
+!> A run that is to be timed has this as the timer of its model (`model%timer`), its chart is a `profiled_chart_type`, and its
+!> observers are wrapped (`profiled_observer_type`). Others pay nothing.
 module tandem_profile_ledger
     use tandem_kinds, only: long, wp
-    use tandem_profile_parts, only: n_parts, part_control, part_open, part_rows, part_watch
+    use tandem_model_timer, only: timer_type
+    use tandem_profile_parts, only: n_parts, part_control, part_open, part_rows, part_single, part_watch
     implicit none (type, external)
     private
 
@@ -25,7 +26,7 @@ module tandem_profile_ledger
     end type mark_type
 
     !> The times and calls of a run, from `begin` to `finish`.
-    type :: profile_type
+    type, extends(timer_type) :: profile_type
         !> How often each part was entered.
         integer(long) :: calls(n_parts) = 0
         !> Seconds that an empty part shows itself, and that it adds to the part around it: what is taken off for each.
@@ -43,10 +44,15 @@ module tandem_profile_ledger
         integer, private :: current = part_control
         integer(long), private :: since = 0, rate = 1
         real(wp), private :: processor_from = 0.0_wp
+        !> Whether a procedure of the model is being called, and what to leave then.
+        logical, private :: is_in_call = .false.
+        type(mark_type), private :: call_mark
     contains
         procedure :: begin
         procedure :: enter
         procedure :: leave
+        procedure :: begin_call
+        procedure :: end_call
         procedure :: finish
         procedure :: compare
         procedure :: seconds
@@ -99,6 +105,7 @@ contains
         self%measured = 0.0_wp
         self%processor = 0.0_wp
         self%current = part_control
+        self%is_in_call = .false.
         call cpu_time(self%processor_from)
         call system_clock(self%since, self%rate)
     end subroutine start_clock
@@ -138,6 +145,24 @@ contains
         self%current = mark%before
         self%since = now
     end subroutine leave
+
+    !> Enter the part that a procedure of the model is, from another one perhaps.
+    subroutine begin_call(self, number)
+        class(profile_type), intent(inout) :: self
+        integer, intent(in) :: number
+
+        call self%end_call()
+        call self%enter(part_single + number, self%call_mark)
+        self%is_in_call = .true.
+    end subroutine begin_call
+
+    !> Leave the model.
+    subroutine end_call(self)
+        class(profile_type), intent(inout) :: self
+
+        if (self%is_in_call) call self%leave(self%call_mark)
+        self%is_in_call = .false.
+    end subroutine end_call
 
     !> The end of what is measured.
     subroutine finish(self)

@@ -2,7 +2,8 @@
 !> The parts of a run that a profile tells apart: what they are called, and to which group each belongs.
 module tandem_profile_parts
     use tandem_model_derivatives, only: derivative_name, n_derivatives, need_all_derivatives
-    use tandem_model_terms, only: n_terms, term_name
+    use tandem_model_terms, only: term_name
+    use tandem_model_timer, only: of_evaluate, of_evaluate_derivatives
     implicit none (type, external)
     private
 
@@ -25,10 +26,11 @@ module tandem_profile_parts
         part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
     !> Newton's iteration: matrices formed and factored, taken over from steps before, corrections, errors through the matrix.
     integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_filter = 22
-    !> Number i of the single procedures of a model (`single_name`) is the part `part_single + i`.
-    integer, parameter :: part_single = 22, n_singles = 19
+    !> The call of a model with the number i (`tandem_model_timer`) is the part `part_single + i`; first come those of the single
+    !> procedures (`single_name`).
+    integer, parameter :: part_single = 22, n_singles = of_evaluate
     !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
-    integer, parameter :: part_terms = part_single + n_singles, part_derivatives = part_terms + 2**n_terms - 1
+    integer, parameter :: part_terms = part_single + of_evaluate, part_derivatives = part_single + of_evaluate_derivatives
     !> How many parts there are.
     integer, parameter :: n_parts = part_derivatives + need_all_derivatives
 

@@ -11,10 +11,7 @@ submodule(tandem_simulation) tandem_simulate_checkpoint
 contains
 
     !> All that the run remembers.
-    module subroutine save_state(self, words, error)
-        class(simulation_type), intent(inout) :: self
-        integer(long), allocatable, intent(inout) :: words(:)
-        type(error_type), allocatable, intent(out) :: error
+    module procedure save_state
         type(pack_type) :: pack
         character(len=96) :: problem
 
@@ -33,13 +30,10 @@ contains
         call pack_identity(self, pack, problem)
         call pack_run(self, pack)
         call pack%end_writing(kind_of_row, words)
-    end subroutine save_state
+    end procedure save_state
 
     !> Take up a run.
-    module subroutine restore_state(self, words, error)
-        class(simulation_type), intent(inout) :: self
-        integer(long), intent(in) :: words(:)
-        type(error_type), allocatable, intent(out) :: error
+    module procedure restore_state
         type(pack_type) :: pack
         character(len=96) :: problem
 
@@ -72,7 +66,7 @@ contains
 
             call set_error(error, status_invalid_checkpoint, 'the state cannot be restored: '//trim(problem), advice)
         end subroutine refuse
-    end subroutine restore_state
+    end procedure restore_state
 
     !> What must be the same where the run is taken up.
     subroutine pack_identity(self, pack, problem)

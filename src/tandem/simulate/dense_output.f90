@@ -2,6 +2,7 @@
 !> What there is to see of the motion: the dense output at times within the last step, and at any state looked at its multipliers
 !> and energies. Looking takes no part in the integration.
 submodule(tandem_simulation) tandem_simulate_dense_output
+    use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
     implicit none (type, external)
 
 contains
@@ -9,10 +10,7 @@ contains
     !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
     !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the
     !> integration: the steps are bitwise the same with and without.
-    module subroutine look_at(self, t, error)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        type(error_type), allocatable, intent(out) :: error
+    module procedure look_at
         integer :: rows(3), stat
 
         call self%check_ready(error)
@@ -56,7 +54,7 @@ contains
         end if
         call self%fail(stat, 'between steps at t = '//to_text(t), error)
         call self%look_back()
-    end subroutine look_at
+    end procedure look_at
 
     !> The point and the velocity of interpolated increments. Increments are the motion itself but for what the constraints have
     !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the
@@ -106,9 +104,7 @@ contains
     end subroutine note_dense_error
 
     !> Return to the state at the end of the last step.
-    module subroutine look_back(self)
-        class(simulation_type), intent(inout) :: self
-
+    module procedure look_back
         if (.not. self%is_looking) return
         self%is_looking = .false.
         call self%state%copy(self%kept)
@@ -118,46 +114,40 @@ contains
         if (self%model%segment == self%kept_segment) return
         self%model%segment = self%kept_segment
         call self%chart%forget()
-    end subroutine look_back
+    end procedure look_back
 
     !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
     !> the model cannot be evaluated there any more, and before `initialize`.
-    module subroutine multipliers(self, lambda)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out), contiguous :: lambda(:)
+    module procedure multipliers
         integer :: stat
 
         lambda = 0.0_wp
         if (self%is_ready) call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
-    end subroutine multipliers
+    end procedure multipliers
 
     !> The kinetic energy at the current state.
-    module subroutine kinetic_energy(self, energy, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out) :: energy
-        integer, intent(out) :: stat
-
+    module procedure kinetic_energy
         energy = 0.0_wp
         stat = status_invalid_option
         if (.not. self%is_ready) return
         if (associated(self%model%kinetic_energy)) then
             self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
+            if (associated(self%model%timer)) call self%model%timer%begin_call(of_kinetic_energy)
             call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
+            if (associated(self%model%timer)) call self%model%timer%end_call()
         else
             call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
         end if
-    end subroutine kinetic_energy
+    end procedure kinetic_energy
 
     !> The potential energy at the current state; only where the model has one.
-    module subroutine potential_energy(self, energy, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(out) :: energy
-        integer, intent(out) :: stat
-
+    module procedure potential_energy
         energy = 0.0_wp
         stat = status_invalid_option
         if (.not. self%is_ready) return
         self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
+        if (associated(self%model%timer)) call self%model%timer%begin_call(of_potential_energy)
         call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
-    end subroutine potential_energy
+        if (associated(self%model%timer)) call self%model%timer%end_call()
+    end procedure potential_energy
 end submodule tandem_simulate_dense_output

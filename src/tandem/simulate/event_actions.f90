@@ -8,9 +8,7 @@ submodule(tandem_simulation) tandem_simulate_event_actions
 contains
 
     !> Take the actions that are due, in the order of the events' numbers, and make the motion ready to go on.
-    module subroutine act_on_events(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
+    module procedure act_on_events
         real(wp) :: reach
         integer :: i
 
@@ -40,7 +38,7 @@ contains
         do i = 1, size(self%watched)
             if (self%watched(i)%is_sent_back) call judge_action(self, i)
         end do
-    end subroutine act_on_events
+    end procedure act_on_events
 
     !> How far g would go in a step as long as the last: a difference along the motion, the multipliers as they are.
     subroutine measure_rate(self, number, reach)

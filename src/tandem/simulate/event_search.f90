@@ -30,9 +30,7 @@ submodule(tandem_simulation) tandem_simulate_event_search
 contains
 
     !> Watch an event from the current state on.
-    module subroutine add_event(self, event)
-        class(simulation_type), intent(inout) :: self
-        class(event_type), intent(inout), target :: event
+    module procedure add_event
         type(watched_type), allocatable :: longer(:)
         integer :: n
 
@@ -53,15 +51,11 @@ contains
         allocate (self%samples(n + 1, n_samples + 1), source=0.0_wp)
         call self%zeros%allocate(most_zeros*(n + 1))
         self%values_are_stale = .true.
-    end subroutine add_event
+    end procedure add_event
 
     !> Look for events in the step that was just accepted, from self%start to self%state, record them, and cut the step at the
     !> first that stops the run or changes the motion. On an error without a cut the step has not been searched to its end.
-    module subroutine look_for_events(self, is_last, is_cut, error)
-        class(simulation_type), intent(inout) :: self
-        logical, intent(in) :: is_last
-        logical, intent(out) :: is_cut
-        type(error_type), allocatable, intent(out) :: error
+    module procedure look_for_events
         real(wp) :: cut_at, at_once
         integer :: i, k
 
@@ -105,7 +99,7 @@ contains
                 call pass(self%watched(i), self%samples(i, :n_samples), is_last)
             end do
         end if
-    end subroutine look_for_events
+    end procedure look_for_events
 
     !> All functions at all samples of the step.
     subroutine take_samples(self, error)
@@ -503,9 +497,7 @@ contains
     end subroutine begin_events
 
     !> The values of all functions at the current state.
-    module subroutine renew_values(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
+    module procedure renew_values
         integer :: i
 
         self%lambda_is_current = .false.
@@ -519,7 +511,7 @@ contains
                 end associate
             end associate
         end do
-    end subroutine renew_values
+    end procedure renew_values
 
     !> How far rounding of time, state and multipliers may move g.
     subroutine measure_noise(self, number, noise)

@@ -10,11 +10,7 @@ submodule(tandem_simulation) tandem_simulate_messages
 contains
 
     !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
-    module subroutine fail(self, stat, where_, error)
-        class(simulation_type), intent(in) :: self
-        integer, intent(in) :: stat
-        character(len=*), intent(in) :: where_
-        type(error_type), allocatable, intent(out) :: error
+    module procedure fail
         character(len=:), allocatable :: message
 
         message = trim(adjustl(meaning(stat)))//' '//where_
@@ -44,12 +40,10 @@ contains
             message = message//', term '//self%chart%failed_term
         end if
         call set_error(error, stat, message)
-    end subroutine fail
+    end procedure fail
 
     !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
-    module subroutine explain(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(inout) :: error
+    module procedure explain
         !> Time to look ahead.
         real(wp), parameter :: ahead = 1.0e-3_wp
 
@@ -67,13 +61,11 @@ contains
         end select
         if (self%tally%contradiction /= '') error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
             error%message(len(status_name(error%stat)) + 3:)
-    end subroutine explain
+    end procedure explain
 
     !> Look for procedures of the model that contradict each other, within the last step. What was found once is not looked for
     !> again.
-    module subroutine compare_procedures(self)
-        class(simulation_type), intent(inout) :: self
-
+    module procedure compare_procedures
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
         ! Of the step to a breakpoint or to an event the model may not know any more.
         if (self%model%segment /= self%segment_of_step) return
@@ -82,14 +74,10 @@ contains
         end if
         call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, -self%last_step, self%chart%counts, &
             self%tally%contradiction)
-    end subroutine compare_procedures
+    end procedure compare_procedures
 
     !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
-    recursive module function with_rows(self, rows, row, before) result(text)
-        class(simulation_type), intent(in) :: self
-        integer, intent(in) :: rows(:), row
-        character(len=*), intent(in) :: before
-        character(len=len(before) + most_names*(label_length + 4) + 11) :: text
+    module procedure with_rows
         character(len=:), allocatable :: list
         integer :: i, n_named
 
@@ -105,12 +93,10 @@ contains
         end do
         if (n_named > most_names) list = list//' and others'
         text = list
-    end function with_rows
+    end procedure with_rows
 
     !> Keep a warning, once.
-    module subroutine warn(self, text)
-        class(simulation_type), intent(inout) :: self
-        character(len=*), intent(in) :: text
+    module procedure warn
         integer :: i
 
         if (.not. allocated(self%warnings)) allocate (self%warnings(0))
@@ -118,7 +104,7 @@ contains
             if (self%warnings(i)%text == text) return
         end do
         call add_warning(self%warnings, text)
-    end subroutine warn
+    end procedure warn
 
     !> The meaning of a status code, with blanks behind.
     pure function meaning(stat) result(text)

@@ -11,9 +11,7 @@ submodule(tandem_simulation) tandem_simulate_start
 contains
 
     !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
-    module subroutine accept_start(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
+    module procedure accept_start
         integer :: rows(3), stat, i
 
         self%start%q = self%state%q
@@ -55,7 +53,7 @@ contains
         end if
         call self%measure_errors(error)
         if (.not. allocated(error)) call look_for_integrable_rows(self)
-    end subroutine accept_start
+    end procedure accept_start
 
     !> The constraint errors of the start.
     subroutine measure(self, rows, stat)
@@ -145,9 +143,7 @@ contains
     end subroutine drop_redundant_rows
 
     !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
-    module subroutine choose_rows_anew(self, stat)
-        class(simulation_type), intent(inout) :: self
-        integer, intent(out) :: stat
+    module procedure choose_rows_anew
         type(redundancy_type) :: redundancy
         type(error_type), allocatable :: error
         real(wp) :: scale(self%model%n)
@@ -166,7 +162,7 @@ contains
             return
         end if
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
-    end subroutine choose_rows_anew
+    end procedure choose_rows_anew
 
     !> A chart that uses some of the rows.
     subroutine use_rows(self, kept, error)

@@ -16,11 +16,7 @@ contains
 
     !> One accepted step that does not pass t_limit, without the actions of events. On an error the state is that of the last
     !> accepted step.
-    module subroutine advance(self, t_limit, error)
-        class(simulation_type), intent(inout) :: self
-        !> The step ends here at the latest; must lie after the current time.
-        real(wp), intent(in) :: t_limit
-        type(error_type), allocatable, intent(out) :: error
+    module procedure advance
         real(wp) :: last_errors(3), largest_errors(3), gap_before
         integer(long) :: last_grid_steps
         logical :: ends_at_breakpoint, was_on_grid, is_at_limit, is_cut
@@ -120,7 +116,7 @@ contains
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
-    end subroutine advance
+    end procedure advance
 
     !> Whether a failed step has left B or H behind that were refined in vain, and are no start for others.
     pure logical function has_spoilt(self, stat)

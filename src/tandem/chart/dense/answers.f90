@@ -6,13 +6,7 @@ submodule(tandem_chart_dense) tandem_chart_dense_answers
 contains
 
     !> lambda at (t, q, qd, qdd).
-    module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(out), contiguous :: lambda(:)
-        integer, intent(out) :: stat
-
+    module procedure multipliers
         lambda = 0.0_wp
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
@@ -26,16 +20,10 @@ contains
             call self%dynamics%multipliers(self%model%terms%mass, self%velocity_basis%right_inverse, self%model%terms%force, &
                 qdd, lambda)
         end if
-    end subroutine multipliers
+    end procedure multipliers
 
     !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
-    module subroutine project_velocity(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
-        real(wp), intent(inout), contiguous :: qd(:)
-        integer, intent(out) :: stat
-
+    module procedure project_velocity
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
@@ -46,15 +34,11 @@ contains
             call self%dynamics%project(d, r, self%model%terms%nu, qd)
         end associate
         if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
-    end subroutine project_velocity
+    end procedure project_velocity
 
     !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
     !> point itself. Newton's iteration, but C is left as it is where Phi falls fast.
-    module subroutine restore_near(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(inout) :: q(self%n), qd(self%n)
-        integer, intent(out) :: stat
+    module procedure restore_near
         !> From an error of the size of the coordinates a few corrections get there; whatever takes more, has no end.
         integer, parameter :: most = 30
         real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
@@ -110,14 +94,11 @@ contains
             call self%move_to(t, q, stat)
             if (stat == status_ok) call self%complete_velocity_basis(stat)
         end subroutine split_at
-    end subroutine restore_near
+    end procedure restore_near
 
     !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve: R Phi_q of that of q, since the
     !> velocity constraints do not bind the curve itself, and R C of that of qd.
-    module subroutine keep_tangent(self, error_q, error_qd)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-
+    module procedure keep_tangent
         self%x = 0.0_wp
         call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
         self%x(self%nh + 1:) = 0.0_wp
@@ -125,17 +106,10 @@ contains
         self%x = 0.0_wp
         call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%x)
         call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_qd)
-    end subroutine keep_tangent
+    end procedure keep_tangent
 
     !> The errors of the three constraint levels at the last point.
-    module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: errors(3)
-        integer, intent(out) :: rows(3)
-        integer, intent(out) :: stat
-
+    module procedure constraint_errors
         errors = 0.0_wp
         rows = 0
         if (self%m == 0) then
@@ -167,16 +141,10 @@ contains
 
             call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, q, qd, qdd, self%scale, errors, rows)
         end subroutine measure
-    end subroutine constraint_errors
+    end procedure constraint_errors
 
     !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
-    module subroutine measure_health(self, t, q, qd, health, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        type(health_type), intent(out) :: health
-        integer, intent(out) :: stat
-
+    module procedure measure_health
         self%failed_row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok .and. self%watch%condition) call self%complete_velocity_basis(stat)
@@ -198,29 +166,19 @@ contains
                 call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
             end if
         end associate
-    end subroutine measure_health
+    end procedure measure_health
 
     !> qd' M qd / 2 at (t, q, qd).
-    module subroutine kinetic_energy(self, t, q, qd, energy, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(out) :: energy
-        integer, intent(out) :: stat
-
+    module procedure kinetic_energy
         energy = 0.0_wp
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
         self%counts%kinetic_energies = self%counts%kinetic_energies + 1
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
-    end subroutine kinetic_energy
+    end procedure kinetic_energy
 
     !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
-    module subroutine name_infinite(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        !> Kept as it is where all terms are finite.
-        integer, intent(inout) :: stat
-
+    module procedure name_infinite
         call self%forget()
         associate (terms => self%model%terms)
             if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
@@ -241,5 +199,5 @@ contains
             end if
         end associate
         stat = status_not_finite
-    end subroutine name_infinite
+    end procedure name_infinite
 end submodule tandem_chart_dense_answers

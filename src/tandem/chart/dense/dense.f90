@@ -178,6 +178,7 @@ module tandem_chart_dense
         module subroutine name_infinite(self, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
+            !> Kept as it is where all terms are finite.
             integer, intent(inout) :: stat
         end subroutine name_infinite
 

@@ -6,13 +6,7 @@ submodule(tandem_chart_dense) tandem_chart_dense_implicit_stage
 contains
 
     !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
-    module subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        real(wp), intent(in) :: ha
-        integer, intent(out) :: stat
-
+    module procedure factor_stage
         self%failed_row = 0
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
@@ -33,34 +27,21 @@ contains
         self%stage_segment = self%model%segment()
         self%counts%newton_matrices = self%counts%newton_matrices + 1
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
-    end subroutine factor_stage
+    end procedure factor_stage
 
     !> Make the last Newton matrix serve ha.
-    module subroutine reuse_stage(self, ha, can)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: ha
-        logical, intent(out) :: can
-
+    module procedure reuse_stage
         can = self%stage_segment == self%model%segment()
         if (can) call self%stage%adapt(ha, self%v_basis, self%w_basis, self%counts%newton_factorizations, can)
-    end subroutine reuse_stage
+    end procedure reuse_stage
 
     !> What a new Newton matrix costs, in corrections.
-    pure module real(wp) function matrix_cost(self)
-        class(dense_chart_type), intent(in) :: self
-
+    module procedure matrix_cost
         matrix_cost = self%cost
-    end function matrix_cost
+    end procedure matrix_cost
 
     !> One Newton correction of a stage's rates at the restored point.
-    module subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(in) :: ha
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        real(wp), intent(out) :: change
-        integer, intent(out) :: stat
+    module procedure correct_stage
         integer :: j
 
         self%failed_row = 0
@@ -79,17 +60,14 @@ contains
             call self%name_infinite(stat)
         end if
         self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine correct_stage
+    end procedure correct_stage
 
     !> The error through the Newton matrix.
-    module subroutine filter_error(self, error_q, error_qd)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-
+    module procedure filter_error
         call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
         if (self%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
             self%x_basis, error_qd)
-    end subroutine filter_error
+    end procedure filter_error
 
     !> The derivatives of the rows in use; rows that were dropped carry no load here.
     subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)

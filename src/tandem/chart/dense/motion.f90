@@ -6,34 +6,23 @@ submodule(tandem_chart_dense) tandem_chart_dense_motion
 contains
 
     !> q = q0 + xi - U u with Phi(t, q) = 0.
-    module subroutine restore_position(self, t, increment, q, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: increment(self%n)
-        real(wp), intent(out) :: q(self%n)
-        integer, intent(out) :: stat
-
+    module procedure restore_position
         call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
         self%phi_is_current = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
         self%failed_row = 0
         if (stat == status_ok) return
         call self%blame(self%position%failed_row, self%position%failed_value)
         call self%fail_term()
-    end subroutine restore_position
+    end procedure restore_position
 
     !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
-    module subroutine visit(self, t, q, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n)
-        integer, intent(out) :: stat
-
+    module procedure visit
         stat = status_ok
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
             if (are_same(self%n, q, self%q_point)) return
         end if
         call go_to(self, t, q, .true., stat)
-    end subroutine visit
+    end procedure visit
 
     !> Evaluate C, nu and M at (t, q).
     subroutine go_to(self, t, q, remembers, stat)
@@ -61,34 +50,23 @@ contains
     end subroutine go_to
 
     !> The same, and refuse what is not finite.
-    module subroutine move_to(self, t, q, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n)
-        integer, intent(out) :: stat
-
+    module procedure move_to
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%refuse_infinite(stat)
-    end subroutine move_to
+    end procedure move_to
 
     !> Refuse C and nu that are not finite.
-    module subroutine refuse_infinite(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-
+    module procedure refuse_infinite
         stat = status_ok
         if (self%is_finite_here) return
         associate (terms => self%model%terms)
             self%is_finite_here = is_finite(size(terms%jacobian), terms%jacobian) .and. is_finite(self%m, terms%nu)
         end associate
         if (.not. self%is_finite_here) call self%name_infinite(stat)
-    end subroutine refuse_infinite
+    end procedure refuse_infinite
 
     !> What R and D at the current point follow from, and with `refine` B too.
-    module subroutine find_velocity_basis(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-
+    module procedure find_velocity_basis
         stat = status_ok
         if (self%has_velocity_basis) return
         ! An elimination notices when C is not finite.
@@ -110,7 +88,7 @@ contains
         self%has_velocity_basis = .true.
         self%is_finite_here = .true.
         if (.not. self%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
-    end subroutine find_velocity_basis
+    end procedure find_velocity_basis
 
     !> Say which row of C, or what is not finite in it.
     subroutine blame_velocity_basis(self, stat)
@@ -122,27 +100,18 @@ contains
     end subroutine blame_velocity_basis
 
     !> R and D at the current point as matrices.
-    module subroutine complete_velocity_basis(self, stat)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(out) :: stat
-
+    module procedure complete_velocity_basis
         call self%find_velocity_basis(stat)
         if (stat == status_ok) call self%velocity_basis%complete(self%model%terms%jacobian, self%x_basis, self%w_basis)
-    end subroutine complete_velocity_basis
+    end procedure complete_velocity_basis
 
     !> qd = qd0 + eta - X x with C qd = nu.
-    module subroutine restore_velocity(self, t, q, increment, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), increment(self%n)
-        real(wp), intent(out) :: qd(self%n)
-        integer, intent(out) :: stat
-
+    module procedure restore_velocity
         self%failed_row = 0
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat == status_ok) call restore_velocity_here(self, increment, qd, stat)
-    end subroutine restore_velocity
+    end procedure restore_velocity
 
     !> The same at the current point.
     subroutine restore_velocity_here(self, increment, qd, stat)
@@ -175,19 +144,14 @@ contains
     end subroutine restore_velocity_here
 
     !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
-    module subroutine move_with(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), qd(self%n)
-        integer, intent(out) :: stat
-
+    module procedure move_with
         call self%visit(t, q, stat)
         if (stat /= status_ok) return
         if (self%has_motion) then
             if (are_same(self%n, qd, self%qd_point)) return
         end if
         call go_with(self, t, q, qd, .true., stat)
-    end subroutine move_with
+    end procedure move_with
 
     !> Evaluate gamma and the forces at the current point.
     subroutine go_with(self, t, q, qd, remembers, stat)
@@ -214,20 +178,14 @@ contains
     end subroutine go_with
 
     !> The acceleration at the point of `restore_velocity`.
-    module subroutine solve_dynamics(self, t, q, qd, qdd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), qd(self%n)
-        real(wp), intent(out) :: qdd(self%n)
-        integer, intent(out) :: stat
-
+    module procedure solve_dynamics
         self%failed_row = 0
         ! A stage that was not projected left Phi as it was elsewhere.
         if (self%is_stage) self%phi_is_current = .false.
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat == status_ok) call solve_here(self, qdd, stat)
-    end subroutine solve_dynamics
+    end procedure solve_dynamics
 
     !> The same at the current point, where gamma and the forces are known.
     subroutine solve_here(self, qdd, stat)
@@ -251,12 +209,7 @@ contains
     end subroutine solve_here
 
     !> All of them, without a look whether the point is known.
-    module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
-        real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
-        integer, intent(out) :: stat
+    module procedure restore_motion
         logical :: remembers
 
         ! To a stage nobody comes back.
@@ -296,7 +249,7 @@ contains
                 terms%mass, terms%gamma, terms%force, qdd, stat)
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate
-    end subroutine restore_motion
+    end procedure restore_motion
 
     !> gamma by differences.
     subroutine evaluate_gamma(self, t, q, qd, stat)

@@ -7,12 +7,7 @@ submodule(tandem_chart_dense) tandem_chart_dense_rank
 contains
 
     !> How many steps as the one to (t, q) C is away from losing rank.
-    module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t_from, t
-        real(wp), intent(in), contiguous :: q_from(:), q(:)
-        real(wp), intent(out) :: room
-        integer, intent(out) :: stat
+    module procedure measure_rank
         !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
         real(wp), parameter :: largest_rest = 1.0e-6_wp
         !> A loss of rank further away than so many steps is not looked for.
@@ -74,7 +69,7 @@ contains
         if (smallest_before > smallest) room = min(room, smallest/(smallest_before - smallest))
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (room <= horizon) call self%blame_dependent(0)
-    end subroutine measure_rank
+    end procedure measure_rank
 
     !> How many steps as the last one the constraints are away from no longer tying a coordinate without mass, where they hardly do.
     subroutine measure_ties(self, horizon, room)
@@ -254,14 +249,12 @@ contains
     end subroutine compare_columns
 
     !> The orientation and the independence of C at the current point.
-    module subroutine measure_split(self)
-        class(dense_chart_type), intent(inout) :: self
-
+    module procedure measure_split
         if (self%velocity_basis%is_measured) return
         call self%velocity_basis%measure_orientation()
         if (.not. self%has_bases) call self%free_motion%find_independence(self%velocity_basis%elimination, &
             self%velocity_basis%independence)
-    end subroutine measure_split
+    end procedure measure_split
 
     !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
     subroutine measure_origin(self)
@@ -276,10 +269,7 @@ contains
     end subroutine measure_origin
 
     !> What C loses on the straight way ahead of a state, soon enough for that way to mean something.
-    module integer function loss_ahead(self, t, q, qd, h)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t, h
-        real(wp), intent(in), contiguous :: q(:), qd(:)
+    module procedure loss_ahead
         !> Halvings of the way; how much C may change until the loss.
         integer, parameter :: most_halvings = 12
         real(wp), parameter :: largest_change = 0.5_wp
@@ -322,14 +312,12 @@ contains
             if (stat == status_ok) loss = loss_between(self, here, self%model%terms%jacobian)
             keeps_until = loss == status_ok
         end function keeps_until
-    end function loss_ahead
+    end procedure loss_ahead
 
     !> How far C has changed from the start of the step to the current point.
-    module real(wp) function relative_change(self)
-        class(dense_chart_type), intent(in) :: self
-
+    module procedure relative_change
         relative_change = change_from(self, self%step_jacobian)
-    end function relative_change
+    end procedure relative_change
 
     !> How far C has changed from another to that of the current point: rows of unit length in the other, Frobenius norm.
     pure real(wp) function change_from(self, other)
@@ -347,9 +335,7 @@ contains
     end function change_from
 
     !> Remember which rows depend on each other at the current point.
-    module subroutine blame_dependent(self, row)
-        class(dense_chart_type), intent(inout) :: self
-        integer, intent(in) :: row
+    module procedure blame_dependent
         !> Smaller parts of the combination are not named.
         real(wp), parameter :: smallest_part = 0.01_wp
         real(wp) :: share(self%m), smallest
@@ -360,5 +346,5 @@ contains
         call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
         self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
         if (allocated(self%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
-    end subroutine blame_dependent
+    end procedure blame_dependent
 end submodule tandem_chart_dense_rank

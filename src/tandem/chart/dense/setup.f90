@@ -6,13 +6,7 @@ submodule(tandem_chart_dense) tandem_chart_dense_setup
 contains
 
     !> Attach the model and allocate the work space.
-    module subroutine initialize(self, model, options, implicit, error, kept)
-        class(dense_chart_type), intent(inout) :: self
-        class(model_type), intent(inout), target :: model
-        type(options_type), intent(in) :: options
-        logical, intent(in) :: implicit
-        type(error_type), allocatable, intent(out) :: error
-        integer, intent(in), optional :: kept(:)
+    module procedure initialize
         real(wp) :: utol
         integer :: way, i
 
@@ -88,14 +82,10 @@ contains
         self%trial = self%q0
         self%q_point = self%q0
         self%qd_point = self%q0
-    end subroutine initialize
+    end procedure initialize
 
     !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
-    module subroutine renew(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        integer, intent(out) :: stat
+    module procedure renew
         logical :: is_done
         integer :: split_stat
 
@@ -136,7 +126,7 @@ contains
             self%last_independence = self%velocity_basis%independence
             call self%free_motion%set_origin()
         end if
-    end subroutine renew
+    end procedure renew
 
     !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
     subroutine load_bases(self, stat)
@@ -180,10 +170,7 @@ contains
     end subroutine load_bases
 
     !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
-    module subroutine pack_state(self, pack)
-        class(dense_chart_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-
+    module procedure pack_state
         call self%pack_contract(pack)
         call self%model%pack_state(pack)
         call self%differences%pack_state(pack)
@@ -214,7 +201,7 @@ contains
         call pack%item(self%q_point)
         call pack%item(self%qd_point)
         call pack%item(self%stage_segment)
-    end subroutine pack_state
+    end procedure pack_state
 
     !> Where C has full rank by far, no basis is needed.
     subroutine start_without_basis(self, t, q, can)

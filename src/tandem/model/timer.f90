@@ -1,0 +1,46 @@
+! SPDX-License-Identifier: MIT
+!> Who is told when a procedure of a model is called, to take its time. A model without one pays a test of a pointer where a single
+!> procedure is called, and nothing where its `evaluate` gives all that is wanted.
+module tandem_model_timer
+    use tandem_model_terms, only: n_terms
+    implicit none (type, external)
+    private
+
+    public :: timer_type
+    public :: of_holonomic, of_holonomic_jacobian, of_holonomic_rate, of_nonholonomic_jacobian, of_nonholonomic_rhs, &
+        of_constraint_acceleration, of_mass_matrix, of_inertia_force, of_applied_force, of_kinetic_energy, of_potential_energy, &
+        of_jacobian_derivative, of_nu_derivative, of_gamma_q, of_gamma_qd, of_mass_derivative, of_reaction_derivative, &
+        of_force_q, of_force_qd, of_evaluate, of_evaluate_derivatives
+
+    !> The numbers of calls: of the procedures that give one term each, in the order of `model_type`; to those of the other two, add
+    !> the need mask.
+    integer, parameter :: of_holonomic = 1, of_holonomic_jacobian = 2, of_holonomic_rate = 3, of_nonholonomic_jacobian = 4, &
+        of_nonholonomic_rhs = 5, of_constraint_acceleration = 6, of_mass_matrix = 7, of_inertia_force = 8, &
+        of_applied_force = 9, of_kinetic_energy = 10, of_potential_energy = 11, of_jacobian_derivative = 12, &
+        of_nu_derivative = 13, of_gamma_q = 14, of_gamma_qd = 15, of_mass_derivative = 16, of_reaction_derivative = 17, &
+        of_force_q = 18, of_force_qd = 19, of_evaluate = 19, of_evaluate_derivatives = of_evaluate + 2**n_terms - 1
+
+    type, abstract :: timer_type
+    contains
+        procedure(begin_call_interface), deferred :: begin_call
+        procedure(end_call_interface), deferred :: end_call
+    end type timer_type
+
+    abstract interface
+        !> A procedure is called now; the one before, if it was not ended, has ended.
+        subroutine begin_call_interface(self, number)
+            import :: timer_type
+            implicit none (type, external)
+            class(timer_type), intent(inout) :: self
+            !> One of those above.
+            integer, intent(in) :: number
+        end subroutine begin_call_interface
+
+        !> No procedure is called any more.
+        subroutine end_call_interface(self)
+            import :: timer_type
+            implicit none (type, external)
+            class(timer_type), intent(inout) :: self
+        end subroutine end_call_interface
+    end interface
+end module tandem_model_timer
