@@ -21,7 +21,7 @@ PAGES = ROOT / "build" / "docs-pages"
 OUTPUT = ROOT / "build" / "docs"
 FORD = ROOT / ".venv" / "bin" / "ford"
 # In the order of the contents.
-ORDER = ["scene.md", "theory.md", "output.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
+ORDER = ["installation.md", "results.md", "scene.md", "scene_reference.md", "theory.md", "output.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
 
 failures = 0
 
