@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Handles: the address of a tag that leads to a problem. The tag outlives the problem, so that a handle that was given back is
+!> A handle is the address of a tag that leads to a problem. The tag outlives the problem, so that a handle that was given back is
 !> refused, and so are its copies; it takes sixteen bytes, which the C library frees when the program ends. There is neither a
 !> table nor any other state that threads could share.
 !>
