@@ -163,7 +163,7 @@ def contents(prefix):
     tandem, major, minor = versions()
     # The static run-time library of gfortran asks for libquadmath where there is one.
     quadmath = subprocess.run([FC, "-print-file-name=libquadmath.a"], capture_output=True, text=True).stdout.strip()
-    needed = "-llapack -lblas -lgfortran -lm" + (" -lquadmath" if os.path.isabs(quadmath) else "")
+    needed = "-llapack -lblas -lgfortran" + (" -lquadmath" if os.path.isabs(quadmath) else "") + " -lm"
     pkgconfig = f"""\
 prefix={prefix}
 libdir=${{prefix}}/lib

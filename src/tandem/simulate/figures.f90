@@ -57,7 +57,7 @@ contains
         call reader%count('stiff_steps', s%stiff_steps)
         call reader%count('charts', s%charts)
         do i = 1, n_reasons
-            call reader%count('charts_by_'//as_name(reason_name(i)), s%charts_by(i))
+            call reader%count('charts_by_'//trim(as_name(reason_name(i))), s%charts_by(i))
         end do
         call reader%count('right_hand_sides', s%right_hand_sides)
         do i = 1, n_terms
@@ -105,16 +105,15 @@ contains
     !> Words as a name: blanks become underscores, bars vanish.
     pure function as_name(words) result(name)
         character(len=*), intent(in) :: words
-        character(len=:), allocatable :: name
-        integer :: i
+        character(len=len(words)) :: name
+        integer :: i, n
 
         name = ''
+        n = 0
         do i = 1, len_trim(words)
-            if (words(i:i) == ' ') then
-                name = name//'_'
-            else if (words(i:i) /= '|') then
-                name = name//words(i:i)
-            end if
+            if (words(i:i) == '|') cycle
+            n = n + 1
+            name(n:n) = merge('_', words(i:i), words(i:i) == ' ')
         end do
     end function as_name
 end module tandem_simulate_figures
