@@ -247,7 +247,7 @@ contains
         end if
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
-            ! Whoever goes on with a shorter one shall find nothing of it.
+            ! A shorter step that follows must find no trace of this one.
             call self%chart%retry_step()
             if (has_spoilt(self, stat)) then
                 self%chart_is_current = .false.
@@ -512,7 +512,7 @@ contains
             if (.not. allocated(error)) call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '// &
                 to_text(self%state%t)//' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
         end if
-        ! Whoever goes on after that, has mended what it came from.
+        ! A caller who goes on after that has removed its cause.
         call self%control%begin()
         self%hindrance = status_ok
     end subroutine underflow
