@@ -13,11 +13,13 @@ RELEASE = --profile release --flag "$(shell cat tools/release_flags) $(ARCH)"
 FPM     = .venv/bin/fpm
 # fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
 INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem
-# Where `make install` puts the library; DESTDIR stands before it, for packagers.
+# Where `make install` puts the program and the libraries; DESTDIR stands before it, for packagers.
 PREFIX  ?= /usr/local
 DESTDIR ?=
-# Parts of the tests, all if empty: tools/verify.py --list
+# Parts, all if empty: of the tests (tools/verify.py --list), or of what is installed (library program command-line).
 PARTS ?=
+INSTALLED = $(or $(PARTS),library program command-line)
+INSTALL_NEEDS = $(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
 
 export ARCH
 # The systems are small: threads inside BLAS cost more than they bring.
@@ -63,11 +65,11 @@ build: setup ## the release binary, left at build/tandem
 setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
 	@tools/setup.sh
 
-install: ## library, header, module files, pkg-config and CMake files, below PREFIX (/usr/local); needs no fpm
-	@python3 tools/library.py install --prefix "$(PREFIX)" --destdir "$(DESTDIR)"
+install: $(INSTALL_NEEDS) ## program with scenes, and libraries, below PREFIX (/usr/local); PARTS=library needs no fpm
+	@python3 tools/library.py install --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
 
-uninstall: ## remove what `make install` put below PREFIX
-	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)"
+uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
+	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
 
 docs: ## the reference of the library with the pages of doc/, left at build/docs/index.html
 	@tools/setup.sh docs

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: MIT
 # Checks the installed library and its interfaces: the examples are built outside the checkout from nothing but installed
 # files, each must be as exact as it should be; every misuse must end in a status; nothing but LAPACK and BLAS is linked; no
-# object asks for an executable stack; and the interfaces are those of their version.
+# object asks for an executable stack; and the interfaces are those of their version. Then the installed program, and the library
+# of the command line: they work outside the checkout, and each part comes and goes alone.
+#
+# The program is build/tandem, which `make build` leaves there.
 #
 # Usage: tools/check_install.sh
 #
@@ -53,7 +56,7 @@ warns_not() { # COMMAND...: succeeds without a word on standard error
 
 # --- 1. build and install ------------------------------------------------------------------------------------------
 
-check library-installs tools/library.py install --prefix "$prefix"
+check library-installs tools/library.py install --prefix "$prefix" --parts library
 
 nothing_else_linked() { # no symbol or library of HDF5 or TOML
     { ldd "$1" && nm -D "$1"; } >"$tmp/symbols" || return 1
@@ -218,7 +221,7 @@ check an-executable-stack-is-noticed executable_stack
 
 sanitize="-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g"
 checked=$tmp/checked
-check sanitized-library-installs tools/library.py install --prefix "$checked" --build build/library-checked --flags "-O1 $sanitize"
+check sanitized-library-installs tools/library.py install --prefix "$checked" --parts library --build build/library-checked --flags "-O1 $sanitize"
 sanitized() { # FOLDER PROGRAM: compile anew with the sanitizers, run, and let nothing be reported
     make -s -B -C "$tmp/$1" PREFIX="$checked" CC="cc $sanitize" FC="gfortran $sanitize" CXX="c++ $sanitize" "$2" || return 1
     (cd "$tmp/empty" && "$tmp/$1/$2") >"$tmp/sanitized" 2>&1 || { grep -v '^ok' "$tmp/sanitized"; return 1; }
@@ -239,13 +242,57 @@ sanitized_python() { # Python itself leaks what it keeps to its end
 }
 check sanitizers-find-nothing-in-the-python-example sanitized_python
 
-# --- 7. and away ---------------------------------------------------------------------------------------------------
+# --- 7. the program and the library of the command line ----------------------------------------------------------------
+
+unset TANDEM_SCENES
+export PKG_CONFIG_PATH=$prefix/lib/pkgconfig
+check program-installs-beside-the-library tools/library.py install --prefix "$prefix" --parts program command-line
+in_empty() ( cd "$tmp/empty" && "$@" )
+same_scenes() { # those of the checkout, from the place where they are installed, also through a link
+    ln -sf "$prefix/bin/tandem" "$tmp/link" && in_empty "$tmp/link" list >"$tmp/list" || return 1
+    for scene in scenes/*.toml; do
+        grep -q "^$(basename "$scene" .toml) " "$tmp/list" || { echo "no $scene"; cat "$tmp/list"; return 1; }
+        cmp "$scene" "$prefix/share/tandem/scenes/$(basename "$scene")" || return 1
+    done
+}
+check installed-program-finds-its-scenes same_scenes
+check installed-program-runs in_empty "$prefix/bin/tandem" run motorcycle --set time.end=0.1 --output motorcycle.h5
+driver_of_ones_own() ( # the program of ten lines, by the installed files alone
+    # shellcheck disable=SC2046  # words
+    cd "$tmp/example/dependent" && gfortran src/pendulum.f90 program/src/pendulum_scene.f90 program/app/main.f90 -o driver \
+        $(pkg-config --cflags --libs tandem-command-line) -Wl,-rpath,"$prefix/lib"
+)
+check driver-of-ones-own-builds driver_of_ones_own
+driver() ( cd "$tmp/empty" && TANDEM_SCENES=$tmp/example/dependent/program/scenes "$tmp/example/dependent/driver" "$@" )
+check driver-of-ones-own-checks-its-model driver check pendulum
+check driver-of-ones-own-runs-and-resumes eval 'driver run pendulum --set time.end=0.5 --output driver.h5 &&
+    driver resume driver.h5 --set time.end=1'
+parts_left() { # PART...: nothing but these are listed as installed, and a file of each is there or gone
+    local part file
+    for part in library:lib/libtandem.so program:bin/tandem command-line:lib/libtandem-command-line.a; do
+        file=$prefix/${part#*:}
+        if [[ " $* " == *" ${part%%:*} "* ]]; then
+            [ -e "$file" ] || { echo "no $file"; return 1; }
+        else
+            [ ! -e "$file" ] || { echo "$file is still there"; return 1; }
+        fi
+    done
+}
+check parts-stand-side-by-side parts_left library program command-line
+check program-uninstalls-alone eval 'tools/library.py uninstall --prefix "$prefix" --parts program && parts_left library command-line &&
+    [ ! -e "$prefix/share/tandem/scenes" ]'
+needs_no_fpm() { ! make -n install PARTS=library PREFIX="$tmp" | grep -E 'setup|fpm'; }
+check library-alone-needs-no-fpm needs_no_fpm
+builds_first() { make -n install PREFIX="$tmp" | grep -q -- '--runner install -- build/tandem'; }
+check everything-is-built-before-it-is-installed builds_first
+
+# --- 8. and away ---------------------------------------------------------------------------------------------------
 
 : >"$prefix/lib/a-file-of-somebody-else"
 check library-uninstalls tools/library.py uninstall --prefix "$prefix"
 only_theirs() { find "$prefix" -type f -o -type l | tee "$tmp/left"; [ "$(wc -l <"$tmp/left")" = 1 ]; }
 check uninstall-leaves-what-is-not-its-own only_theirs
-check library-installs-below-destdir tools/library.py install --prefix /opt/tandem --destdir "$tmp/stage"
+check library-installs-below-destdir tools/library.py install --prefix /opt/tandem --parts library --destdir "$tmp/stage"
 check destdir-is-not-in-the-files bash -c 'grep -qx "prefix=/opt/tandem" "$1/opt/tandem/lib/pkgconfig/tandem.pc"' - "$tmp/stage"
 
 [ "$failures" = 0 ]

@@ -60,7 +60,7 @@ def measure():
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     run(str(ROOT / ".venv/bin/fpm"), "test", "tandem-test", "--flag", FLAGS)
     prefix = OUT / "installed"
-    run("tools/library.py", "install", "--prefix", str(prefix), "--build", str(LIBRARY), "--flags", FLAGS)
+    run("tools/library.py", "install", "--prefix", str(prefix), "--build", str(LIBRARY), "--flags", FLAGS, "--parts", "library")
     linking = OUT / "linking"
     shutil.copytree(ROOT / "test/linking", linking)
     run("make", "-C", str(linking), f"PREFIX={prefix}", "interface_c", "interface_f77", "threads")

@@ -4,16 +4,22 @@
 
 Usage: tools/docs.py
 
-Prints "ok NAME" or "not ok NAME" for each check: folders use each other one way, as CONTRIBUTING.md shows, every public entity has
-a comment, FORD has nothing to warn of, and every link between the pages leads somewhere. The exit code is 1 if anything failed. Needs FORD (tools/setup.sh docs).
+Its front page begins as README.md does. Scripts and styles are beside the pages, so that they can be read without a network.
+
+Prints "ok NAME" or "not ok NAME" for each check: folders use each other one way, as CONTRIBUTING.md shows, every public entity
+has a comment, FORD has nothing to warn of, every link between the pages leads somewhere, and no page fetches anything. The exit code is 1 if anything failed. Needs FORD and the packages
+with the scripts (tools/setup.sh docs).
 """
 
+import html
 import html.parser
+import json
 import re
 import shutil
 import subprocess
 import sys
 import urllib.parse
+import zipfile
 from pathlib import Path
 
 import arrows
@@ -21,9 +27,27 @@ import arrows
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "build" / "docs-pages"
 OUTPUT = ROOT / "build" / "docs"
+FRONT = ROOT / "build" / "docs-front.md"
 FORD = ROOT / ".venv" / "bin" / "ford"
+SITE = ROOT / ".deps" / "site"
+# What the pages load: where FORD's templates point, the file beside the pages, and the package and the place that it comes from.
+ASSETS = [
+    ("cdn.jsdelivr.net/npm/bootstrap[^\"]*css", "bootstrap.min.css", "mkdocs", "mkdocs/themes/mkdocs/css/bootstrap.min.css"),
+    ("cdn.jsdelivr.net/npm/bootstrap[^\"]*js", "bootstrap.min.js", "mkdocs", "mkdocs/themes/mkdocs/js/bootstrap.bundle.min.js"),
+    ("unpkg.com/lunr[^\"]*", "lunr.js", "mkdocs", "mkdocs/contrib/search/templates/search/lunr.js"),
+    ("cdn.jsdelivr.net/npm/mathjax[^\"]*", "mathjax.js", "django_static_mathjax", "mathjax/static/mathjax/es5/tex-svg.js"),
+]
+STYLE = """
+#text img { max-width: 100%; }
+#text table:not(.table) { margin-bottom: 1rem; }
+#text table:not(.table) :is(th, td) { padding: 0.2rem 0.8rem 0.2rem 0; border-bottom: 1px solid #ddd; vertical-align: top; }
+"""
+MATHJAX_LICENCE = "mathjax/static/mathjax/LICENSE"
+# Modules whose procedures programs call without `use`.
+INTERFACES = {"tandem_legacy_c", "tandem_legacy_f77"}
 # In the order of the contents.
-ORDER = ["scene.md", "theory.md", "output.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
+ORDER = ["installation.md", "results.md", "scene.md", "scene_reference.md", "theory.md", "output.md", "statuses.md", "linking.md",
+         "precision.md", "stability.md", "performance.md"]
 
 failures = 0
 
@@ -115,6 +139,144 @@ def make_pages():
     (PAGES / "index.md").write_text(f"title: Pages\n{order}\n{listed}")
 
 
+def front_page():
+    """What FORD makes the front page of: its settings, the start of README.md, and the text of doc/reference.md."""
+    settings, text = (ROOT / "doc" / "reference.md").read_text().split("---\n", 2)[1:]
+    start = (ROOT / "README.md").read_text().split("\n## Steppers", 1)[0].split("\n", 1)[1]
+    start = start.replace("](doc/figures/", "](media/")
+    start = re.sub(r"\]\(doc/(\w+)\.md(#[^)]*)?\)", lambda m: f"](page/{m[1]}.html{m[2] or ''})", start)
+    # The examples are no pages.
+    start = re.sub(r"\[(example/[^\]]*)\]\([^)]*\)", r"`\1`", start)
+    start = re.sub(r"(?<!\$)\$([^$`\n]+)\$(?!\$)", r"\\(\1\\)", start)
+    FRONT.write_text(f"---\n{settings}---\n{start}\n{text}")
+
+
+# --- what FORD leaves to do ----------------------------------------------------------------------------------------------
+
+
+def bring_assets():
+    """Scripts and styles beside the pages, instead of addresses; mathematics only where there is some."""
+    folder = OUTPUT / "assets"
+    folder.mkdir()
+    wheels = {file.name.split("-")[0]: zipfile.ZipFile(file) for file in SITE.glob("*.whl")}
+    for _, name, package, place in ASSETS:
+        text = wheels[package].read(place).decode()
+        (folder / name).write_text(re.sub(r"\n(/\*|//)# sourceMappingURL=.*", "", text))
+    (folder / "mathjax-licence.txt").write_bytes(wheels["django_static_mathjax"].read(MATHJAX_LICENCE))
+    settings = "window.MathJax = {tex: {tags: 'ams'}, options: {enableMenu: false}};"
+    for file in OUTPUT.rglob("*.html"):
+        text = file.read_text()
+        # python-markdown-math writes what MathJax 2 reads.
+        text = re.sub(r'<script type="math/tex(; mode=display)?">(.*?)</script>', mathematics, text, flags=re.S)
+        here = "../" * (len(file.relative_to(OUTPUT).parts) - 1) + "assets/"
+        text = re.sub(r'<script type="text/x-mathjax-config">.*?</script>', f"<script>{settings}</script>", text, flags=re.S)
+        if not re.search(r"\\\(|\\\[", text):
+            text = re.sub(r"<script>window\.MathJax.*?</script>\s*|<script src=\"https://[^>]*mathjax[^>]*></script>\s*", "", text)
+        for address, name, _, _ in ASSETS:
+            text = re.sub(rf'(src|href)="https://{address}"([^>]*?)(?:\s+integrity="[^"]*")?(?:\s+crossorigin="[^"]*")?>',
+                          rf'\1="{here}{name}"\2>', text)
+        file.write_text(text)
+    with open(OUTPUT / "css" / "local.css", "a") as style:
+        style.write(STYLE)
+
+
+def mathematics(match):
+    """A formula for MathJax 3; entities of HTML are as they were, in display mode they are not."""
+    text = html.escape(html.unescape(match[2]), quote=False).strip()
+    return f"\\[{text}\\]" if match[1] else f"\\({text}\\)"
+
+
+def offered():
+    """(name, module) of what `use tandem` brings."""
+    text = re.sub(r"&\s*\n\s*", "", (ROOT / "src" / "tandem.f90").read_text())
+    return {(name, module) for module, names in re.findall(r"^    use (\w+), only: (.*)", text, re.M) for name in names.split(", ")}
+
+
+def set_internals_apart():
+    """In each list, what programs use comes first; the pages of the others, and what is found of them, say what they are."""
+    known, public = offered(), set()
+    for file in (OUTPUT / "lists").glob("*.html"):
+        text = file.read_text()
+        table = re.search(r"<table.*?</table>", text, re.S)
+        head, body = table[0].split("<tbody>")
+        head, rows = head + "<tbody>", re.findall(r"<tr.*?</tr>", body, re.S)
+        for_programs = [row for row in rows if is_for_programs(row, known)]
+        public |= {re.search(r"href='\.\./([^']*)'", row)[1] for row in for_programs}
+        internal = [row for row in rows if row not in for_programs]
+        parts = [("For programs", for_programs), ("Internals", internal)]
+        new = "".join(f"<h2>{title}</h2>\n{head}\n{''.join(part)}</tbody></table>\n" for title, part in parts if part)
+        file.write_text(text.replace(table[0], new))
+    note = '<div class="alert alert-secondary">Internal: no program needs it, and it may change.</div>'
+    for folder in ("module", "type", "proc", "interface"):
+        for file in (OUTPUT / folder).glob("*.html"):
+            if f"{folder}/{file.name}" not in public:
+                place = r'(<div class="container">\s*\n)(?=\s*<div class="row">)'
+                file.write_text(re.sub(place, rf"\1{note}\n", file.read_text(), count=1))
+    front = OUTPUT / "index.html"
+    links = [f"<li><a href='{target}'>" for target in public]
+    front.write_text(re.sub(r"<li><a href='(?:module|type|proc|interface)/[^']*'>.*?</li>",
+                            lambda m: m[0] if m[0].startswith(tuple(links)) else "", front.read_text()))
+    developers = r'\s*<div class="col-md-4">\s*<div class="card card-body bg-light">\s*<h2[^>]*>Developer Info.*?</div>\s*</div>'
+    text = re.sub(developers, "", front.read_text(), flags=re.S)
+    front.write_text(text.replace("<div class=col-md-8>", '<div class="col-md-12">'))
+    database = OUTPUT / "search" / "search_database.json"
+    start, found = database.read_text().split("=", 1)
+    found = json.loads(found)
+    for entry in found["pages"]:
+        if entry["url"].split("/")[0] in ("module", "type", "proc", "interface") and entry["url"] not in public:
+            entry["title"] += " (internal)"
+    database.write_text(f"{start}={json.dumps(found, separators=(',', ':'))}")
+    script = OUTPUT / "search" / "load_search.js"
+    rank = "(found) => documents[found.ref].title.endsWith(' (internal)')"
+    sort = f"last = {rank};\n\tresults.sort((a, b) => last(a) - last(b));"
+    script.write_text(script.read_text().replace("idx.search(term);", f"idx.search(term), {sort}"))
+    return public
+
+
+def is_for_programs(row, known):
+    """A row of a list: the name, then for most the module or the file where it is."""
+    cells = [re.sub(r"<[^>]*>|&nbsp;", "", cell).strip() for cell in re.findall(r"<td>(.*?)</td>", row, re.S)]
+    name, place = cells[0], cells[1]
+    return name in INTERFACES | {"tandem"} or (name, place) in known or place in INTERFACES or place.endswith("f77.f90")
+
+
+def fetched():
+    """What a page would fetch from elsewhere: scripts, styles, pictures, fonts."""
+    found = set()
+    for file in [*OUTPUT.rglob("*.html"), *OUTPUT.rglob("*.css")]:
+        text = file.read_text(errors="replace")
+        for pattern in (
+            r"<(?:script|img|iframe)[^>]*src=[\"']?(?:https?:)?//[^\"'> ]*",
+            r"<link[^>]*href=[\"']?(?:https?:)?//[^\"'> ]*",
+            r"url\([\"']?(?:https?:)?//[^)]*",
+            r"@import[^;]*//[^;]*",
+        ):
+            found.update(f"{file.relative_to(OUTPUT)}: {match}" for match in re.findall(pattern, text))
+    return sorted(found)
+
+
+def mathematics_problems():
+    """Every page with a formula loads MathJax, and no formula is left as MathJax 2 reads it."""
+    problems = []
+    for file in OUTPUT.rglob("*.html"):
+        text = file.read_text()
+        if "math/tex" in text or ("\\(" in text and "assets/mathjax.js" not in text):
+            problems.append(str(file.relative_to(OUTPUT)))
+    return problems + ["no formula in page/theory.html"] * ("\\[" not in (OUTPUT / "page" / "theory.html").read_text())
+
+
+def search_problems():
+    """A search looks in a database beside the pages; a page must be in it, and the script that reads it."""
+    text = (OUTPUT / "search.html").read_text()
+    found = json.loads((OUTPUT / "search" / "search_database.json").read_text().split("=", 1)[1])["pages"]
+    places = {entry["url"] for entry in found}
+    problems = [f"no {wanted} in search.html" for wanted in ("assets/lunr.js", "search_database.json") if wanted not in text]
+    problems += [f"{wanted} cannot be found" for wanted in ("page/theory.html", "type/model_type.html") if wanted not in places]
+    if "results.sort" not in (OUTPUT / "search" / "load_search.js").read_text():
+        problems.append("internals are not found last")
+    return problems + [f"{place} does not exist" for place in places if not (OUTPUT / place).exists()]
+
+
 # --- the links --------------------------------------------------------------------------------------------------------
 
 
@@ -154,9 +316,10 @@ def main():
     sources = sorted((ROOT / "src").rglob("*.f90"))
     check("public-entities-have-comments", [problem for source in sources for problem in undocumented(source)])
     make_pages()
+    front_page()
     shutil.rmtree(OUTPUT, ignore_errors=True)
     run = subprocess.run(
-        [FORD, str(ROOT / "doc" / "reference.md")], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [FORD, str(FRONT)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
     # FORD would take a folder of figures for pages.
     shutil.copytree(ROOT / "doc" / "figures", OUTPUT / "page" / "figures")
@@ -165,7 +328,15 @@ def main():
     check("ford-has-nothing-to-warn-of", told + [f"exit code {run.returncode}"] * bool(run.returncode))
     wanted = ["index.html", "module/tandem.html", "type/model_type.html", "proc/tdintg.html", "page/linking.html"]
     check("reference-is-complete", [f"no {name}" for name in wanted if not (OUTPUT / name).exists()])
+    bring_assets()
+    public = set_internals_apart()
     check("links-lead-somewhere", dead_links())
+    check("pages-fetch-nothing", fetched())
+    check("mathematics-is-for-mathjax", mathematics_problems())
+    check("search-finds-pages", search_problems())
+    used = ["module/tandem.html", "type/model_type.html", "proc/verify_model.html", "proc/tdintg.html"]
+    check("internals-are-apart", [f"{name} is no internal" for name in used if name not in public]
+          + [f"{name} is an internal" for name in ("module/tandem_linalg_lapack.html", "type/basis_type.html") if name in public])
     print(f"the reference: {(OUTPUT / 'index.html').relative_to(ROOT)}")
     return 1 if failures else 0
 

@@ -1,13 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Builds the solver as a static and a shared library and installs it: for programs that are not built with fpm.
+"""Builds the libraries for programs that are not built with fpm, and installs them and the program `tandem`.
 
 Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
-       tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR]
-       tools/library.py uninstall [--prefix DIR] [--destdir DIR]
+       tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR] [--parts PART...]
+       tools/library.py uninstall [--prefix DIR] [--destdir DIR] [--parts PART...]
 
-Needs gfortran, LAPACK and BLAS, and nothing else. `build` compiles the sources of src/ in the order of their modules, what
-has changed since the last time. FC names another gfortran. The libraries need LAPACK, BLAS and gfortran's run-time library.
+The parts, all of them unless --parts names some:
+  library       the solver, static and shared. Needs gfortran, LAPACK and BLAS, and nothing else.
+  program       build/tandem, which `make build` leaves there, and the shipped scenes.
+  command-line  the command line as a static library, for models of one's own. Needs HDF5 and toml-f (tools/setup.sh) too.
+
+`build` builds the solver. Sources are compiled in the order of their modules, those that have changed since the last time. FC
+names another gfortran, CC another C compiler.
 """
 
 import argparse
@@ -21,6 +26,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 FC = os.environ.get("FC", "gfortran")
+CC = os.environ.get("CC", "cc")
+PARTS = ["library", "program", "command-line"]
+TOML_F = ROOT / "build" / "dependencies" / "toml-f"
+HDF5 = ROOT / "io" / "include" / "hdf5"
 # Procedures are inlined although others could replace them in a shared library; local arrays stay off static memory, so that
 # threads never meet; no pointer to an internal procedure may be made.
 ALWAYS = ["-std=f2018", "-fPIC", "-fno-semantic-interposition", "-frecursive", "-Wtrampolines", "-Werror=trampolines",
@@ -55,34 +64,38 @@ def dependencies(sources):
     return needs
 
 
-def compile_all(build, flags):
-    """Objects and module files of all sources, each after those that it needs; returns the objects."""
-    sources = sorted((ROOT / "src").rglob("*.f90"))
-    needs = dependencies(sources)
+def compile_all(build, flags, roots, includes=()):
+    """Objects and module files of all sources, each after those that it needs; returns the objects. `includes` are folders of
+    module files that come from elsewhere: where one of them is new, everything is compiled."""
+    sources = sorted(source for root in roots for ending in ("f90", "c") for source in root.rglob(f"*.{ending}"))
+    needs = dependencies([source for source in sources if source.suffix == ".f90"])
     modules = build / "modules"
     modules.mkdir(parents=True, exist_ok=True)
     stamp = build / "flags"
-    command = [FC, *ALWAYS, *flags, "-J", str(modules), "-c"]
+    where = [f"-I{folder}" for folder in includes]
+    command = [FC, *ALWAYS, *flags, *where, "-J", str(modules), "-c"]
+    commands = {".f90": command, ".c": [CC, "-fPIC", *flags, *where, "-c"]}
     if not stamp.exists() or stamp.read_text() != " ".join(command):
         for file in [*build.glob("*.o"), *modules.glob("*")]:
             file.unlink()
         stamp.write_text(" ".join(command))
-    objects = {source: build / (str(source.relative_to(ROOT / "src")).replace("/", "_")[:-4] + ".o") for source in sources}
+    objects = {source: build / (object_name(source, roots) + ".o") for source in sources}
     for stale in set(build.glob("*.o")) - set(objects.values()):
         stale.unlink()
+    oldest = max((file.stat().st_mtime for folder in includes for file in Path(folder).glob("*.mod")), default=0)
     fresh = {}
 
     def compile_one(source):
         """True if it was compiled; also if one that it needs was."""
         target = objects[source]
-        newer = target.exists() and target.stat().st_mtime > source.stat().st_mtime
-        if newer and not any(fresh[other] for other in needs[source]):
+        newer = target.exists() and target.stat().st_mtime > max(source.stat().st_mtime, oldest)
+        if newer and not any(fresh[other] for other in needs.get(source, ())):
             return False
         target.unlink(missing_ok=True)
         run = subprocess.run(
-            [*command, str(source.relative_to(ROOT)), "-o", str(target)], cwd=ROOT, capture_output=True, text=True
+            [*commands[source.suffix], str(source.relative_to(ROOT)), "-o", str(target)], cwd=ROOT, capture_output=True, text=True
         )
-        if run.stderr:
+        if run.returncode or (run.stderr and TOML_F not in source.parents):
             print(run.stderr, file=sys.stderr)
         if run.returncode:
             raise SystemExit(f"library: {source.relative_to(ROOT)} does not compile")
@@ -91,7 +104,7 @@ def compile_all(build, flags):
     waiting, running = set(sources), {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         while waiting or running:
-            for source in [source for source in waiting if needs[source] <= fresh.keys()]:
+            for source in [source for source in waiting if needs.get(source, set()) <= fresh.keys()]:
                 waiting.discard(source)
                 running[pool.submit(compile_one, source)] = source
             if not running:
@@ -101,6 +114,17 @@ def compile_all(build, flags):
     return [objects[source] for source in sources]
 
 
+def object_name(source, roots):
+    """The path below its root, with its ending where that is not Fortran's: path.f90 and path.c may stand side by side."""
+    root = next(root for root in roots if root in source.parents)
+    return str(source.relative_to(root)).replace("/", "_").removesuffix(".f90")
+
+
+def archive(file, objects):
+    file.unlink(missing_ok=True)
+    subprocess.run(["ar", "rcs", str(file), *map(str, objects)], check=True)
+
+
 def build_libraries(build, flags):
     """libtandem.a and libtandem.so in the build folder."""
     for tool, brings in ((FC, "gfortran"), ("ar", "binutils")):
@@ -108,11 +132,10 @@ def build_libraries(build, flags):
             raise SystemExit(f"library: there is no {tool}; the Debian package {brings} brings it, FC names another compiler")
     build = Path(build).resolve()
     build.mkdir(parents=True, exist_ok=True)
-    objects = [str(file) for file in compile_all(build, flags)]
+    objects = [str(file) for file in compile_all(build, flags, [ROOT / "src"])]
     _, major, _ = versions()
-    static, shared = build / "libtandem.a", build / "libtandem.so"
-    static.unlink(missing_ok=True)
-    subprocess.run(["ar", "rcs", str(static), *objects], check=True)
+    shared = build / "libtandem.so"
+    archive(build / "libtandem.a", objects)
     # Symbols that nobody defines are an error here, not in the user's program; a sanitizer's come with the program.
     strict = [] if any("-fsanitize" in flag for flag in flags) else ["-Wl,-z,defs"]
     subprocess.run(
@@ -123,8 +146,20 @@ def build_libraries(build, flags):
     return build
 
 
+def build_command_line(build, flags):
+    """libtandem-command-line.a in a folder below that of the solver, whose module files it uses."""
+    for needed in (TOML_F / "src", HDF5):
+        if not needed.is_dir():
+            raise SystemExit(f"library: {needed.relative_to(ROOT)} is missing: tools/setup.sh brings it")
+    below_it = build / "command_line"
+    below_it.mkdir(parents=True, exist_ok=True)
+    roots = [TOML_F / "src", ROOT / "io" / "src", ROOT / "cli" / "src"]
+    archive(below_it / "libtandem-command-line.a", compile_all(below_it, flags, roots, [build / "modules", HDF5]))
+    return below_it
+
+
 def contents(prefix):
-    """The generated files: path below the prefix, text."""
+    """The generated files of the library: path below the prefix, text."""
     tandem, major, minor = versions()
     # The static run-time library of gfortran asks for libquadmath where there is one.
     quadmath = subprocess.run([FC, "-print-file-name=libquadmath.a"], capture_output=True, text=True).stdout.strip()
@@ -198,50 +233,94 @@ endif()
     }
 
 
-def install(build, flags, prefix, destdir):
-    """Put everything below the prefix, and a list of it, for `uninstall`."""
-    build = build_libraries(build, flags)
+def library_part(build, prefix):
+    """Files (path below the prefix: source), generated texts and links of the solver's library."""
     _, major, minor = versions()
     real = f"libtandem.so.{major}.{minor}"
-    target = below(prefix, destdir)
-    remove(prefix, destdir)
     files = {"include/tandem.h": ROOT / "include/tandem.h", "include/tandem.inc": ROOT / "include/tandem.inc"}
     files["lib/libtandem.a"] = build / "libtandem.a"
     files[f"lib/{real}"] = build / "libtandem.so"
     for module in sorted((build / "modules").glob("*.mod")):
         files[f"include/tandem/{module.name}"] = module
-    texts = contents(prefix)
-    links = {f"lib/libtandem.so.{major}": real, "lib/libtandem.so": f"libtandem.so.{major}"}
-    manifest = "share/tandem/installed.txt"
+    return files, contents(prefix), {f"lib/libtandem.so.{major}": real, "lib/libtandem.so": f"libtandem.so.{major}"}
+
+
+def program_part():
+    """The program with its scenes, which it finds beside its folder (io/src/tandem_io/scene/shipped.f90)."""
+    program = ROOT / "build" / "tandem"
+    if not program.exists():
+        raise SystemExit("library: build/tandem is missing: make build")
+    files = {"bin/tandem": program, "share/tandem/licences/program-toml-f.txt": TOML_F / "LICENSE-MIT"}
+    return files | {f"share/tandem/scenes/{scene.name}": scene for scene in sorted((ROOT / "scenes").glob("*.toml"))}, {}, {}
+
+
+def command_line_part(build, prefix):
+    """The library of the command line. Of its modules only those that programs use: a module file needs no other one."""
+    tandem, _, _ = versions()
+    linked = re.findall(r'"(\w+)"', re.search(r"^link = (.*)", (ROOT / "io/fpm.toml").read_text(), re.M)[1])
+    pkgconfig = f"""\
+prefix={prefix}
+libdir=${{prefix}}/lib
+includedir=${{prefix}}/include
+
+Name: tandem-command-line
+Description: The command line of tandem, for models of one's own
+Version: {tandem}
+Requires: tandem = {tandem}
+Libs: -L${{libdir}} -ltandem-command-line -ltandem {" ".join(f"-l{name}" for name in linked)}
+Cflags: -I${{includedir}}/tandem/command_line
+"""
+    files = {"lib/libtandem-command-line.a": build / "libtandem-command-line.a",
+             "share/tandem/licences/command-line-toml-f.txt": TOML_F / "LICENSE-MIT"}
+    for name in ("tandem_command_line.mod", "tandem_io.mod"):
+        files[f"include/tandem/command_line/{name}"] = build / "modules" / name
+    return files, {"lib/pkgconfig/tandem-command-line.pc": pkgconfig}, {}
+
+
+def install(build, flags, prefix, destdir, parts):
+    """Put the parts below the prefix, and a list of each, for `uninstall`."""
+    found = {}
+    if "library" in parts or "command-line" in parts:
+        build = build_libraries(build, flags)
+    if "library" in parts:
+        found["library"] = library_part(build, prefix)
+    if "program" in parts:
+        found["program"] = program_part()
+    if "command-line" in parts:
+        found["command-line"] = command_line_part(build_command_line(build, flags), prefix)
+    target = below(prefix, destdir)
+    remove(prefix, destdir, parts)
     try:
-        for name, source in files.items():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, target / name)
-            (target / name).chmod(0o755 if ".so" in name else 0o644)
-        for name, text in texts.items():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            (target / name).write_text(text)
-        for name, to in links.items():
-            (target / name).unlink(missing_ok=True)
-            (target / name).symlink_to(to)
-        (target / manifest).parent.mkdir(parents=True, exist_ok=True)
-        (target / manifest).write_text("\n".join([*files, *texts, *links, manifest]) + "\n")
+        for part, (files, texts, links) in found.items():
+            for name, source in files.items():
+                (target / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(source, target / name)
+                (target / name).chmod(0o755 if ".so" in name or name.startswith("bin/") else 0o644)
+            texts[manifest(part)] = "\n".join([*files, *texts, *links, manifest(part)]) + "\n"
+            for name, text in texts.items():
+                (target / name).parent.mkdir(parents=True, exist_ok=True)
+                (target / name).write_text(text)
+            for name, to in links.items():
+                (target / name).unlink(missing_ok=True)
+                (target / name).symlink_to(to)
     except OSError as error:
         raise SystemExit(f"library: {error}\nlibrary: install below another PREFIX, or as root") from error
-    print(f"installed below {target}")
+    print(f"installed below {target}: {', '.join(found)}")
+
+
+def manifest(part):
+    return f"share/tandem/installed/{part}.txt"
 
 
 def below(prefix, destdir):
     return Path(destdir + prefix) if destdir else Path(prefix)
 
 
-def remove(prefix, destdir):
-    """Remove what the list of the installation names, and folders that are empty then; returns how many files."""
+def remove(prefix, destdir, parts):
+    """Remove what the lists of the parts name, and folders that are empty then; returns how many files."""
     target = below(prefix, destdir)
-    manifest = target / "share/tandem/installed.txt"
-    if not manifest.exists():
-        return 0
-    names = manifest.read_text().split("\n")[:-1]
+    lists = [target / manifest(part) for part in parts]
+    names = [name for file in lists if file.exists() for name in file.read_text().split("\n")[:-1]]
     folders = set()
     for name in names:
         (target / name).unlink(missing_ok=True)
@@ -259,13 +338,14 @@ def main():
     parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
     parser.add_argument("--prefix", default="/usr/local")
     parser.add_argument("--destdir", default="")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     given = parser.parse_args()
     prefix = os.path.abspath(given.prefix)
     if given.action == "build":
         build_libraries(given.build, given.flags.split())
     elif given.action == "install":
-        install(given.build, given.flags.split(), prefix, given.destdir)
-    elif not remove(prefix, given.destdir):
+        install(given.build, given.flags.split(), prefix, given.destdir, given.parts)
+    elif not remove(prefix, given.destdir, given.parts):
         raise SystemExit(f"library: no installation below {below(prefix, given.destdir)}")
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Measures what README.md, doc/precision.md and doc/stability.md show, with build/tandem, and makes their figures and tables
+# Measures what README.md, doc/results.md, doc/precision.md and doc/stability.md show, with build/tandem, and makes their figures and tables
 # anew. `make plots` calls it after its set-up; it takes about ten minutes. What it measures is left in build/plots;
 # `tools/plots.sh figures` makes figures and tables of what is there.
 set -euo pipefail

@@ -192,7 +192,7 @@ def valgrind():
     command_lines(checks, VALGRIND, program(PLAIN, "tandem", "run", "tandem"))
     installed, linking = checks.folder / "installed", checks.folder / "linking"
     shutil.copytree(ROOT / "test" / "linking", linking)
-    build = ["--prefix", str(installed), "--build", str(ROOT / "build" / "library-plain"), "--flags", PLAIN]
+    build = ["--prefix", str(installed), "--parts", "library", "--build", str(ROOT / "build" / "library-plain"), "--flags", PLAIN]
     if checks.run("the library is built", ["tools/library.py", "install", *build]) and checks.run(
         "the tests of the interfaces are built", ["make", "-C", str(linking), f"PREFIX={installed}", "interface_c", "interface_f77"]
     ):

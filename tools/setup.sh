@@ -15,6 +15,7 @@
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
 # 4. io/include/hdf5         a link to the module files of the serial HDF5
+# 5. .deps/site/             for the reference: the packages that hold its scripts and styles, from PyPI
 #
 # Exit codes: 0 all is there, 1 something could not be fetched or made, 2 something is for you to install or to change.
 # shellcheck disable=SC2015  # A && B || fail: fail is meant for either
@@ -233,6 +234,22 @@ link_hdf5() {
         fail 1 "cannot make the link io/include/hdf5"
 }
 
+# --- 5. scripts and styles of the reference ----------------------------------------------------------------------------
+
+site=config/requirements-site.txt
+site_is_there() { [ "$purpose" != docs ] || cmp -s "$site" .deps/site/stamp; }
+
+fetch_site() {
+    site_is_there && return
+    say "fetching $(sed -n 's/^\([a-z0-9-]*==[0-9.]*\).*/\1/p' "$site" | paste -sd ' ') (PyPI)"
+    rm -rf .deps/site
+    if ! logged .venv/bin/python -m pip download --no-deps --only-binary :all: --require-hashes -r "$site" -d .deps/site; then
+        show_log
+        fail 1 "pip could not fetch the packages of $site." "Is there a network? Behind a proxy, set HTTPS_PROXY. Then try again."
+    fi
+    cp "$site" .deps/site/stamp
+}
+
 # ---------------------------------------------------------------------------------------------------------------------
 
 check_owner() { # after a `sudo make`, folders may belong to root
@@ -246,7 +263,7 @@ check_owner() { # after a `sudo make`, folders may belong to root
 all_is_there() {
     local name address tag
     [ -z "$(missing_packages)" ] && venv_holds build && { ! has_requirements || venv_holds "$purpose"; } || return 1
-    [ -f io/include/hdf5/hdf5.mod ] && [ -f build/cache.toml ] || return 1
+    [ -f io/include/hdf5/hdf5.mod ] && [ -f build/cache.toml ] && site_is_there || return 1
     while read -r name address tag; do is_source "build/dependencies/$name" "$tag" || return 1; done < <(dependencies)
 }
 
@@ -261,4 +278,5 @@ fill_venv build
 ! has_requirements || fill_venv "$purpose"
 seed_dependencies
 link_hdf5
+fetch_site
 say "all is there. To call fpm yourself: . .venv/bin/activate"

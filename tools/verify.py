@@ -256,7 +256,7 @@ PARTS = [
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
-    Part("install", ["tools/check_install.sh"], ok_lines),
+    Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),
 ]
 

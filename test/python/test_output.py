@@ -940,6 +940,58 @@ class SceneErrors(Case):
                 process.kill()
 
 
+class SceneReference(Case):
+    """doc/scene_reference.md has every key, with what the program says of it."""
+
+    PAGE = ROOT / "doc" / "scene_reference.md"
+
+    def rows(self, heading):
+        """The keys that the tables below a heading list."""
+        text = self.PAGE.read_text()
+        section = re.search(rf"^(#+) [^\n]*`{re.escape(heading)}`[^\n]*\n(.*?)(?=^\1 |^## |\Z)", text, re.M | re.S)
+        self.assertIsNotNone(section, heading)
+        return set(re.findall(r"^\| `(\w+)` \|", section[2], re.M))
+
+    def keys(self, *arguments):
+        """(heading, key) of what `tandem show` prints, the model's own tables under the name of the model."""
+        scene = tomllib.loads(self.tandem("show", *arguments).stdout)
+        model = scene["scene"]["model"]
+        for table, content in scene.items():
+            for entries in content if isinstance(content, list) else [content]:
+                for key in entries:
+                    yield (model if table == "model" else f"[[{table}]]" if table == "event" else f"[{table}]"), key
+
+    def test_every_key_of_every_scene_is_on_the_page(self):
+        event = ["--set", 'event=[{name="limit", watch="qd:%s"}]']
+        more = ["--set", "initial.assemble=true", "--set", "solver.rtol_qd=1e-8", "--set", "solver.atol_qd=1e-8"]
+        seen = set()
+        for path in sorted((ROOT / "scenes").glob("*.toml")):
+            model = tomllib.loads(path.read_text())["scene"]["model"]
+            watched = "x1" if model == "articulated_vehicle" else "rx"
+            for heading, key in self.keys(path.stem, event[0], event[1] % watched, *more):
+                known = self.rows(heading)
+                if heading == "[initial]":
+                    known = known | self.rows(model)
+                self.assertIn(key, known, heading)
+                seen.add((heading, key))
+        self.assertLessEqual({("[[event]]", "action"), ("[solver]", "atol_qd"), ("[initial]", "largest_move"),
+                              ("motorcycle", "fork_angle"), ("[time]", "end")}, seen)
+
+    def test_its_tables_are_what_the_program_says(self):
+        done = subprocess.run([sys.executable, ROOT / "tools" / "scene_reference.py", "--check"], capture_output=True, text=True,
+                              env=os.environ | STRICT | {"TANDEM": TANDEM}, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_its_example_is_a_scene(self):
+        self.scene(re.search(r"```toml\n(.*?)```", self.PAGE.read_text(), re.S)[1])
+        self.tandem("show", "scene.toml")
+
+    def test_fields_that_it_names_exist(self):
+        text = re.search(r"`fields` may also name (.*?);", self.PAGE.read_text())[1]
+        fields = re.findall(r"`(\w+)`", text)
+        self.tandem("run", "rolling_disk", *SHORT, "--set", "output.fields=" + json.dumps(fields))
+
+
 class CommandLine(Case):
     def test_help(self):
         overview = self.tandem("help").stdout

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Whether somebody watches.
+!> Whether the output goes to a terminal.
 module tandem_cli_terminal
     use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)

@@ -111,11 +111,11 @@ contains
         if (verify(scene%name, letters) > 0 .or. scene%name(1:1) == '.') scene%name = 'scene'
         scene%description = 'no description'
         call reader%open_table('scene')
-        call reader%get('name', scene%name)
+        call reader%get('name', scene%name, 'of the run and its files: letters, digits, _, - and dots')
         if (verify(scene%name, letters) > 0 .or. scene%name(1:1) == '.') then
             call reader%refuse('name', 'must be letters, digits, _, - and dots, since it names files')
         end if
-        call reader%get('description', scene%description)
+        call reader%get('description', scene%description, 'for tandem list')
         call reader%get('model', scene%model_name, model_names, required=.true.)
         call reader%close_table()
     end subroutine read_names
@@ -135,7 +135,7 @@ contains
                 call reader%get_reals('q', scene%q, n, help='coordinates '//listed(names), required=.true.)
                 call reader%get_reals('qd', scene%qd, n, help='velocities', required=.true.)
             else
-                call reader%remark('or, in their stead, q and qd: '//to_toml(n)//' numbers each, of '//listed(names))
+                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//listed(names))
                 call reader%propose('q')
                 call reader%propose('qd')
             end if
@@ -153,8 +153,8 @@ contains
         type(scene_type), intent(inout) :: scene
 
         call reader%open_table('time')
-        call reader%get('start', scene%t_start, unit='s')
-        call reader%get('end', scene%t_end, unit='s', required=.true.)
+        call reader%get('start', scene%t_start, unit='s', help='of the run')
+        call reader%get('end', scene%t_end, unit='s', help='of the run', required=.true.)
         if (.not. scene%t_end > scene%t_start) then
             call reader%refuse('end', 'must be after the start, '//to_toml(scene%t_start))
         end if
@@ -192,13 +192,13 @@ contains
         scene%output%file = scene%name//'.h5'
         scene%output%fields = default_fields
         call reader%open_table('output')
-        call reader%get('file', scene%output%file)
-        call reader%get('every', scene%output%every, positive, 'so many steps between two rows')
+        call reader%get('file', scene%output%file, 'the result; --output names another')
+        call reader%get('every', scene%output%every, positive, 'steps from one row to the next')
         call reader%get('interval', scene%output%interval, unit='s', &
-            help='between rows instead, by dense output; 0 for rows at steps')
+            help='from one row to the next, by dense output; 0 for rows at steps')
         if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
         call reader%get('flush', scene%output%flush, not_negative, 's', &
-            'of wall time at most until rows, and the state for tandem resume, are safe on the disk')
+            'of wall time at most until rows, and the state for tandem resume, are on the disk')
         call reader%get('fields', scene%output%fields, field_names, 'besides the time')
         problem = scene%output%problem(scene%model)
         if (problem /= '') call reader%refuse('fields', problem)

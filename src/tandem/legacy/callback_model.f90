@@ -184,7 +184,7 @@ contains
         end select
     end subroutine attach
 
-    !> Where a fused procedure is to write: those terms that are wanted to their place, the others to where nobody looks, and the
+    !> Where a fused procedure is to write: those terms that are wanted to their place, the others to scratch, and the
     !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more.
     !> What is wanted is marked.
     subroutine find_places(self, need, terms, place)

@@ -30,7 +30,7 @@ module tandem_model_counts
         integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0
         !> Noise of a gamma by differences, largest seen on the natural scale of its row; 0 where the model has its own.
         real(wp) :: gamma_noise = 0.0_wp
-        !> Computations of the multipliers, of kinetic and of potential energy: only where somebody asked.
+        !> Computations of the multipliers, of kinetic and of potential energy: only where they were asked for.
         integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
     contains
         procedure :: pack_state

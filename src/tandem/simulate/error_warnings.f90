@@ -95,7 +95,7 @@ contains
         if (present(global_error)) is_reason = is_reason .and. .not. global_error%is_out_of_time
     end function is_reason
 
-    !> What the error of a run may reach, on the scale s + |y|, before somebody is warned who asked for an estimate.
+    !> What the error of a run may reach, on the scale s + |y|, before a run with an estimate warns.
     pure real(wp) function allowed_error(options)
         type(options_type), intent(in) :: options
 

@@ -82,7 +82,7 @@ contains
         real(wp), intent(in) :: total
         integer, intent(in) :: steps
 
-        ! Less than rounding leaves cannot be.
+        ! No error is smaller than rounding.
         self%total = self%total + max(total, steps*epsilon(1.0_wp))
         self%largest = max(self%largest, total/real(steps, wp), epsilon(1.0_wp))
         self%steps = self%steps + steps

@@ -44,7 +44,7 @@ module tandem_simulation
     !> Most rows that a message names: more help nobody.
     integer, parameter :: most_names = 8
 
-    !> Somebody who looks at the motion as it goes, to write it or to draw it.
+    !> Watches the motion as it goes, to write it or to draw it.
     type, abstract :: observer_type
     contains
         procedure(observe_interface), deferred :: observe

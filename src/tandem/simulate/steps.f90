@@ -243,7 +243,7 @@ contains
         end if
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
-            ! Whoever goes on with a shorter one shall find nothing of it.
+            ! A shorter step that follows must find no trace of this one.
             call self%chart%retry_step()
             if (has_spoilt(self, stat)) then
                 self%chart_is_current = .false.

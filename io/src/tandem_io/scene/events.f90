@@ -30,13 +30,13 @@ contains
             associate (event => events(i))
                 call reader%open_element('event', i)
                 if (allocated(name)) deallocate (name, watch)
-                call reader%get('name', name, required=.true.)
+                call reader%get('name', name, 'in messages', .true.)
                 if (len_trim(name) > label_length) call reader%refuse('name', 'must not be longer than '//to_text(label_length))
                 event%name = name
                 if (any(events(:i - 1)%name == event%name)) call reader%refuse('name', 'is the name of another event')
                 call reader%get('watch', watch, 'a coordinate, "qd:COORDINATE" or "lambda:CONSTRAINT"', .true.)
                 call find_quantity(reader, model, watch, event)
-                call reader%get('value', event%value, help='that is to be reached')
+                call reader%get('value', event%value, help='at which it happens')
                 direction = 'both'
                 call reader%get('direction', direction, directions)
                 event%direction = findloc(directions, direction, dim=1) - 2

@@ -27,7 +27,7 @@ contains
         allocate (motorcycle)
         associate (m => motorcycle)
             call reader%open_table('model')
-            call reader%get('mass', m%mass, positive, 'kg')
+            call reader%get('mass', m%mass, positive, 'kg', 'of the chassis')
             call reader%get('inertia', m%inertia, positive, 'kg m^2', "of the chassis about x', y', z'")
             call reader%get('gravity', m%gravity, unit='m/s^2', help='downwards')
             call reader%get('fork_angle', m%fork_angle, unit='rad', help='from the vertical: 0.2 standard, pi/4 chopper')
@@ -40,7 +40,7 @@ contains
                 call reader%refuse('frequency', 'must be 0, or at least 1e-300 in size')
             end if
             call reader%get('driving_force', m%driving_force, unit='N', help="along the chassis' y'")
-            call reader%get('wheel_radius', m%wheel_radius, positive, 'm')
+            call reader%get('wheel_radius', m%wheel_radius, positive, 'm', 'of the three wheels')
             call reader%get('rear_length', m%rear_length, positive, 'm', 'from the centre back to the rear axle')
             call reader%get('half_track', m%half_track, positive, 'm', 'half the distance of the rear wheels')
             call reader%get('fork_forward', m%fork_forward, positive, 'm', 'from the centre forward to the top of the fork')

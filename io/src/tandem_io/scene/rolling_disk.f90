@@ -22,9 +22,9 @@ contains
 
         allocate (disk)
         call reader%open_table('model')
-        call reader%get('mass', disk%mass, positive, 'kg')
+        call reader%get('mass', disk%mass, positive, 'kg', 'of the disk')
         call reader%get('inertia', disk%inertia, positive, 'kg m^2', "about the axis x' and the diameters y', z'")
-        call reader%get('radius', disk%radius, positive, 'm')
+        call reader%get('radius', disk%radius, positive, 'm', 'of the disk')
         call reader%get('gravity', disk%gravity, unit='m/s^2', help='downwards')
         call reader%close_table()
         if (reader%failed()) return

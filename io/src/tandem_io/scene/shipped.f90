@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Where scenes are. A scene is given by its path, or by the name of a file NAME.toml in one of these folders, the first that
-!> has it: the one that the environment variable TANDEM_SCENES names; `scenes` in the current folder; `scenes` beside the
-!> program or up to four folders above it, which is the checkout that the program was built in.
+!> has it: the one that the environment variable TANDEM_SCENES names; `scenes` in the current folder; `share/tandem/scenes` beside
+!> the folder of the program, where `make install` puts them; `scenes` beside the program or up to four folders above it, which is
+!> the checkout that the program was built in.
 module tandem_io_scene_shipped
     use tandem, only: error_type
     use tandem_io_scene_source, only: set_input_error
@@ -155,7 +156,7 @@ contains
         character(len=path_length) :: named
         integer :: i, n, last, length, stat
 
-        allocate (folders(levels + 3))
+        allocate (folders(levels + 4))
         n = 0
         call get_environment_variable('TANDEM_SCENES', named, length, stat)
         if (stat == 0 .and. length > 0) call add(trim(named))
@@ -165,6 +166,7 @@ contains
             last = index(program_, '/', back=.true.)
             if (last == 0) exit
             program_ = program_(:last - 1)
+            if (i == 1) call add(program_//'/share/tandem/scenes')
             call add(program_//'/scenes')
         end do
         folders = folders(:n)

@@ -67,7 +67,7 @@ contains
         if (stat /= 0) deallocate (text)
     end subroutine read_whole
 
-    !> Write a file as a whole: whoever looks, finds the old one or the new one, never a part.
+    !> Write a file as a whole: readers find the old one or the new one, never a part.
     subroutine write_whole(path, text, error)
         character(len=*), intent(in) :: path, text
         type(error_type), allocatable, intent(out) :: error

@@ -192,7 +192,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine restore_position
 
-        !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
+        !> Evaluate C, nu and M at (t, q), unless that was the last point. Splitting C later shows whether its rank is full.
         module subroutine visit(self, t, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self

@@ -3,7 +3,7 @@
 !>
 !>   qdd = D a - R gamma,   (D' M D) a = D' (S + Q_A + M R gamma)   (33), (42)
 !>
-!> and the multipliers lambda = R' (S + Q_A - M qdd), only where somebody asks. With D = (I - X H C) W and R = X H these are
+!> and the multipliers lambda = R' (S + Q_A - M qdd), only on request. With D = (I - X H C) W and R = X H these are
 !> the paper's formulas; every other choice gives the same qdd and lambda. M may be singular, as long as D' M D is not.
 module tandem_chart_dense_dynamics
     use tandem_kinds, only: wp

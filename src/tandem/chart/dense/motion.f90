@@ -15,7 +15,7 @@ contains
         call self%fail_term()
     end procedure restore_position
 
-    !> Evaluate C, nu and M at (t, q), unless it was done last. What C is worth is seen when it is split.
+    !> Evaluate C, nu and M at (t, q), unless that was the last point. Splitting C later shows whether its rank is full.
     module procedure visit
         stat = status_ok
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
@@ -29,7 +29,7 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in) :: q(self%n)
-        !> Whether somebody may come back to the point.
+        !> Whether a later call may ask for this point again.
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
@@ -158,7 +158,7 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in) :: q(self%n), qd(self%n)
-        !> Whether somebody may come back to the velocity.
+        !> Whether a later call may ask for this velocity again.
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
 

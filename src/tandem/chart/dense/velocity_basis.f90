@@ -6,7 +6,7 @@
 !> chart's bases X and W, R = X H and D = (I - X H C) W (31), where H = (C X)^-1 comes from a factorisation or from the
 !> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates. With a
 !> factorisation, a correction of a stage needs no more than products with a vector, two or three solutions with C X. R and D are
-!> formed only where somebody wants them as matrices (`complete`).
+!> formed only if they are needed as matrices (`complete`).
 module tandem_chart_dense_velocity_basis
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: elimination_type
