@@ -7,7 +7,8 @@ Usage: tools/docs.py
 Its front page begins as README.md does. Scripts and styles are beside the pages, so that they can be read without a network.
 
 Prints "ok NAME" or "not ok NAME" for each check: folders use each other one way, as CONTRIBUTING.md shows, every public entity
-has a comment, FORD has nothing to warn of, every link between the pages leads somewhere, and no page fetches anything. The exit code is 1 if anything failed. Needs FORD and the packages
+has a comment, FORD has nothing to warn of, every link between the pages leads somewhere, and no page fetches anything. The exit
+code is 1 if anything failed. Needs FORD and the packages
 with the scripts (tools/setup.sh docs).
 """
 
