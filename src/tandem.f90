@@ -3,6 +3,9 @@
 module tandem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
+    use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
+    use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_model, only: label_length, model_type
     use tandem_model_derivatives, only: derivative_name, derivatives_type, n_derivatives, need_acceleration_q, &
         need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
@@ -51,5 +54,6 @@ module tandem
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type
     public :: properties_type, new_stepper, stepper_names
+    public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

@@ -19,6 +19,9 @@ program main
     use test_derivatives, only: collect_derivatives
     use test_newton_matrix, only: collect_newton_matrix
     use test_verification, only: collect_verification
+    use test_expression, only: collect_expression
+    use test_parameters, only: collect_parameters
+    use test_table_function, only: collect_table_function
     use test_estimates, only: collect_estimates
     use test_global_error, only: collect_global_error
     use test_euler_parameters, only: collect_euler_parameters
@@ -88,6 +91,9 @@ program main
         new_testsuite('newton_matrix', collect_newton_matrix), &
         new_testsuite('verification', collect_verification), &
         new_testsuite('stiff', collect_stiff), &
+        new_testsuite('expression', collect_expression), &
+        new_testsuite('parameters', collect_parameters), &
+        new_testsuite('table_function', collect_table_function), &
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &

@@ -2,6 +2,7 @@
 !> Values as TOML text that reads back to the same value, and the small services that messages about keys need.
 module tandem_io_scene_text
     use tandem, only: wp
+    use tandem_names, only: nearest_name
     use tomlf_utils, only: toml_escape_string
     implicit none (type, external)
     private
@@ -132,59 +133,4 @@ contains
             text = text//trim(names(i))
         end do
     end function listed
-
-    !> The name that the writer may have meant, or nothing: the one that the fewest edits reach, a third of its length at most.
-    pure function nearest_name(word, names) result(name)
-        !> What was written.
-        character(len=*), intent(in) :: word
-        !> What exists.
-        character(len=*), intent(in) :: names(:)
-        character(len=:), allocatable :: name
-        integer :: i, distance, least
-
-        name = ''
-        least = huge(1)
-        if (len(word) > 64) return
-        do i = 1, size(names)
-            distance = edits(lower(word), lower(trim(names(i))))
-            if (distance < least .and. distance <= max(1, len_trim(names(i))/3)) then
-                least = distance
-                name = trim(names(i))
-            end if
-        end do
-    end function nearest_name
-
-    !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
-    pure integer function edits(a, b)
-        character(len=*), intent(in) :: a, b
-        integer :: cost(0:len(a), 0:len(b))
-        integer :: i, j
-
-        cost(:, 0) = [(i, i=0, len(a))]
-        cost(0, :) = [(j, j=0, len(b))]
-        do j = 1, len(b)
-            do i = 1, len(a)
-                cost(i, j) = min(cost(i - 1, j) + 1, cost(i, j - 1) + 1, &
-                    cost(i - 1, j - 1) + merge(0, 1, a(i:i) == b(j:j)))
-                if (min(i, j) > 1) then
-                    if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) then
-                        cost(i, j) = min(cost(i, j), cost(max(0, i - 2), max(0, j - 2)) + 1)
-                    end if
-                end if
-            end do
-        end do
-        edits = cost(len(a), len(b))
-    end function edits
-
-    !> Lower case.
-    pure function lower(word) result(text)
-        character(len=*), intent(in) :: word
-        character(len=len(word)) :: text
-        integer :: i
-
-        text = word
-        do i = 1, len(word)
-            if (word(i:i) >= 'A' .and. word(i:i) <= 'Z') text(i:i) = achar(iachar(word(i:i)) + 32)
-        end do
-    end function lower
 end module tandem_io_scene_text

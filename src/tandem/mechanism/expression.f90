@@ -1,0 +1,424 @@
+! SPDX-License-Identifier: MIT
+!> Expressions of named variables with exact derivatives: value, gradient, first and second derivative along a direction, and the
+!> gradient of the derivative along a direction.
+!>
+!> An expression is parsed once to a list of operations. An evaluation goes through the list: forwards for derivatives along a
+!> direction, then backwards for gradients, whose cost thus does not grow with the number of variables. Nothing is allocated and
+!> nothing changes in the expression, so that threads may share it. Where a value or a derivative does not exist, the result is no
+!> finite number.
+!>
+!> abs, sign, step, ramp, min, max and smooth_step have kinks. At a kink, the branch of the positive side is taken, and the
+!> derivatives are those of that side. With `sides`, one entry a kink, the branches are those of the caller's choice, and go on
+!> smoothly beyond the kink: a simulation holds them within a smooth piece and changes them where the argument of the kink is zero.
+module tandem_mechanism_expression
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_mechanism_expression_code, only: code_type, max_slots
+    use tandem_mechanism_expression_parser, only: compile, is_name, name_length
+    use tandem_mechanism_operations, only: branch_of, differentiate, find_function, value_of
+    use tandem_status, only: status_invalid_model
+    implicit none (type, external)
+    private
+
+    public :: expression_type, parse_expression, check_name
+
+    !> An expression, ready to be evaluated.
+    type :: expression_type
+        type(code_type), private :: code
+    contains
+        !> What it is made of.
+        procedure :: is_constant
+        procedure :: uses
+        procedure :: first_not_in
+        procedure :: n_operations
+        procedure :: n_kinks
+        procedure :: kink_order
+        !> What it gives at a point.
+        procedure :: value => evaluate_value
+        procedure :: evaluate_gradient
+        procedure :: evaluate_along
+        procedure :: evaluate_gradient_along
+        procedure :: evaluate_kinks
+        procedure :: find_sides
+        procedure, private :: fill_leaves
+        procedure, private :: branch_at
+    end type expression_type
+
+contains
+
+    !> Parse an expression, such as 'k*(length - l0) + c*rate'.
+    subroutine parse_expression(expression, text, variables, error, names, values, key, column)
+        type(expression_type), intent(out) :: expression
+        character(len=*), intent(in) :: text
+        !> The names of the variables, in the order of the points where it will be evaluated.
+        character(len=*), intent(in) :: variables(:)
+        type(error_type), allocatable, intent(out) :: error
+        !> The names of parameters and their values, which are constants from now on.
+        character(len=*), intent(in), optional :: names(:)
+        real(wp), intent(in), optional :: values(:)
+        !> What the message shall name, such as 'joint.motor.motion'.
+        character(len=*), intent(in), optional :: key
+        !> Where the mistake is in the text, from 1; 0 where there is none.
+        integer, intent(out), optional :: column
+        character(len=:), allocatable :: problem
+        integer :: place
+
+        if (present(names) .and. present(values)) then
+            call compile(text, variables, names, values, expression%code, place, problem)
+        else
+            call compile(text, variables, [character(len=1) ::], [real(wp) ::], expression%code, place, problem)
+        end if
+        if (present(column)) column = merge(place, 0, allocated(problem))
+        if (.not. allocated(problem)) return
+        problem = 'column '//to_text(place)//' of '//excerpt(text, place)//': '//problem
+        if (present(key)) problem = key//': '//problem
+        call set_error(error, status_invalid_model, problem, 'correct the expression')
+    end subroutine parse_expression
+
+    !> Refuse what cannot be the name of a variable or a parameter.
+    subroutine check_name(name, error)
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. is_name(name)) then
+            call set_error(error, status_invalid_model, '"'//name//'" is no name for expressions', &
+                'begin it with a letter and go on with letters, digits and underscores')
+        else if (len(name) > name_length) then
+            call set_error(error, status_invalid_model, 'the name "'//name(:name_length)//'..." is too long', &
+                'take at most '//to_text(name_length)//' characters')
+        else if (name == 'pi' .or. find_function(name) > 0) then
+            call set_error(error, status_invalid_model, '"'//name//'" has a meaning of its own in expressions', &
+                'choose another name')
+        end if
+    end subroutine check_name
+
+    !> How much of a text is quoted.
+    pure integer function excerpt_length(text, place)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: place
+        integer, parameter :: shown = 30
+
+        excerpt_length = min(len(text), place + shown) - max(1, place - shown) + 1 + 2 + merge(3, 0, place > shown + 1) + &
+            merge(3, 0, len(text) > place + shown)
+    end function excerpt_length
+
+    !> The text around a place in quotation marks, without control characters.
+    pure function excerpt(text, place) result(quoted)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: place
+        character(len=excerpt_length(text, place)) :: quoted
+        integer, parameter :: shown = 30
+        integer :: i, n
+
+        quoted = '"'
+        n = 1
+        if (place > shown + 1) then
+            quoted(2:4) = '...'
+            n = 4
+        end if
+        do i = max(1, place - shown), min(len(text), place + shown)
+            n = n + 1
+            quoted(n:n) = merge(text(i:i), '?', iachar(text(i:i)) >= 32 .and. iachar(text(i:i)) < 127)
+        end do
+        quoted(n + 1:) = '"'
+        if (len(text) > place + shown) quoted(n + 1:) = '..."'
+    end function excerpt
+
+    !> Whether no variable is in it.
+    pure logical function is_constant(self)
+        class(expression_type), intent(in) :: self
+
+        is_constant = size(self%code%variables) == 0
+    end function is_constant
+
+    !> Whether it depends on a variable.
+    pure logical function uses(self, variable)
+        class(expression_type), intent(in) :: self
+        !> Its place in the list of names.
+        integer, intent(in) :: variable
+
+        uses = any(self%code%variables == variable)
+    end function uses
+
+    !> The first of its variables that is not among some, or 0.
+    pure integer function first_not_in(self, some)
+        class(expression_type), intent(in) :: self
+        !> Whether each of all variables is among them.
+        logical, intent(in) :: some(:)
+        integer :: i
+
+        do i = 1, size(self%code%variables)
+            first_not_in = self%code%variables(i)
+            if (.not. some(first_not_in)) return
+        end do
+        first_not_in = 0
+    end function first_not_in
+
+    !> How many operations an evaluation takes.
+    pure integer function n_operations(self)
+        class(expression_type), intent(in) :: self
+
+        n_operations = size(self%code%operations)
+    end function n_operations
+
+    !> How many kinks it has.
+    pure integer function n_kinks(self)
+        class(expression_type), intent(in) :: self
+
+        n_kinks = size(self%code%kink_left)
+    end function n_kinks
+
+    !> The lowest derivative that jumps at a kink: 0 the value (sign, step), 1 the slope (abs, ramp, min, max), 3 (smooth_step).
+    pure integer function kink_order(self, kink)
+        class(expression_type), intent(in) :: self
+        integer, intent(in) :: kink
+
+        kink_order = self%code%kink_orders(kink)
+    end function kink_order
+
+    !> Variables and constants in the first slots.
+    pure subroutine fill_leaves(self, x, w)
+        class(expression_type), intent(in) :: self
+        real(wp), intent(in) :: x(:)
+        real(wp), intent(inout) :: w(:)
+        integer :: i, n
+
+        n = size(self%code%variables)
+        do i = 1, n
+            w(i) = x(self%code%variables(i))
+        end do
+        do i = 1, size(self%code%constants)
+            w(n + i) = self%code%constants(i)
+        end do
+    end subroutine fill_leaves
+
+    !> On which side of its kink an operation is.
+    pure integer function branch_at(self, k, a, b, sides) result(branch)
+        class(expression_type), intent(in) :: self
+        !> The operation and its operands.
+        integer, intent(in) :: k
+        real(wp), intent(in) :: a, b
+        integer, intent(in), optional :: sides(:)
+        integer :: kink, last
+
+        branch = 0
+        kink = self%code%first_kink(k)
+        if (kink == 0) return
+        if (.not. present(sides)) then
+            branch = branch_of(self%code%operations(k), a, b)
+            return
+        end if
+        ! A smooth step has two kinks, that at 1 behind that at 0.
+        last = kink
+        if (self%code%kink_orders(kink) > 1) last = kink + 1
+        branch = count(sides(kink:last) >= 0)
+        if (last > kink .and. sides(last) >= 0) branch = 2
+    end function branch_at
+
+    !> The value.
+    pure real(wp) function evaluate_value(self, x, sides) result(value)
+        class(expression_type), intent(in) :: self
+        !> The variables, in the order in which they were named.
+        real(wp), intent(in) :: x(:)
+        !> The side of each kink: 1 or -1. Without it, the variables decide.
+        integer, intent(in), optional :: sides(:)
+        real(wp) :: w(max_slots)
+
+        call fill_values(self, x, w, sides)
+        value = w(self%code%n_slots)
+    end function evaluate_value
+
+    !> The values of all slots.
+    pure subroutine fill_values(self, x, w, sides)
+        class(expression_type), intent(in) :: self
+        real(wp), intent(in) :: x(:)
+        real(wp), intent(inout) :: w(:)
+        integer, intent(in), optional :: sides(:)
+        integer :: k, n
+        real(wp) :: a, b
+
+        call self%fill_leaves(x, w)
+        associate (code => self%code)
+            n = code%n_slots - size(code%operations)
+            do k = 1, size(code%operations)
+                a = w(code%left(k))
+                b = w(code%right(k))
+                w(n + k) = value_of(code%operations(k), a, b, self%branch_at(k, a, b, sides))
+            end do
+        end associate
+    end subroutine fill_values
+
+    !> Value and gradient.
+    pure subroutine evaluate_gradient(self, x, value, gradient, sides)
+        class(expression_type), intent(in) :: self
+        !> The variables.
+        real(wp), intent(in) :: x(:)
+        real(wp), intent(out) :: value
+        !> By each variable, zero where it is not used.
+        real(wp), intent(out) :: gradient(:)
+        integer, intent(in), optional :: sides(:)
+        real(wp) :: w(max_slots), g(max_slots), d(5, max_slots)
+        real(wp) :: a, b
+        integer :: k, n
+
+        call self%fill_leaves(x, w)
+        associate (code => self%code)
+            n = code%n_slots - size(code%operations)
+            do k = 1, size(code%operations)
+                a = w(code%left(k))
+                b = w(code%right(k))
+                call differentiate(code%operations(k), a, b, self%branch_at(k, a, b, sides), w(n + k), d(:, k))
+            end do
+            value = w(code%n_slots)
+            g(:code%n_slots) = 0.0_wp
+            g(code%n_slots) = 1.0_wp
+            do k = size(code%operations), 1, -1
+                g(code%left(k)) = g(code%left(k)) + d(1, k)*g(n + k)
+                g(code%right(k)) = g(code%right(k)) + d(2, k)*g(n + k)
+            end do
+            gradient = 0.0_wp
+            do k = 1, size(code%variables)
+                gradient(code%variables(k)) = g(k)
+            end do
+        end associate
+    end subroutine evaluate_gradient
+
+    !> Value, and first and second derivative of s -> f(x + s v) at s = 0.
+    pure subroutine evaluate_along(self, x, v, value, first, second, sides)
+        class(expression_type), intent(in) :: self
+        !> The variables, and the direction.
+        real(wp), intent(in) :: x(:), v(:)
+        real(wp), intent(out) :: value, first, second
+        integer, intent(in), optional :: sides(:)
+        !> Values, first and second derivatives of all slots.
+        real(wp) :: w(max_slots), w1(max_slots), w2(max_slots)
+        real(wp) :: d(5), a1, b1
+        integer :: k, n, i, j
+
+        call self%fill_leaves(x, w)
+        call fill_directions(self, v, w1)
+        associate (code => self%code)
+            n = code%n_slots - size(code%operations)
+            w2(:n) = 0.0_wp
+            do k = 1, size(code%operations)
+                i = code%left(k)
+                j = code%right(k)
+                call differentiate(code%operations(k), w(i), w(j), self%branch_at(k, w(i), w(j), sides), w(n + k), d)
+                a1 = w1(i)
+                b1 = w1(j)
+                w1(n + k) = d(1)*a1 + d(2)*b1
+                w2(n + k) = d(1)*w2(i) + d(2)*w2(j) + (d(3)*a1 + 2.0_wp*d(4)*b1)*a1 + d(5)*b1*b1
+            end do
+            value = w(code%n_slots)
+            first = w1(code%n_slots)
+            second = w2(code%n_slots)
+        end associate
+    end subroutine evaluate_along
+
+    !> The direction in the slots of the variables, zero in those of the constants.
+    pure subroutine fill_directions(self, v, w1)
+        class(expression_type), intent(in) :: self
+        real(wp), intent(in) :: v(:)
+        real(wp), intent(inout) :: w1(:)
+        integer :: i
+
+        do i = 1, size(self%code%variables)
+            w1(i) = v(self%code%variables(i))
+        end do
+        do i = size(self%code%variables) + 1, size(self%code%variables) + size(self%code%constants)
+            w1(i) = 0.0_wp
+        end do
+    end subroutine fill_directions
+
+    !> Value, derivative along a direction, gradient, and the gradient of the derivative along it, which is the derivative of the
+    !> gradient along it: the product of the second derivatives with v.
+    pure subroutine evaluate_gradient_along(self, x, v, value, first, gradient, gradient_along, sides)
+        class(expression_type), intent(in) :: self
+        !> The variables, and the direction.
+        real(wp), intent(in) :: x(:), v(:)
+        real(wp), intent(out) :: value, first, gradient(:), gradient_along(:)
+        integer, intent(in), optional :: sides(:)
+        !> Values of all slots, and derivatives by them of the result; each with its derivative along v.
+        real(wp) :: w(max_slots), w1(max_slots), g(max_slots), g1(max_slots)
+        real(wp) :: d(5, max_slots)
+        integer :: k, n, i, j
+
+        call self%fill_leaves(x, w)
+        call fill_directions(self, v, w1)
+        associate (code => self%code)
+            n = code%n_slots - size(code%operations)
+            do k = 1, size(code%operations)
+                i = code%left(k)
+                j = code%right(k)
+                call differentiate(code%operations(k), w(i), w(j), self%branch_at(k, w(i), w(j), sides), w(n + k), d(:, k))
+                w1(n + k) = d(1, k)*w1(i) + d(2, k)*w1(j)
+            end do
+            value = w(code%n_slots)
+            first = w1(code%n_slots)
+            g(:code%n_slots) = 0.0_wp
+            g1(:code%n_slots) = 0.0_wp
+            g(code%n_slots) = 1.0_wp
+            do k = size(code%operations), 1, -1
+                i = code%left(k)
+                j = code%right(k)
+                g(i) = g(i) + d(1, k)*g(n + k)
+                g1(i) = g1(i) + d(1, k)*g1(n + k) + (d(3, k)*w1(i) + d(4, k)*w1(j))*g(n + k)
+                g(j) = g(j) + d(2, k)*g(n + k)
+                g1(j) = g1(j) + d(2, k)*g1(n + k) + (d(4, k)*w1(i) + d(5, k)*w1(j))*g(n + k)
+            end do
+            gradient = 0.0_wp
+            gradient_along = 0.0_wp
+            do k = 1, size(code%variables)
+                gradient(code%variables(k)) = g(k)
+                gradient_along(code%variables(k)) = g1(k)
+            end do
+        end associate
+    end subroutine evaluate_gradient_along
+
+    !> The argument of each kink, which is zero there, and its derivative along a direction.
+    pure subroutine evaluate_kinks(self, x, v, arguments, rates, sides)
+        class(expression_type), intent(in) :: self
+        !> The variables, and the direction, such as the velocities of the variables.
+        real(wp), intent(in) :: x(:), v(:)
+        !> One each kink.
+        real(wp), intent(out) :: arguments(:), rates(:)
+        integer, intent(in), optional :: sides(:)
+        real(wp) :: w(max_slots), w1(max_slots), d(5)
+        integer :: k, n, i, j
+
+        call self%fill_leaves(x, w)
+        call fill_directions(self, v, w1)
+        associate (code => self%code)
+            n = code%n_slots - size(code%operations)
+            do k = 1, size(code%operations)
+                i = code%left(k)
+                j = code%right(k)
+                call differentiate(code%operations(k), w(i), w(j), self%branch_at(k, w(i), w(j), sides), w(n + k), d)
+                w1(n + k) = d(1)*w1(i) + d(2)*w1(j)
+            end do
+            do k = 1, size(code%kink_left)
+                i = code%kink_left(k)
+                j = code%kink_right(k)
+                arguments(k) = w(i) - w(j) - code%kink_offsets(k)
+                rates(k) = w1(i) - w1(j)
+            end do
+        end associate
+    end subroutine evaluate_kinks
+
+    !> The side of each kink at a point, and at the kink itself the side to which a motion along v goes: what a run that goes on
+    !> from there holds.
+    pure subroutine find_sides(self, x, v, sides)
+        class(expression_type), intent(in) :: self
+        !> The variables, and their velocities.
+        real(wp), intent(in) :: x(:), v(:)
+        !> 1 or -1 each.
+        integer, intent(out) :: sides(:)
+        real(wp) :: arguments(size(sides)), rates(size(sides))
+        integer :: k
+
+        call self%evaluate_kinks(x, v, arguments, rates)
+        do k = 1, size(sides)
+            sides(k) = merge(1, -1, arguments(k) > 0.0_wp .or. (.not. arguments(k) < 0.0_wp .and. rates(k) >= 0.0_wp))
+        end do
+    end subroutine find_sides
+end module tandem_mechanism_expression

@@ -1,0 +1,185 @@
+! SPDX-License-Identifier: MIT
+!> Lists of operations: how one grows while an expression is read, and what is evaluated in the end.
+module tandem_mechanism_expression_code
+    use tandem_kinds, only: long, wp
+    use tandem_mechanism_operations, only: branch_of, has_kink, is_commutative, kink_order, op_smooth_step, value_of
+    implicit none (type, external)
+    private
+
+    public :: code_type, builder_type, operand_type, max_slots
+
+    !> The longest list: all of an evaluation is in arrays of this size, which need no allocation.
+    integer, parameter :: max_slots = 1000
+    !> Leaves of a list that grows.
+    integer, parameter :: leaf_constant = 0, leaf_variable = -1
+
+    !> A list of operations. Values stand in slots: first those of the variables that are used, then constants, then one for each
+    !> operation in turn; an operation looks at slots before its own. The last slot is the value of the expression.
+    type :: code_type
+        !> The variables that are used, as places in the list of names.
+        integer, allocatable :: variables(:)
+        real(wp), allocatable :: constants(:)
+        !> The operations and their operands.
+        integer, allocatable :: operations(:), left(:), right(:)
+        !> The first kink of an operation; 0 for none.
+        integer, allocatable :: first_kink(:)
+        !> A kink each: the values of two slots differ there by so much; the lowest derivative that jumps.
+        integer, allocatable :: kink_left(:), kink_right(:)
+        real(wp), allocatable :: kink_offsets(:)
+        integer, allocatable :: kink_orders(:)
+        !> The number of slots.
+        integer :: n_slots = 0
+    end type code_type
+
+    !> An operand of a list that grows: a place in it, or a constant that no operation of the list has needed yet.
+    type :: operand_type
+        integer :: node = 0
+        real(wp) :: value = 0.0_wp
+    end type operand_type
+
+    !> A list that grows. Operations on constants are carried out at once, and one that was there before is not repeated.
+    type :: builder_type
+        !> Whether something found no place any more; the list is worthless then.
+        logical :: is_full = .false.
+        integer, private :: n = 0
+        integer, private :: operations(max_slots), left(max_slots), right(max_slots)
+        real(wp), private :: constants(max_slots)
+    contains
+        procedure :: variable
+        procedure :: apply
+        procedure :: arrange
+        procedure, private :: place_of
+        procedure, private :: append
+    end type builder_type
+
+contains
+
+    !> A variable as operand.
+    type(operand_type) function variable(self, i)
+        class(builder_type), intent(inout) :: self
+        !> Its place in the list of names.
+        integer, intent(in) :: i
+
+        call self%append(leaf_variable, i, 0, 0.0_wp, variable%node)
+    end function variable
+
+    !> left = operation(left, right), at once where both are constants.
+    subroutine apply(self, operation, left, right)
+        class(builder_type), intent(inout) :: self
+        integer, intent(in) :: operation
+        type(operand_type), intent(inout) :: left
+        type(operand_type), intent(in) :: right
+        integer :: a, b
+
+        if (left%node == 0 .and. right%node == 0) then
+            left%value = value_of(operation, left%value, right%value, branch_of(operation, left%value, right%value))
+            return
+        end if
+        call self%place_of(left, a)
+        call self%place_of(right, b)
+        if (is_commutative(operation)) then
+            call self%append(operation, min(a, b), max(a, b), 0.0_wp, left%node)
+        else
+            call self%append(operation, a, b, 0.0_wp, left%node)
+        end if
+    end subroutine apply
+
+    !> The place of an operand in the list.
+    subroutine place_of(self, operand, node)
+        class(builder_type), intent(inout) :: self
+        type(operand_type), intent(in) :: operand
+        integer, intent(out) :: node
+
+        node = operand%node
+        if (node == 0) call self%append(leaf_constant, 0, 0, operand%value, node)
+    end subroutine place_of
+
+    !> Append to the list what is not yet there.
+    subroutine append(self, operation, left, right, constant, node)
+        class(builder_type), intent(inout) :: self
+        integer, intent(in) :: operation, left, right
+        real(wp), intent(in) :: constant
+        integer, intent(out) :: node
+
+        do node = 1, self%n
+            if (self%operations(node) == operation .and. self%left(node) == left .and. self%right(node) == right .and. &
+                transfer(self%constants(node), 0_long) == transfer(constant, 0_long)) return
+        end do
+        self%is_full = self%is_full .or. self%n == max_slots
+        if (self%is_full) then
+            node = 1
+            return
+        end if
+        self%n = node
+        self%operations(node) = operation
+        self%left(node) = left
+        self%right(node) = right
+        self%constants(node) = constant
+    end subroutine append
+
+    !> The list that is evaluated: what the result needs, leaves first.
+    subroutine arrange(self, last, code)
+        class(builder_type), intent(inout) :: self
+        type(operand_type), intent(in) :: last
+        type(code_type), intent(out) :: code
+        logical :: is_needed(max_slots)
+        integer :: slots(max_slots), result, i, k
+
+        call self%place_of(last, result)
+        is_needed = .false.
+        is_needed(result) = .true.
+        do i = result, 1, -1
+            if (.not. is_needed(i) .or. self%operations(i) <= leaf_constant) cycle
+            is_needed(self%left(i)) = .true.
+            is_needed(self%right(i)) = .true.
+        end do
+        associate (n => self%n, operations => self%operations)
+            code%variables = pack(self%left(:n), is_needed(:n) .and. operations(:n) == leaf_variable)
+            code%constants = pack(self%constants(:n), is_needed(:n) .and. operations(:n) == leaf_constant)
+            k = 0
+            do i = 1, n
+                if (is_needed(i) .and. operations(i) == leaf_variable) call number(i)
+            end do
+            do i = 1, n
+                if (is_needed(i) .and. operations(i) == leaf_constant) call number(i)
+            end do
+            do i = 1, n
+                if (is_needed(i) .and. operations(i) > leaf_constant) call number(i)
+            end do
+            code%n_slots = k
+            code%operations = pack(operations(:n), is_needed(:n) .and. operations(:n) > leaf_constant)
+            code%left = slots(pack(self%left(:n), is_needed(:n) .and. operations(:n) > leaf_constant))
+            code%right = slots(pack(self%right(:n), is_needed(:n) .and. operations(:n) > leaf_constant))
+        end associate
+        call list_kinks(code)
+
+    contains
+
+        !> The next slot.
+        subroutine number(node)
+            integer, intent(in) :: node
+
+            k = k + 1
+            slots(node) = k
+        end subroutine number
+    end subroutine arrange
+
+    !> The kinks of the operations in turn; a smooth step has two, at 0 and at 1.
+    pure subroutine list_kinks(code)
+        type(code_type), intent(inout) :: code
+        integer :: k, i
+
+        allocate (code%first_kink(size(code%operations)), source=0)
+        allocate (code%kink_left(0), code%kink_right(0), code%kink_offsets(0), code%kink_orders(0))
+        do k = 1, size(code%operations)
+            if (.not. has_kink(code%operations(k))) cycle
+            code%first_kink(k) = size(code%kink_left) + 1
+            do i = 0, merge(1, 0, code%operations(k) == op_smooth_step)
+                code%kink_left = [code%kink_left, code%left(k)]
+                code%kink_right = [code%kink_right, code%right(k)]
+                code%kink_offsets = [code%kink_offsets, real(i, wp)]
+                code%kink_orders = [code%kink_orders, kink_order(code%operations(k))]
+            end do
+        end do
+    end subroutine list_kinks
+end module tandem_mechanism_expression_code

@@ -1,0 +1,97 @@
+! SPDX-License-Identifier: MIT
+!> What a writer may have meant who wrote a name that there is not.
+module tandem_names
+    implicit none (type, external)
+    private
+
+    public :: nearest_name, question
+
+    character(len=*), parameter :: before = '; did you mean "'
+
+contains
+
+    !> The length of the nearest name.
+    pure integer function nearest_length(word, names)
+        character(len=*), intent(in) :: word, names(:)
+        integer :: i
+
+        i = nearest_place(word, names)
+        nearest_length = 0
+        if (i > 0) nearest_length = len_trim(names(i))
+    end function nearest_length
+
+    !> The place of the nearest name, or 0.
+    pure integer function nearest_place(word, names)
+        character(len=*), intent(in) :: word, names(:)
+        integer :: i, distance, least
+
+        nearest_place = 0
+        least = huge(1)
+        if (len(word) > 64) return
+        do i = 1, size(names)
+            distance = edits(lower(word), lower(trim(names(i))))
+            if (distance < least .and. distance <= max(1, len_trim(names(i))/3)) then
+                least = distance
+                nearest_place = i
+            end if
+        end do
+    end function nearest_place
+
+    !> The name that the writer may have meant, or nothing: the one that the fewest edits reach, a third of its length at most.
+    pure function nearest_name(word, names) result(name)
+        !> What was written.
+        character(len=*), intent(in) :: word
+        !> What exists.
+        character(len=*), intent(in) :: names(:)
+        character(len=nearest_length(word, names)) :: name
+
+        name = ''
+        if (len(name) > 0) name = names(nearest_place(word, names))
+    end function nearest_name
+
+    !> The end of a message about a wrong name: what the writer may have meant, or nothing.
+    pure function question(word, names) result(text)
+        !> What was written.
+        character(len=*), intent(in) :: word
+        !> What exists.
+        character(len=*), intent(in) :: names(:)
+        character(len=merge(nearest_length(word, names) + len(before) + 2, 0, nearest_length(word, names) > 0)) :: text
+
+        text = ''
+        if (len(text) > 0) text = before//nearest_name(word, names)//'"?'
+    end function question
+
+    !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
+    pure integer function edits(a, b)
+        character(len=*), intent(in) :: a, b
+        integer :: cost(0:len(a), 0:len(b))
+        integer :: i, j
+
+        cost(:, 0) = [(i, i=0, len(a))]
+        cost(0, :) = [(j, j=0, len(b))]
+        do j = 1, len(b)
+            do i = 1, len(a)
+                cost(i, j) = min(cost(i - 1, j) + 1, cost(i, j - 1) + 1, &
+                    cost(i - 1, j - 1) + merge(0, 1, a(i:i) == b(j:j)))
+                if (min(i, j) > 1) then
+                    if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) then
+                        cost(i, j) = min(cost(i, j), cost(max(0, i - 2), max(0, j - 2)) + 1)
+                    end if
+                end if
+            end do
+        end do
+        edits = cost(len(a), len(b))
+    end function edits
+
+    !> Lower case.
+    pure function lower(word) result(text)
+        character(len=*), intent(in) :: word
+        character(len=len(word)) :: text
+        integer :: i
+
+        text = word
+        do i = 1, len(word)
+            if (word(i:i) >= 'A' .and. word(i:i) <= 'Z') text(i:i) = achar(iachar(word(i:i)) + 32)
+        end do
+    end function lower
+end module tandem_names
