@@ -463,7 +463,7 @@ contains
             end if
         end do
         ! Bytes that are no ASCII and control characters are not repeated to a terminal.
-        call parse(expression, 't + '//achar(195)//achar(169)//achar(27), failure, column)
+        call parse(expression, 't + '//char(195)//char(169)//achar(27), failure, column)
         call check_failure(error, failure, 'invalid_model', 'column 5 of "t + ???": ')
     end subroutine test_errors
 
