@@ -377,7 +377,8 @@ contains
         call check_model(error, four_bar, q, qd, 0.0_wp, 2.0_wp)
         if (allocated(error)) return
         q = spread(0.0_wp, 1, 2)
-        allocate (qd, qdd, lambda, source=q)
+        qd = q
+        allocate (qdd, lambda, source=q)
         call belt%define()
         call belt%solution(0.0_wp, q, qd, qdd, lambda)
         call check_model(error, belt, q, qd, 0.0_wp, 2.0_wp)
