@@ -6,7 +6,8 @@ module tandem_names
 
     public :: nearest_name, question
 
-    character(len=*), parameter :: before = '; did you mean "'
+    !> How many letters stand around the name in a question.
+    integer, parameter :: around = 18
 
 contains
 
@@ -55,10 +56,10 @@ contains
         character(len=*), intent(in) :: word
         !> What exists.
         character(len=*), intent(in) :: names(:)
-        character(len=merge(nearest_length(word, names) + len(before) + 2, 0, nearest_length(word, names) > 0)) :: text
+        character(len=merge(nearest_length(word, names) + around, 0, nearest_length(word, names) > 0)) :: text
 
         text = ''
-        if (len(text) > 0) text = before//nearest_name(word, names)//'"?'
+        if (len(text) > 0) text = '; did you mean "'//nearest_name(word, names)//'"?'
     end function question
 
     !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.

@@ -16,6 +16,7 @@ module tandem_mechanism_operations
     public :: op_smooth_step
     public :: pi
 
+    !> The constant of the language.
     real(wp), parameter :: pi = acos(-1.0_wp)
 
     !> The operations; those from `op_abs` on have kinks.
