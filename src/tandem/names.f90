@@ -21,6 +21,14 @@ contains
         if (i > 0) nearest_length = len_trim(names(i))
     end function nearest_length
 
+    !> The length of the question.
+    pure integer function question_length(word, names)
+        character(len=*), intent(in) :: word, names(:)
+
+        question_length = nearest_length(word, names)
+        if (question_length > 0) question_length = question_length + around
+    end function question_length
+
     !> The place of the nearest name, or 0.
     pure integer function nearest_place(word, names)
         character(len=*), intent(in) :: word, names(:)
@@ -56,7 +64,7 @@ contains
         character(len=*), intent(in) :: word
         !> What exists.
         character(len=*), intent(in) :: names(:)
-        character(len=merge(nearest_length(word, names) + around, 0, nearest_length(word, names) > 0)) :: text
+        character(len=question_length(word, names)) :: text
 
         text = ''
         if (len(text) > 0) text = '; did you mean "'//nearest_name(word, names)//'"?'

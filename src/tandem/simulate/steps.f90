@@ -477,7 +477,7 @@ contains
     end subroutine check_progress
 
     !> Steps have become hopelessly short. Where C loses its rank, or what ties a coordinate without mass, within a millionth of the
-    !> run ahead, that is why: the errors of steps grow without bound towards it.
+    !> run ahead, or where little of that tie is left, that is why: the errors of steps grow without bound towards it.
     subroutine name_near_loss(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -486,6 +486,7 @@ contains
 
         associate (state => self%state)
             loss = self%chart%loss_ahead(state%t, state%q, state%qd, near*(state%t - self%t_start))
+            if (loss == status_ok .and. self%chart%loosened < least_independence) loss = status_singular_mass
             if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(state%t), error)
         end associate
     end subroutine name_near_loss

@@ -95,10 +95,9 @@ contains
         end associate
         before = sqrt(max(before, 0.0_wp))
         after = sqrt(max(after, 0.0_wp))
-        if (.not. after < horizon*(before - after)) return
-        room = min(room, max(after/(before - after), tiny(1.0_wp)))
         self%loosened = after/sqrt(self%best_tie)
         self%failed_coordinate = self%loosest
+        if (after < horizon*(before - after)) room = min(room, max(after/(before - after), tiny(1.0_wp)))
     end subroutine measure_ties
 
     !> Between the ends of a step C seems to have lost what it has to keep. Find where, on the straight way, or that it has merely
