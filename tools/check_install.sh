@@ -283,7 +283,7 @@ check program-uninstalls-alone eval 'tools/library.py uninstall --prefix "$prefi
     [ ! -e "$prefix/share/tandem/scenes" ]'
 needs_no_fpm() { ! make -n install PARTS=library PREFIX="$tmp" | grep -E 'setup|fpm'; }
 check library-alone-needs-no-fpm needs_no_fpm
-builds_first() { make -n install PREFIX="$tmp" | grep -q -- '--runner install -- build/tandem'; }
+builds_first() { env -u MAKEFLAGS -u PARTS make -n install PREFIX="$tmp" | grep -- '--runner install -- build/tandem' >/dev/null; }
 check everything-is-built-before-it-is-installed builds_first
 
 # --- 8. and away ---------------------------------------------------------------------------------------------------
