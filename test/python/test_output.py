@@ -150,6 +150,20 @@ class Check(Case):
 
 
 class ResultFile(Case):
+    def test_headers_lie_in_one_page(self):
+        """The system may kill a program between two pages of a write; /report is written at the end alone."""
+        scene = ["--set", 'event=[{name="low", watch="rz", value=0.9}]', "--output", "pages.h5"]
+        self.tandem("run", "rolling_disk", *SHORT, *scene)
+        with h5py.File(self.folder / "pages.h5") as file:
+            names = []
+            file.visit(names.append)
+            self.assertGreater(len(names), 20)
+            for name in names:
+                about = h5py.h5o.get_info(file[name].id)
+                if name != "report":
+                    self.assertEqual(about.hdr.nchunks, 1, name)
+                    self.assertEqual(about.addr//4096, (about.addr + about.hdr.space.total - 1)//4096, name)
+
     def result(self, *arguments, scene="rolling_disk"):
         self.tandem("run", scene, "--output", "result.h5", "--force", *arguments)
         return h5py.File(self.folder / "result.h5")

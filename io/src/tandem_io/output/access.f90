@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> How HDF5 treats a file that must be whole whatever ends the program: the mode "single writer, multiple readers" (SWMR).
 module tandem_io_output_access
-    use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_cache_f, h5pset_libver_bounds_f, &
-        h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
+    use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_alignment_f, h5pset_cache_f, &
+        h5pset_libver_bounds_f, h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
     use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
     implicit none (type, external)
     private
@@ -60,12 +60,16 @@ contains
     !> taken in large pieces, so that the end of the file that the superblock states, which plain readers believe, seldom changes
     !> and is ahead of the rows. What is left of the room is given back when the file is closed. Rows go to the disk past HDF5's
     !> cache: a failure then shows before anything on the disk says that they are there.
+    !>
+    !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`, begin
+    !> at multiples of it, so that none of these lies in two pages: the header of a dataset, which changes with every flush, is on the
+    !> disk as it was or as it is.
     subroutine make_access(access, grows, driver)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
         !> The file's driver, which the caller gives back after closing the file; negative where there is none of ours.
         integer(c_int64_t), intent(out) :: driver
-        integer(hsize_t), parameter :: piece = 2**20
+        integer(hsize_t), parameter :: piece = 2**20, slot = 1024
         integer :: stat
 
         call h5pcreate_f(h5p_file_access_f, access, stat)
@@ -81,6 +85,7 @@ contains
         call h5pset_libver_bounds_f(access, h5f_libver_v110_f, h5f_libver_v110_f, stat)
         stat = int(h5p_set_file_locking(int(access, c_int64_t), .false._c_bool, .true._c_bool))
         call h5pset_cache_f(access, 0, 1_size_t, 0_size_t, 0.75, stat)
+        call h5pset_alignment_f(access, 1_hsize_t, slot, stat)
         call h5pset_small_data_block_size_f(access, piece, stat)
         call h5pset_meta_block_size_f(access, piece/16, stat)
     end subroutine make_access
