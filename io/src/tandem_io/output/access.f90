@@ -61,9 +61,9 @@ contains
     !> and is ahead of the rows. What is left of the room is given back when the file is closed. Rows go to the disk past HDF5's
     !> cache: a failure then shows before anything on the disk says that they are there.
     !>
-    !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`, begin
-    !> at multiples of it, so that none of these lies in two pages: the header of a dataset, which changes with every flush, is on the
-    !> disk as it was or as it is.
+    !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`,
+    !> begin at multiples of it, so that none of these lies in two pages: the header of a dataset, which changes with every flush,
+    !> is on the disk as it was or as it is.
     subroutine make_access(access, grows, driver)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
