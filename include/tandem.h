@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1006
+#define TANDEM_INTERFACE_VERSION 1007
 
 /* Outcomes. */
 enum {
@@ -170,8 +170,8 @@ int tandem_get_multipliers(tandem_problem *problem, double t, double *lambda);
 /* Energies of the current state; the potential one is 0 where the model has none; pointers may be NULL. */
 int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potential);
 
-/* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, local_error_sum,
- * n_redundant, is_stiff (1 or 0), wall_seconds, ...: doc/linking.md explains them; the message of an unknown name lists all. */
+/* steps, rejected, failed, right_hand_sides, charts, largest_position_error, local_error_sum, stiff (1 or 0), n_redundant,
+ * wall_seconds, ...: doc/options.md lists them, and so does the message of an unknown name. */
 int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
 
 /* Warnings of the run so far: redundant rows that were left out, errors that are large, ... Ask when a run has ended. */

@@ -66,16 +66,38 @@ def read_subroutines(text):
     return found
 
 
+def read_joined(path):
+    """A Fortran source with its continued lines joined."""
+    return re.sub(r"&\s*\n\s*", "", path.read_text())
+
+
+def read_options(root):
+    """The options that can be set by name, with their kinds: the rows of the table, and one that is the model's."""
+    kinds = {"number": "real", "whole": "integer", "word": "text"}
+    table = read_joined(root / "src/tandem/options.f90")
+    rows = re.findall(r"%take\(option_row_type\('(\w+)', .*?\), (number|whole|word)=self%", table)
+    return [f"{kinds[kind]} option {name}" for name, kind in rows] + ["integer option constant_mass"]
+
+
+def read_figures(root):
+    """The figures by name, in lower case: those of reports, and what the interfaces call otherwise."""
+    source = root / "src/tandem"
+    texts = "".join(read_joined(source / file) for file in ("simulate/statistics.f90", "model/terms.f90", "model/derivatives.f90"))
+    names = []
+    for name, array in re.findall(r"reader%\w+\('(\w+)'(?://[\w(]*\((\w+_name)\()?", read_joined(source / "simulate/figures.f90")):
+        parts = [""]
+        if array:
+            parts = re.findall(r"'([^']*)'", re.search(rf":: {array}\(\w+\) = \[(.*?)\]", texts)[1])
+        names += [(name + part.replace(" ", "_").replace("|", "")).lower() for part in parts]
+    for words in re.findall(r"case \(('\w+'(?:, '\w+')*)\)", (source / "legacy/figures.f90").read_text()):
+        names += re.findall(r"\w+", words)
+    return names
+
+
 def read_names(root):
     """The names that callers give as texts: of options, statistics, and procedures of a model."""
     legacy = root / "src/tandem/legacy"
-    names = []
-    settings = re.sub(r"'//\s*&\s*\n\s*'", "", (legacy / "settings.f90").read_text())
-    for kind in ("reals", "integers", "texts"):
-        listed = re.search(rf":: {kind} = '([^']*)'", settings)[1]
-        names += [f"{kind[:-1]} option {name}" for name in listed.split(", ")]
-    figures = re.sub(r"'//\s*&\s*\n\s*'", "", (legacy / "figures.f90").read_text())
-    names += [f"statistic {name}" for name in re.search(r":: names = '([^']*)'", figures)[1].split(", ")]
+    names = read_options(root) + [f"statistic {name}" for name in read_figures(root)]
     names += [
         f"procedure {name} {kind}"
         for name, kind in re.findall(r"term_row_type\('(\w+)', (of_\w+)\)", (legacy / "terms.f90").read_text())
@@ -85,13 +107,13 @@ def read_names(root):
 
 
 def read_statistics(root):
-    """The scalar components of the types that hold the figures of a run."""
+    """The numbers in the types that hold the figures of a run."""
     names = set()
     for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("model/counts.f90", "counts_type")):
         text = (root / "src/tandem" / file).read_text()
         body = re.search(rf"^ *type\b[^\n]*:: {type_}\n(.*?)^ *contains", text, re.M | re.S)[1]
         for components in re.findall(r"^ *(?:integer|real|logical)\S* :: (.*)$", body, re.M):
-            names.update(re.findall(r"(\w+) = ", components))
+            names.update(re.findall(r"(\w+)(?:\(\w+\))? = ", components))
     return names
 
 
@@ -136,8 +158,8 @@ def disagreements(root, modules):
             problems.append(f"{name} is {lengths[name]} in tandem.inc, {length} in {file}.f90")
     if sorted(f77_constants.values()) != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
-    listed = {entry.split()[1] for entry in read_names(root) if entry.startswith("statistic ")}
-    problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - listed)]
+    told = set(re.findall(r"\bs%(\w+)", (root / "src/tandem/simulate/figures.f90").read_text()))
+    problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - told)]
     if modules:
         written = subprocess.run(
             ["gfortran", "-fc-prototypes", "-fsyntax-only", f"-I{modules}", str(root / "src/tandem/legacy/c.f90")],

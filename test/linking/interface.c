@@ -159,7 +159,7 @@ static void test_derivatives(void)
 /* The message of an unknown name lists the known ones: each must be taken, with a value that it may have. */
 static int takes_all(tandem_problem *p, int kind)
 {
-    char list[2000], *name;
+    char list[2048], *name;
     double value;
     int taken = 0;
     if (kind == 0) tandem_set_real(p, "?", 0);
@@ -180,9 +180,51 @@ static void test_names(void)
     struct bowl b = new_bowl();
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
-    check("every-statistic-is-known", takes_all(p, 2) == 45, tandem_message(p));
+    check("every-statistic-is-known", takes_all(p, 2) == 67, tandem_message(p));
     check("every-real-option-is-known", takes_all(p, 0) == 16, tandem_message(p));
     check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
+    tandem_free(p);
+}
+
+/* Statistics go by the names that reports have, in either case, and three by those that they had before, too. */
+static void test_statistics(void)
+{
+    static const char *reasons[] = {"start", "every_step", "v", "w", "D", "Fbar", "breakpoint", "condition", "iterations", "failure",
+                                    "event"};
+    static const char *pairs[][2] = {{"position_error", "largest_position_error"},
+                                     {"velocity_error", "LARGEST_VELOCITY_ERROR"},
+                                     {"Acceleration_Error", "largest_acceleration_error"},
+                                     {"b_corrections", "B_corrections"},
+                                     {"is_stiff", "stiff"}};
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double charts = 0, sum = 0, forces = 0, old, new;
+    char name[40];
+    int same = 0;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_integrate(p, 0.5);
+    for (int i = 0; i < 11; i++) {
+        snprintf(name, sizeof name, "charts_by_%s", reasons[i]);
+        new = -1;
+        tandem_get_statistic(p, name, &new);
+        sum += new;
+    }
+    tandem_get_statistic(p, "charts", &charts);
+    check("every-chart-has-a-reason", charts > 0 && sum == charts, tandem_message(p));
+    tandem_get_statistic(p, "evaluations_force", &forces);
+    check("evaluations-are-told-term-by-term", forces > 0, tandem_message(p));
+    for (int i = 0; i < 5; i++) {
+        old = 1;
+        new = 2;
+        tandem_get_statistic(p, pairs[i][0], &old);
+        tandem_get_statistic(p, pairs[i][1], &new);
+        same += old == new;
+    }
+    check("statistics-keep-their-old-names", same == 5, tandem_message(p));
+    strcpy(name, "steps");
+    memset(name + 5, 'x', sizeof name - 6);
+    name[39] = 0;
+    expect("a-long-name-is-no-statistic", p, tandem_get_statistic(p, name, &old), TANDEM_INVALID_OPTION, "is not a statistic");
     tandem_free(p);
 }
 
@@ -1071,6 +1113,7 @@ int main(void)
     test_breakpoints();
     test_driven();
     test_names();
+    test_statistics();
     test_warnings();
     test_check();
     test_missing();

@@ -12,7 +12,7 @@ module tandem_legacy_c
     use tandem_legacy_version, only: interface_version
     use tandem_status, only: status_invalid_option
     use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_int64_t, c_loc, &
-        c_null_char, c_null_ptr, c_ptr
+        c_null_char, c_null_ptr, c_ptr, c_size_t
     implicit none (type, external)
     private
 
@@ -23,7 +23,17 @@ module tandem_legacy_c
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
-    integer, parameter :: longest_text = 256
+    integer(c_size_t), parameter :: longest_text = 256
+
+    interface
+        !> strnlen of the C library: the length of a text that is read to a limit at most.
+        pure integer(c_size_t) function strnlen(chars, limit) bind(C)
+            import :: c_ptr, c_size_t
+            implicit none (type, external)
+            type(c_ptr), value :: chars
+            integer(c_size_t), value :: limit
+        end function strnlen
+    end interface
 
     !> What `tandem_message` gives where there is no problem. Never changed.
     character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
@@ -42,7 +52,6 @@ contains
         integer(c_int), value :: n, n_holonomic, n_nonholonomic
         !> Handed through to every function of the model.
         type(c_ptr), value :: user_data
-        type(problem_type), pointer :: problem
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callback_model
         integer :: stat
@@ -50,17 +59,10 @@ contains
         c_new = c_null_ptr
         allocate (model, stat=stat)
         if (stat /= 0) return
-        allocate (problem, stat=stat)
-        if (stat /= 0) then
-            deallocate (model)
-            return
-        end if
         model%by_rows = .true.
         model%user_data = user_data
         callback_model => model
-        call problem%set_up(callback_model, n, n_holonomic, n_nonholonomic)
-        c_new = new_handle(problem)
-        if (.not. c_associated(c_new)) deallocate (problem, model)
+        c_new = new_handle(callback_model, n, n_holonomic, n_nonholonomic, stat)
     end function c_new
 
     !> Give a problem back; NULL is allowed.
@@ -88,18 +90,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_position_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_position)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_position(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_position_function)) return
+        call problem%set_procedure(text_of(name), of_position, function_)
         c_set_position_function = problem%stat
     end function c_set_position_function
 
@@ -108,18 +101,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_motion_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_motion)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_motion(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_motion_function)) return
+        call problem%set_procedure(text_of(name), of_motion, function_)
         c_set_motion_function = problem%stat
     end function c_set_motion_function
 
@@ -128,18 +112,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_direction_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_direction)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_direction(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_direction_function)) return
+        call problem%set_procedure(text_of(name), of_direction, function_)
         c_set_direction_function = problem%stat
     end function c_set_direction_function
 
@@ -151,15 +126,8 @@ contains
         integer(c_int), value :: provides
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_set_evaluate = status_invalid_option
-        if (.not. associated(problem)) return
-        if (problem%check_provides(provides, c_associated(function_))) then
-            select type (model => problem%model)
-            class is (c_model_type)
-                call model%set_evaluate(function_, provides)
-            end select
-        end if
+        if (.not. found(handle, problem, c_set_evaluate)) return
+        call problem%set_evaluate(function_, provides)
         c_set_evaluate = problem%stat
     end function c_set_evaluate
 
@@ -168,13 +136,9 @@ contains
         type(c_ptr), value :: handle, name
         real(c_double), value :: value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_real = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_real(text, value)
+        if (.not. found(handle, problem, c_set_real)) return
+        call problem%set(text_of(name), number=value)
         c_set_real = problem%stat
     end function c_set_real
 
@@ -183,13 +147,9 @@ contains
         type(c_ptr), value :: handle, name
         integer(c_int), value :: value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_integer = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_integer(text, value)
+        if (.not. found(handle, problem, c_set_integer)) return
+        call problem%set(text_of(name), whole=value)
         c_set_integer = problem%stat
     end function c_set_integer
 
@@ -197,17 +157,12 @@ contains
     integer(c_int) function c_set_text(handle, name, value) bind(C, name='tandem_set_text')
         type(c_ptr), value :: handle, name, value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text, word
 
-        call find(handle, problem)
-        c_set_text = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
+        if (.not. found(handle, problem, c_set_text)) return
         if (c_associated(value)) then
-            call get_text(value, word)
-            call problem%set_text(text, word)
+            call problem%set(text_of(name), word=text_of(value))
         else
-            call problem%refuse('the word for "'//text//'" is NULL', 'give one of its values')
+            call problem%refuse('the word for "'//text_of(name)//'" is NULL', 'give one of its values')
         end if
         c_set_text = problem%stat
     end function c_set_text
@@ -220,25 +175,16 @@ contains
         type(c_ptr), value :: values
         type(problem_type), pointer :: problem
         real(wp), pointer :: list(:)
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_vector = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
+        if (.not. found(handle, problem, c_set_vector)) return
         if (count < 0 .or. (count > 0 .and. .not. c_associated(values))) then
-            call problem%refuse('the list "'//text//'" is NULL or has a negative number of entries', &
+            call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
                 'give the numbers and how many they are')
+        else if (count > 0) then
+            call c_f_pointer(values, list, [count])
+            call problem%set_vector(text_of(name), list)
         else
-            allocate (list(0))
-            if (count > 0) then
-                deallocate (list)
-                call c_f_pointer(values, list, [count])
-                call problem%set_vector(text, list)
-            else
-                call problem%set_vector(text, list)
-                deallocate (list)
-            end if
+            call problem%set_vector(text_of(name), [real(wp) ::])
         end if
         c_set_vector = problem%stat
     end function c_set_vector
@@ -250,13 +196,9 @@ contains
         integer(c_int), value :: row
         type(c_ptr), value :: name
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_row_name = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_row_name(min(row, huge(row) - 1) + 1, text)
+        if (.not. found(handle, problem, c_set_row_name)) return
+        call problem%set_row_name(min(row, huge(row) - 1) + 1, text_of(name))
         c_set_row_name = problem%stat
     end function c_set_row_name
 
@@ -268,9 +210,7 @@ contains
         real(c_double), intent(in), optional :: q(*), qd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_check = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_check)) return
         if (present(q) .and. present(qd)) then
             call problem%check(t, q, qd)
         else
@@ -287,9 +227,7 @@ contains
         real(c_double), intent(in), optional :: q(*), qd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_start = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_start)) return
         if (present(q) .and. present(qd)) then
             call problem%start(t, q, qd)
         else
@@ -304,9 +242,7 @@ contains
         real(c_double), value :: t_end
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_integrate = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_integrate)) return
         call problem%integrate(t_end)
         c_integrate = problem%stat
     end function c_integrate
@@ -317,9 +253,7 @@ contains
         real(c_double), value :: t_limit
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_step = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_step)) return
         call problem%step(t_limit)
         c_step = problem%stat
     end function c_step
@@ -331,9 +265,7 @@ contains
         real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_state = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_state)) return
         call problem%get_state(t, q, qd, qdd)
         c_get_state = problem%stat
     end function c_get_state
@@ -345,9 +277,7 @@ contains
         real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_state_at = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_state_at)) return
         call problem%get_state_at(t, q, qd, qdd)
         c_get_state_at = problem%stat
     end function c_get_state_at
@@ -360,9 +290,7 @@ contains
         real(c_double), intent(inout), optional :: lambda(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_multipliers = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_multipliers)) return
         if (present(lambda)) then
             call problem%get_multipliers(t, lambda)
         else
@@ -378,9 +306,7 @@ contains
         type(problem_type), pointer :: problem
         real(wp) :: energies(2)
 
-        call find(handle, problem)
-        c_get_energies = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_energies)) return
         call problem%get_energies(energies(1), energies(2))
         if (present(kinetic)) kinetic = energies(1)
         if (present(potential)) potential = energies(2)
@@ -393,13 +319,9 @@ contains
         real(c_double), intent(out), optional :: value
         type(problem_type), pointer :: problem
         real(wp) :: figure
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_get_statistic = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%get_statistic(text, figure)
+        if (.not. found(handle, problem, c_get_statistic)) return
+        call problem%get_statistic(text_of(name), figure)
         if (present(value)) value = figure
         c_get_statistic = problem%stat
     end function c_get_statistic
@@ -411,10 +333,8 @@ contains
         type(problem_type), pointer :: problem
         integer :: n
 
-        call find(handle, problem)
-        c_count_warnings = status_invalid_option
         if (present(count)) count = 0
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_count_warnings)) return
         call problem%count_warnings(n)
         if (present(count)) count = n
         c_count_warnings = problem%stat
@@ -430,9 +350,7 @@ contains
         character(len=:), allocatable :: warning
         integer :: i, length
 
-        call find(handle, problem)
-        c_get_warning = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_warning)) return
         if (present(text) .and. capacity > 0) then
             call problem%get_warning(min(index, huge(index) - 1) + 1, warning)
             length = min(len(warning), capacity - 1)
@@ -457,10 +375,8 @@ contains
         type(problem_type), pointer :: problem
         integer(long), allocatable :: row(:)
 
-        call find(handle, problem)
-        c_save_state = status_invalid_option
         if (present(count)) count = 0
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_save_state)) return
         call problem%save_state(row)
         if (allocated(row)) then
             if (present(count)) count = size(row)
@@ -483,9 +399,7 @@ contains
         integer(c_int64_t), intent(in), optional :: words(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_restore_state = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_restore_state)) return
         if (present(words) .and. count >= 0) then
             call problem%restore_state(words(:count))
         else
@@ -505,21 +419,36 @@ contains
         if (associated(problem)) c_get_segment = problem%model%segment
     end function c_get_segment
 
-    !> A text of C; empty for NULL.
-    subroutine get_text(chars, text)
-        type(c_ptr), intent(in) :: chars
-        character(len=:), allocatable, intent(out) :: text
-        character(kind=c_char), pointer :: list(:)
-        character(len=longest_text) :: buffer
-        integer :: n
+    !> What a function of the interface begins with: find the problem of a handle; false, with a status, where it is none.
+    logical function found(handle, problem, stat)
+        type(c_ptr), intent(in) :: handle
+        type(problem_type), pointer, intent(out) :: problem
+        integer(c_int), intent(out) :: stat
 
-        text = ''
-        if (.not. c_associated(chars)) return
-        call c_f_pointer(chars, list, [longest_text])
-        do n = 1, longest_text
-            if (list(n) == c_null_char) exit
-            buffer(n:n) = list(n)
+        stat = status_invalid_option
+        call find(handle, problem)
+        found = associated(problem)
+    end function found
+
+    !> The length of a text of C; 0 for NULL.
+    pure integer function length_of(chars)
+        type(c_ptr), intent(in) :: chars
+
+        length_of = 0
+        if (c_associated(chars)) length_of = int(strnlen(chars, longest_text))
+    end function length_of
+
+    !> A text of C; empty for NULL.
+    function text_of(chars) result(text)
+        type(c_ptr), intent(in) :: chars
+        character(len=length_of(chars)) :: text
+        character(kind=c_char), pointer :: list(:)
+        integer :: i
+
+        if (len(text) == 0) return
+        call c_f_pointer(chars, list, [len(text)])
+        do i = 1, len(text)
+            text(i:i) = list(i)
         end do
-        text = buffer(:n - 1)
-    end subroutine get_text
+    end function text_of
 end module tandem_legacy_c

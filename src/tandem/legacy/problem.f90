@@ -7,8 +7,8 @@ module tandem_legacy_problem
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
     use tandem_legacy_figures, only: find_warnings, get_figure
-    use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
-    use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
+    use tandem_legacy_settings, only: lower_case, set_option
+    use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
     use tandem_model, only: label_length
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
@@ -18,7 +18,7 @@ module tandem_legacy_problem
     use tandem_status, only: status_callback_failed, status_invalid_model, status_invalid_option, status_not_evaluable, &
         status_not_finite, status_ok
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    use, intrinsic :: iso_c_binding, only: c_char, c_null_char
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_funptr, c_null_char
     implicit none (type, external)
     private
 
@@ -54,11 +54,9 @@ module tandem_legacy_problem
         procedure :: set_up
         procedure :: release
         procedure :: refuse
-        procedure :: find_callback
-        procedure :: check_provides
-        procedure :: set_real
-        procedure :: set_integer
-        procedure :: set_text
+        procedure :: set_procedure
+        procedure :: set_evaluate
+        procedure :: set => set_named
         procedure :: set_vector
         procedure :: set_row_name
         procedure :: check
@@ -194,16 +192,18 @@ contains
         call succeed(self)
     end subroutine change_model
 
-    !> The number of a procedure that the user is about to give; 0, with a status, where that cannot be.
-    integer function find_callback(self, name, kind) result(term)
+    !> Give a procedure of the model.
+    subroutine set_procedure(self, name, kind, address)
         class(problem_type), intent(inout) :: self
         !> Its name, in either case.
         character(len=*), intent(in) :: name
         !> Its argument list, see `tandem_legacy_terms`.
         integer, intent(in) :: kind
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
         character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
+        integer :: term
 
-        term = 0
         if (.not. self%is_free()) return
         term = find_term(lower_case(name))
         if (term > 0) then
@@ -213,29 +213,29 @@ contains
             call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
                 'there are '//trim(names_of_kind(kind)))
         else
+            call self%model%set_callback(term, address)
             call self%change_model()
         end if
-    end function find_callback
+    end subroutine set_procedure
 
-    !> Whether `provides` can be that of a fused procedure. Where one is taken back, it may be anything.
-    logical function check_provides(self, provides, has)
+    !> Give a procedure of several terms.
+    subroutine set_evaluate(self, address, provides)
         class(problem_type), intent(inout) :: self
-        !> A sum of need bits.
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
+        !> What it gives, a sum of need bits; anything where it is taken back.
         integer, intent(in) :: provides
-        !> Whether a procedure is given.
-        logical, intent(in) :: has
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
-        check_provides = self%is_free()
-        if (.not. check_provides) return
-        check_provides = .not. has .or. (provides > 0 .and. iand(provides, not(all_terms)) == 0)
-        if (check_provides) then
-            call self%change_model()
-        else
+        if (.not. self%is_free()) return
+        if (c_associated(address) .and. (provides <= 0 .or. iand(provides, not(all_terms)) /= 0)) then
             call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
                 'add the constants of the terms that it gives')
+        else
+            call self%model%set_fused(address, provides)
+            call self%change_model()
         end if
-    end function check_provides
+    end subroutine set_evaluate
 
     subroutine succeed(self)
         class(problem_type), intent(inout) :: self
@@ -244,45 +244,24 @@ contains
         call self%conclude(no_error)
     end subroutine succeed
 
-    !> Set a real option.
-    subroutine set_real(self, name, value)
+    !> Set an option to one of a number, an integer and a word; constant_mass, which is the model's, to an integer that is not 0.
+    subroutine set_named(self, name, number, whole, word)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        real(wp), intent(in) :: value
+        real(wp), intent(in), optional :: number
+        integer, intent(in), optional :: whole
+        character(len=*), intent(in), optional :: word
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
-        call set_real_option(self%options, name, value, error)
-        call self%conclude(error)
-    end subroutine set_real
-
-    !> Set an integer option, or whether the mass is constant (not 0).
-    subroutine set_integer(self, name, value)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        integer, intent(in) :: value
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        if (lower_case(name) == 'constant_mass') then
-            self%model%constant_mass = value /= 0
+        if (present(whole) .and. lower_case(name) == 'constant_mass') then
+            self%model%constant_mass = whole /= 0
             call self%change_model()
         else
-            call set_integer_option(self%options, name, value, error)
+            call set_option(self%options, name, error, number, whole, word)
             call self%conclude(error)
         end if
-    end subroutine set_integer
-
-    !> Set an option that is a word.
-    subroutine set_text(self, name, value)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, value
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        call set_text_option(self%options, name, value, error)
-        call self%conclude(error)
-    end subroutine set_text
+    end subroutine set_named
 
     !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps), mass_blocks (sizes
     !> of the diagonal blocks of M). No numbers take the list back.
