@@ -9,7 +9,7 @@
  *     M(q) qdd + C' lambda = S(q, qd) + Q_A(t, q, qd)
  *
  * Functions return a status: 0 or one of the negative TANDEM_ constants; tandem_message() says what is wrong and what to do.
- * Events, and the assembly of a start that violates the constraints, are for Fortran only.
+ * Events are for Fortran only.
  * Two problems share nothing: threads may work on different problems at the same time, but not on the same one.
  */
 #ifndef TANDEM_H
@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1007
+#define TANDEM_INTERFACE_VERSION 1008
 
 /* Outcomes. */
 enum {
@@ -130,7 +130,8 @@ int tandem_check(tandem_problem *problem, double t, const double *q, const doubl
  * tandem_start. They count from the next tandem_start on; a run that is under way does not notice. ------------------------ */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
- * secant_limit, start_tolerance, max_seconds. rtol = 0 means fixed steps. */
+ * secant_limit, start_tolerance, max_seconds: doc/options.md. rtol = 0 means fixed steps. largest_move_q, largest_move_qd: for
+ * tandem_assemble. */
 int tandem_set_real(tandem_problem *problem, const char *name, double value);
 
 /* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once), which
@@ -138,12 +139,13 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
 /* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis,
- * projection (stages, step_ends). */
+ * projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back. tandem_start checks them.
- * They belong to the model: each ends a run that is under way. */
+ * the diagonal blocks of M, outside of which it is zero). They belong to the model: each ends a run that is under way.
+ * rtol_q, rtol_qd, atol_q, atol_qd (n): tolerances one a coordinate, which are options. fixed_q, fixed_qd, weight_q, weight_qd (n):
+ * for tandem_assemble. A count of 0 takes a list back. tandem_start and tandem_assemble check the sizes. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */
@@ -157,6 +159,11 @@ int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
+
+/* Move q and qd, near a start, to the nearest state at t that satisfies the constraints; they are unchanged where there is none, or
+ * none near enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and
+ * velocity_metric say which state is nearest and how near it must be: doc/linking.md. A run does not notice. */
+int tandem_assemble(tandem_problem *problem, double t, double *q, double *qd);
 
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);

@@ -72,11 +72,15 @@ def read_joined(path):
 
 
 def read_options(root):
-    """The options that can be set by name, with their kinds: the rows of the table, and one that is the model's."""
-    kinds = {"number": "real", "whole": "integer", "word": "text"}
+    """What can be set by name, with its kind: the rows of the table, and what is the model's or an assembly's."""
+    kinds = {"number": "real option", "whole": "integer option", "word": "text option", "list": "list"}
     table = read_joined(root / "src/tandem/options.f90")
-    rows = re.findall(r"%take\(option_row_type\('(\w+)', .*?\), (number|whole|word)=self%", table)
-    return [f"{kinds[kind]} option {name}" for name, kind in rows] + ["integer option constant_mass"]
+    rows = re.findall(r"%take\(option_row_type\('(\w+)', .*?\), (number|whole|word|list)=self%", table)
+    names = [f"{kinds[kind]} {name}" for name, kind in rows]
+    others = re.findall(r"others = ', ([^']*)'", (root / "src/tandem/legacy/settings.f90").read_text())
+    for kind, listed in zip(kinds.values(), others, strict=True):
+        names += [f"{kind} {name}" for name in listed.split(", ")]
+    return names
 
 
 def read_figures(root):
@@ -102,8 +106,7 @@ def read_names(root):
         f"procedure {name} {kind}"
         for name, kind in re.findall(r"term_row_type\('(\w+)', (of_\w+)\)", (legacy / "terms.f90").read_text())
     ]
-    lists = re.findall(r"case \('(\w+)'\)\n(?:(?! *case ).*\n)*?.*self%model%\1 =", (legacy / "problem.f90").read_text())
-    return names + [f"list {name}" for name in lists]
+    return names
 
 
 def read_statistics(root):

@@ -181,8 +181,106 @@ static void test_names(void)
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
     check("every-statistic-is-known", takes_all(p, 2) == 67, tandem_message(p));
-    check("every-real-option-is-known", takes_all(p, 0) == 16, tandem_message(p));
+    check("every-real-option-is-known", takes_all(p, 0) == 18, tandem_message(p));
     check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
+    tandem_free(p);
+}
+
+/* The bowl's motion under error control: steps follow the tolerances of its coordinates, which are lists. */
+static double steps_of_bowl(tandem_problem *p)
+{
+    double steps = 0;
+    if (tandem_start(p, 0, bowl_q, bowl_qd) != 0 || tandem_integrate(p, 1) != 0) return -1;
+    tandem_get_statistic(p, "steps", &steps);
+    return steps;
+}
+
+static void test_tolerances(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double loose[N], tight[N], wrong[N], with_number, with_list, with_tight, again;
+    for (int i = 0; i < N; i++) {
+        loose[i] = 1e-6;
+        tight[i] = 1e-11;
+        wrong[i] = i == 1 ? 1 : 1e-6;
+    }
+    tandem_set_text(p, "stepper", "dopri5");
+    tandem_set_real(p, "rtol", 1e-6);
+    with_number = steps_of_bowl(p);
+    expect("tolerances-may-be-a-list", p, tandem_set_vector(p, "rtol_q", N, loose), TANDEM_OK, "ok");
+    expect("absolute-ones-too", p, tandem_set_vector(p, "ATOL_Q", N, loose), TANDEM_OK, "ok");
+    with_list = steps_of_bowl(p);
+    tandem_set_vector(p, "rtol_qd", N, tight);
+    tandem_set_vector(p, "atol_qd", N, tight);
+    with_tight = steps_of_bowl(p);
+    tandem_set_vector(p, "rtol_q", 0, NULL);
+    tandem_set_vector(p, "atol_q", 0, NULL);
+    tandem_set_vector(p, "rtol_qd", 0, NULL);
+    tandem_set_vector(p, "atol_qd", 0, NULL);
+    again = steps_of_bowl(p);
+    check("equal-ones-are-one-number", with_number > 0 && with_list == with_number, tandem_message(p));
+    check("tighter-ones-of-velocities-take-more-steps", with_tight > 2 * with_number, tandem_message(p));
+    check("a-list-can-be-taken-back", again == with_number, tandem_message(p));
+    expect("a-tolerance-that-cannot-be", p, tandem_set_vector(p, "rtol_q", N, wrong), TANDEM_INVALID_OPTION, "rtol_q(2) = ");
+    expect("one-is-not-enough", p, tandem_set_vector(p, "rtol_q", 1, loose), TANDEM_OK, "ok");
+    expect("which-the-start-says", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "rtol_q has 1 entries");
+    expect("an-unknown-list", p, tandem_set_vector(p, "rtol_x", N, loose), TANDEM_INVALID_OPTION, "atol_qd, coordinate_scale");
+    tandem_free(p);
+}
+
+/* A start off the constraints is moved onto them, some of it fixed, and not too far. */
+static void test_assembly(void)
+{
+    static const double all_but_z[N] = {1, 1, 1, 0}, all[N] = {1, 1, 1, 1};
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double q[N], qd[N], end[N], again[N], residual;
+    memcpy(q, bowl_q, sizeof q);
+    memcpy(qd, bowl_qd, sizeof qd);
+    q[3] += 0.05;
+    qd[1] -= 0.1;
+    expect("a-start-off-the-constraints-can-be-moved", p, tandem_start(p, 0, q, qd), TANDEM_INCONSISTENT_START,
+           "or move them by tandem_assemble");
+    tandem_set_vector(p, "fixed_q", N, all_but_z);
+    expect("a-start-is-assembled", p, tandem_assemble(p, 0, q, qd), TANDEM_OK, "ok");
+    /* The tolerance is 1e-12 of the size of the terms, about 1. */
+    check("what-is-fixed-stays", memcmp(q, bowl_q, 3 * sizeof *q) == 0 && fabs(q[3] - 0.2) < 1e-11, tandem_message(p));
+    residual = fmax(fabs(sin(q[2]) * qd[0] - cos(q[2]) * qd[1]), fabs(qd[3] - b.k * (q[0] * qd[0] + q[1] * qd[1])));
+    check("velocities-satisfy-the-constraints", residual < 1e-11, tandem_message(p));
+    expect("a-run-starts-there", p, tandem_start(p, 0, q, qd), TANDEM_OK, "ok");
+
+    /* A run does not notice. */
+    tandem_integrate(p, 0.5);
+    tandem_integrate(p, 1);
+    tandem_get_state(p, NULL, end, NULL, NULL);
+    tandem_start(p, 0, q, qd);
+    tandem_integrate(p, 0.5);
+    memcpy(again, bowl_q, sizeof again);
+    again[3] += 0.05;
+    tandem_assemble(p, 0, again, qd);
+    tandem_integrate(p, 1);
+    tandem_get_state(p, NULL, again, NULL, NULL);
+    check("a-run-goes-on-as-if-nothing-was-assembled", memcmp(end, again, sizeof end) == 0, tandem_message(p));
+
+    memcpy(q, bowl_q, sizeof q);
+    q[3] += 0.05;
+    tandem_set_vector(p, "fixed_q", N, all);
+    expect("where-nothing-may-move-there-is-none", p, tandem_assemble(p, 0, q, qd), TANDEM_INCONSISTENT_START, "holonomic 1");
+    tandem_set_vector(p, "fixed_q", 0, NULL);
+    tandem_set_real(p, "largest_move_q", 1e-3);
+    expect("nor-too-far-away", p, tandem_assemble(p, 0, q, qd), TANDEM_INCONSISTENT_START, "would move by");
+    check("what-cannot-be-moved-stays", q[0] == bowl_q[0] && q[3] == bowl_q[3] + 0.05, tandem_message(p));
+    tandem_set_real(p, "LARGEST_MOVE_Q", 0);
+    expect("without-limit-it-is-moved", p, tandem_assemble(p, 0, q, qd), TANDEM_OK, "ok");
+    check("all-of-it", q[0] != bowl_q[0], tandem_message(p));
+    expect("weights-are-one-a-coordinate", p, tandem_set_vector(p, "weight_q", 1, all), TANDEM_OK, "ok");
+    expect("or-refused", p, tandem_assemble(p, 0, q, qd), TANDEM_INVALID_OPTION, "weight_q has 1 entries");
+    expect("a-negative-limit", p, tandem_set_real(p, "largest_move_qd", -1), TANDEM_INVALID_OPTION, "must be positive");
+    expect("another-metric", p, tandem_set_text(p, "velocity_metric", "Weights"), TANDEM_OK, "ok");
+    expect("an-unknown-metric", p, tandem_set_text(p, "velocity_metric", "massive"), TANDEM_INVALID_OPTION, "use mass or weights");
+    expect("a-metric-is-no-number", p, tandem_set_real(p, "velocity_metric", 1), TANDEM_INVALID_OPTION, "not a real option");
+    expect("no-state-to-assemble", p, tandem_assemble(p, 0, NULL, qd), TANDEM_INVALID_OPTION, "NULL");
     tandem_free(p);
 }
 
@@ -1004,8 +1102,8 @@ static void test_advice(void)
     double wrong[N] = {1, 0, 0.5, 0.3};
 
     tandem_start(p, 0, wrong, bowl_qd);
-    check("a-start-is-not-assembled-here", strstr(tandem_message(p), "give q and qd that satisfy") != NULL &&
-          strstr(tandem_message(p), "assembl") == NULL, tandem_message(p));
+    check("a-start-is-assembled-by-its-function", strstr(tandem_message(p), "give q and qd that satisfy") != NULL &&
+          strstr(tandem_message(p), "or move them by tandem_assemble") != NULL, tandem_message(p));
     tandem_set_position_function(p, "mass_matrix", NULL);
     tandem_start(p, 0, bowl_q, bowl_qd);
     check("a-function-is-given-by-its-setter", strstr(tandem_message(p), "tandem_set_position_function") != NULL &&
@@ -1114,6 +1212,8 @@ int main(void)
     test_driven();
     test_names();
     test_statistics();
+    test_tolerances();
+    test_assembly();
     test_warnings();
     test_check();
     test_missing();

@@ -19,7 +19,8 @@ module tandem_legacy_c
     public :: c_interface_version, c_new, c_free, c_message
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
-    public :: c_check, c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
+    public :: c_check, c_assemble, c_start, c_integrate, c_step
+    public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
@@ -175,16 +176,17 @@ contains
         type(c_ptr), value :: values
         type(problem_type), pointer :: problem
         real(wp), pointer :: list(:)
+        real(wp), target :: nothing(1)
 
         if (.not. found(handle, problem, c_set_vector)) return
         if (count < 0 .or. (count > 0 .and. .not. c_associated(values))) then
             call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
                 'give the numbers and how many they are')
-        else if (count > 0) then
-            call c_f_pointer(values, list, [count])
-            call problem%set_vector(text_of(name), list)
         else
-            call problem%set_vector(text_of(name), [real(wp) ::])
+            ! An empty list has an address too: gfortran takes one without for an argument that is absent.
+            list => nothing(:0)
+            if (count > 0) call c_f_pointer(values, list, [count])
+            call problem%set_vector(text_of(name), list)
         end if
         c_set_vector = problem%stat
     end function c_set_vector
@@ -218,6 +220,23 @@ contains
         end if
         c_check = problem%stat
     end function c_check
+
+    !> Move a state to the nearest one that satisfies the constraints.
+    integer(c_int) function c_assemble(handle, t, q, qd) bind(C, name='tandem_assemble')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(inout), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_assemble)) return
+        if (present(q) .and. present(qd)) then
+            call problem%assemble(t, q, qd)
+        else
+            call problem%refuse('q or qd is NULL', 'give a state near the start')
+        end if
+        c_assemble = problem%stat
+    end function c_assemble
 
     !> Start a run.
     integer(c_int) function c_start(handle, t, q, qd) bind(C, name='tandem_start')

@@ -243,6 +243,23 @@ subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdchck
 
+!> Move Q(N), QD(N) to the nearest state at T that satisfies the constraints.
+subroutine tdassm(h, t, q, qd, rpar, ipar, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: q(*), qd(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
+    call problem%assemble(t, q, qd)
+    ierr = problem%stat
+end subroutine tdassm
+
 !> Start a run at T, Q(N), QD(N).
 subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp

@@ -21,6 +21,8 @@ module tandem_legacy_figures
     !> Waits for the figure of a name, in lower case.
     type, extends(figure_reader_type) :: finder_type
         character(len=name_length) :: name = ''
+        !> Its length: most other names have another one, which is seen at once.
+        integer :: length = 0
         logical :: found = .false.
         real(wp) :: number = 0.0_wp
     contains
@@ -62,6 +64,7 @@ contains
             finder%name = 'stiff'
         case default ! the name of a figure
         end select
+        finder%length = len_trim(finder%name)
         if (len_trim(name) <= name_length) call tell_figures(simulation%statistics(), finder)
         value = finder%number
         if (finder%found) return
@@ -83,7 +86,8 @@ contains
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: number
 
-        if (self%found .or. lower_case(name) /= self%name) return
+        if (self%found .or. len(name) /= self%length) return
+        if (lower_case(name) /= self%name) return
         self%found = .true.
         self%number = number
     end subroutine find_value

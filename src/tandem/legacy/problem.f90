@@ -7,12 +7,13 @@ module tandem_legacy_problem
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
     use tandem_legacy_figures, only: find_warnings, get_figure
-    use tandem_legacy_settings, only: lower_case, set_option
+    use tandem_legacy_settings, only: lower_case, set_option, take_flags, take_list
     use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
     use tandem_model, only: label_length
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_options, only: options_type
+    use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_invalid_option, status_not_evaluable, &
@@ -40,6 +41,8 @@ module tandem_legacy_problem
         class(callback_model_type), pointer :: model => null()
         !> What was chosen; counts from the next start on.
         type(options_type) :: options
+        !> What is asked of a start that is assembled.
+        type(assembly_type), private :: assembly
         type(simulation_type) :: simulation
         !> Status of the last operation.
         integer :: stat = status_ok
@@ -60,6 +63,7 @@ module tandem_legacy_problem
         procedure :: set_vector
         procedure :: set_row_name
         procedure :: check
+        procedure :: assemble => assemble_start
         procedure :: start
         procedure :: integrate
         procedure :: step
@@ -244,7 +248,8 @@ contains
         call self%conclude(no_error)
     end subroutine succeed
 
-    !> Set an option to one of a number, an integer and a word; constant_mass, which is the model's, to an integer that is not 0.
+    !> Set an option to one of a number, an integer and a word; or constant_mass, which is the model's, to an integer that is not 0;
+    !> or what is asked of a start that is assembled.
     subroutine set_named(self, name, number, whole, word)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -258,29 +263,26 @@ contains
             self%model%constant_mass = whole /= 0
             call self%change_model()
         else
-            call set_option(self%options, name, error, number, whole, word)
+            call set_option(self%options, self%assembly, name, error, number, whole, word)
             call self%conclude(error)
         end if
     end subroutine set_named
 
-    !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps), mass_blocks (sizes
-    !> of the diagonal blocks of M). No numbers take the list back.
+    !> Set a list of numbers of the model: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps),
+    !> mass_blocks (sizes of the diagonal blocks of M); of a start that is assembled: weight_q, weight_qd, fixed_q, fixed_qd (n; not
+    !> 0 means that it stays); or of the options. No numbers take the list back.
     subroutine set_vector(self, name, values)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> Checked when a run starts.
+        !> Checked when a run starts, or a start is assembled.
         real(wp), intent(in) :: values(:)
+        type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
         select case (lower_case(name))
-        case ('coordinate_scale')
-            if (allocated(self%model%coordinate_scale)) deallocate (self%model%coordinate_scale)
-            if (size(values) > 0) self%model%coordinate_scale = values
-        case ('breakpoints')
-            self%model%breakpoints = values
-        case ('nu_jumps')
-            if (allocated(self%model%nu_jumps)) deallocate (self%model%nu_jumps)
-            if (size(values) > 0) self%model%nu_jumps = abs(values) > 0.0_wp
+        case ('coordinate_scale'); call take_list(values, self%model%coordinate_scale)
+        case ('breakpoints'); self%model%breakpoints = values
+        case ('nu_jumps'); call take_flags(values, self%model%nu_jumps)
         case ('mass_blocks')
             if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
                 call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
@@ -289,8 +291,8 @@ contains
             if (allocated(self%model%mass_blocks)) deallocate (self%model%mass_blocks)
             if (size(values) > 0) self%model%mass_blocks = nint(values)
         case default
-            call self%refuse('"'//trim(name)//'" is not a list of numbers', &
-                'there are coordinate_scale, breakpoints, nu_jumps, mass_blocks')
+            call set_option(self%options, self%assembly, name, error, list=values)
+            call self%conclude(error)
             return
         end select
         call self%change_model()
@@ -341,6 +343,28 @@ contains
         end if
         call self%conclude(error)
     end subroutine check
+
+    !> Move (q, qd) to the nearest state at t that satisfies the constraints. A run that is under way does not notice.
+    subroutine assemble_start(self, t, q, qd)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Coordinates and velocities (n); unchanged where there is no such state, or none near enough.
+        real(wp), intent(inout) :: q(*), qd(*)
+        type(error_type), allocatable :: error
+        integer :: segment
+
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            segment = self%model%segment
+            self%busy = .true.
+            call assemble(self%model, self%assembly, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+            self%model%segment = segment
+        end if
+        call self%conclude(error)
+    end subroutine assemble_start
 
     !> Start a run at (t, q, qd) with the options of now.
     subroutine start(self, t, q, qd)

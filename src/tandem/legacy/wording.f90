@@ -14,8 +14,8 @@ module tandem_legacy_wording
     end type phrase_type
 
     character(len=*), parameter :: or_unset = ' or set not all of its value'
-    type(phrase_type), parameter :: phrases(13) = [ &
-        phrase_type(', or let the start be assembled', '', ''), &
+    type(phrase_type), parameter :: phrases(14) = [ &
+        phrase_type('let the start be assembled', 'move them by tandem_assemble', 'move them by TDASSM'), &
         phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
         phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &
             'give it by TDPOS, TDMOT or TDEVAL'), &
@@ -32,6 +32,9 @@ module tandem_legacy_wording
         ! A value that is left as it was is noticed only where it comes from another language.
         phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
             'a model procedure asked to stop'//or_unset), &
+        ! So is one with a status that means nothing, as it comes from an exception in Python.
+        phrase_type('could not be evaluated at a point', 'could not be evaluated'//or_unset//' at a point', &
+            'could not be evaluated'//or_unset//' at a point'), &
         phrase_type('returned a negative status', 'returned a negative status'//or_unset, 'returned a negative status'//or_unset)]
 
 contains
