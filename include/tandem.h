@@ -9,7 +9,7 @@
  *     M(q) qdd + C' lambda = S(q, qd) + Q_A(t, q, qd)
  *
  * Functions return a status: 0 or one of the negative TANDEM_ constants; tandem_message() says what is wrong and what to do.
- * Events are for Fortran only.
+ * Events that change the motion are for Fortran only.
  * Two problems share nothing: threads may work on different problems at the same time, but not on the same one.
  */
 #ifndef TANDEM_H
@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1008
+#define TANDEM_INTERFACE_VERSION 1009
 
 /* Outcomes. */
 enum {
@@ -148,17 +148,47 @@ int tandem_set_text(tandem_problem *problem, const char *name, const char *value
  * for tandem_assemble. A count of 0 takes a list back. tandem_start and tandem_assemble check the sizes. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
+/* --- events: watched from the next tandem_start on; a run that is under way goes on with those that it was started with ------- */
+
+/* Where an entry (from 0) of "q", "qd" or "lambda" passes through a value: direction 1 where it rises, -1 where it falls, 0 for
+ * both. stops = 0: it is recorded; else the run ends there, too. Events have numbers in their order, from 0 on. */
+int tandem_add_event(tandem_problem *problem, const char *name, const char *quantity, int index, double value, int direction,
+                     int stops);
+
+/* Where the value (1) of a function passes through zero. */
+int tandem_add_event_function(tandem_problem *problem, const char *name, tandem_motion_function function, int direction, int stops);
+
+/* No events any more. */
+int tandem_clear_events(tandem_problem *problem);
+
 /* --- a run --------------------------------------------------------------------------------------------------------- */
 
 /* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
 int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* Integrate to t_end. Nothing is done where that is the current time; an earlier one is refused. On a failure the state is that of
- * the last accepted step. */
+/* Integrate to t_end, or to an event that stops the run. Nothing is done where t_end is the current time; an earlier one is
+ * refused. On a failure the state is that of the last accepted step. */
 int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
+
+/* How many events were recorded so far. */
+int tandem_count_events(tandem_problem *problem, int *count);
+
+/* One of them, index from 0 in the order of time: its number, how it passed through zero (0: it touched zero, or was zero at the
+ * start), the time, and the state there; pointers may be NULL. */
+int tandem_get_event(tandem_problem *problem, int index, int *event, int *direction, double *t, double *q, double *qd);
+
+/* The number of the event that has stopped the run where it stands now; -1 where none has. */
+int tandem_get_stop(tandem_problem *problem, int *event);
+
+/* Watch a run, right after tandem_start, up to t_end, where a step ends: from there on tandem_estimate_error can be called. */
+int tandem_watch_error(tandem_problem *problem, double t_end);
+
+/* Make a second, more accurate run from the same start: the statistics global_error, global_error_q, ... tell the error of the
+ * first one, and warnings may. Your data of the model must be as they were at the start. A run does not notice. */
+int tandem_estimate_error(tandem_problem *problem);
 
 /* Move q and qd, near a start, to the nearest state at t that satisfies the constraints; they are unchanged where there is none, or
  * none near enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and

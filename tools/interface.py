@@ -93,8 +93,10 @@ def read_figures(root):
         if array:
             parts = re.findall(r"'([^']*)'", re.search(rf":: {array}\(\w+\) = \[(.*?)\]", texts)[1])
         names += [(name + part.replace(" ", "_").replace("|", "")).lower() for part in parts]
-    for words in re.findall(r"case \(('\w+'(?:, '\w+')*)\)", (source / "legacy/figures.f90").read_text()):
+    others = (source / "legacy/figures.f90").read_text()
+    for words in re.findall(r"case \(('\w+'(?:, '\w+')*)\)", others):
         names += re.findall(r"\w+", words)
+    names += re.findall(r"reader%\w+\('(\w+)'", others)
     return names
 
 
@@ -154,7 +156,7 @@ def disagreements(root, modules):
         if expected.get(name) != c_constants.get(name):
             problems.append(f"{name} is {c_constants.get(name)} in tandem.h, {expected.get(name)} in the Fortran sources")
     lengths = {name: f77_constants.pop(name, None) for name in ("TDHLEN", "TDTLEN")}
-    for name, file, constant in (("TDHLEN", "handle", "handle_length"), ("TDTLEN", "problem", "message_length")):
+    for name, file, constant in (("TDHLEN", "handle", "handle_length"), ("TDTLEN", "description", "message_length")):
         source = (root / f"src/tandem/legacy/{file}.f90").read_text()
         length = int(re.search(rf"parameter :: {constant} = (\d+)", source)[1])
         if lengths[name] != length:

@@ -7,7 +7,8 @@ module tandem_legacy_c
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_handle, only: find => problem_of, give_back, new_handle
-    use tandem_legacy_problem, only: message_of_no_problem, problem_type
+    use tandem_legacy_description, only: message_of_no_problem
+    use tandem_legacy_problem, only: problem_type
     use tandem_legacy_terms, only: of_direction, of_motion, of_position
     use tandem_legacy_version, only: interface_version
     use tandem_status, only: status_invalid_option
@@ -19,7 +20,8 @@ module tandem_legacy_c
     public :: c_interface_version, c_new, c_free, c_message
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
-    public :: c_check, c_assemble, c_start, c_integrate, c_step
+    public :: c_add_event, c_add_event_function, c_clear_events, c_count_events, c_get_event, c_get_stop
+    public :: c_check, c_assemble, c_start, c_integrate, c_step, c_watch_error, c_estimate_error
     public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
@@ -203,6 +205,116 @@ contains
         call problem%set_row_name(min(row, huge(row) - 1) + 1, text_of(name))
         c_set_row_name = problem%stat
     end function c_set_row_name
+
+    !> Watch a coordinate, a velocity or a multiplier.
+    integer(c_int) function c_add_event(handle, name, quantity, index, value, direction, stops) bind(C, name='tandem_add_event')
+        type(c_ptr), value :: handle, name, quantity
+        !> From 0 on.
+        integer(c_int), value :: index
+        real(c_double), value :: value
+        !> +1 where it rises through the value, -1 where it falls, 0 both; not 0: the run ends there.
+        integer(c_int), value :: direction, stops
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_add_event)) return
+        call problem%add_event(text_of(name), direction, stops, text_of(quantity), min(index, huge(index) - 1) + 1, value)
+        c_add_event = problem%stat
+    end function c_add_event
+
+    !> Watch a function of (t, q, qd).
+    integer(c_int) function c_add_event_function(handle, name, function_, direction, stops) &
+        bind(C, name='tandem_add_event_function')
+        type(c_ptr), value :: handle, name
+        type(c_funptr), value :: function_
+        !> +1 where it rises through zero, -1 where it falls, 0 both; not 0: the run ends there.
+        integer(c_int), value :: direction, stops
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_add_event_function)) return
+        call problem%add_event(text_of(name), direction, stops, function_=function_)
+        c_add_event_function = problem%stat
+    end function c_add_event_function
+
+    !> Watch nothing from the next start on.
+    integer(c_int) function c_clear_events(handle) bind(C, name='tandem_clear_events')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_clear_events)) return
+        call problem%clear_events()
+        c_clear_events = problem%stat
+    end function c_clear_events
+
+    !> How many events were recorded.
+    integer(c_int) function c_count_events(handle, count) bind(C, name='tandem_count_events')
+        type(c_ptr), value :: handle
+        integer(c_int), intent(out), optional :: count
+        type(problem_type), pointer :: problem
+        integer :: n
+
+        if (present(count)) count = 0
+        if (.not. found(handle, problem, c_count_events)) return
+        call problem%count_events(n)
+        if (present(count)) count = n
+        c_count_events = problem%stat
+    end function c_count_events
+
+    !> One of the events that were recorded.
+    integer(c_int) function c_get_event(handle, index, event, direction, t, q, qd) bind(C, name='tandem_get_event')
+        type(c_ptr), value :: handle
+        !> From 0 on, in the order of time.
+        integer(c_int), value :: index
+        !> Which one, from 0 on; how it passed through zero.
+        integer(c_int), intent(out), optional :: event, direction
+        real(c_double), intent(out), optional :: t
+        real(c_double), intent(inout), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+        integer :: numbers(2)
+        real(wp) :: time
+
+        if (.not. found(handle, problem, c_get_event)) return
+        call problem%get_event(min(index, huge(index) - 1) + 1, numbers(1), numbers(2), time, q, qd)
+        if (present(event)) event = numbers(1) - 1
+        if (present(direction)) direction = numbers(2)
+        if (present(t)) t = time
+        c_get_event = problem%stat
+    end function c_get_event
+
+    !> Which event has stopped the run.
+    integer(c_int) function c_get_stop(handle, event) bind(C, name='tandem_get_stop')
+        type(c_ptr), value :: handle
+        !> From 0 on; -1 where none has.
+        integer(c_int), intent(out), optional :: event
+        type(problem_type), pointer :: problem
+        integer :: number
+
+        if (present(event)) event = -1
+        if (.not. found(handle, problem, c_get_stop)) return
+        call problem%get_stop(number)
+        if (present(event)) event = number - 1
+        c_get_stop = problem%stat
+    end function c_get_stop
+
+    !> Watch the run from its start to t_end, to estimate its error.
+    integer(c_int) function c_watch_error(handle, t_end) bind(C, name='tandem_watch_error')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t_end
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_watch_error)) return
+        call problem%watch_error(t_end)
+        c_watch_error = problem%stat
+    end function c_watch_error
+
+    !> Estimate the error of the run by a second one.
+    integer(c_int) function c_estimate_error(handle) bind(C, name='tandem_estimate_error')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_estimate_error)) return
+        call problem%estimate_error()
+        c_estimate_error = problem%stat
+    end function c_estimate_error
 
     !> Compare the functions of the model with differences of each other.
     integer(c_int) function c_check(handle, t, q, qd) bind(C, name='tandem_check')

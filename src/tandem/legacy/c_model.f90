@@ -3,9 +3,9 @@
 module tandem_legacy_c_model
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_terms, only: of_position, terms
+    use tandem_legacy_terms, only: of_position
     use tandem_model_terms, only: n_terms
-    use, intrinsic :: iso_c_binding, only: c_double, c_f_procpointer, c_int, c_null_ptr, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_double, c_f_procpointer, c_funptr, c_int, c_null_ptr, c_ptr
     implicit none (type, external)
     private
 
@@ -26,8 +26,8 @@ module tandem_legacy_c_model
             type(c_ptr), value :: user_data
         end function c_position
 
-        !> `tandem_motion_function`, a term of time, position and velocity, and `tandem_direction_function`, a derivative with a
-        !> constant vector.
+        !> `tandem_motion_function`, a term of time, position and velocity, or the function of an event; and
+        !> `tandem_direction_function`, a derivative with a constant vector.
         integer(c_int) function c_motion(t, q, v, value, user_data) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -56,29 +56,30 @@ module tandem_legacy_c_model
         !> Handed through to every function.
         type(c_ptr) :: user_data = c_null_ptr
     contains
-        procedure :: call_term
+        procedure :: call_one
         procedure :: call_fused
     end type c_model_type
 
 contains
 
-    subroutine call_term(self, term, rows, t, q, v, value, stat)
+    subroutine call_one(self, address, kind, rows, t, q, v, value, stat)
         class(c_model_type), intent(inout) :: self
-        integer, intent(in) :: term, rows
+        type(c_funptr), intent(in) :: address
+        integer, intent(in) :: kind, rows
         real(wp), intent(in) :: t, q(*), v(*)
         real(wp), intent(inout) :: value(*)
         integer, intent(out) :: stat
         procedure(c_position), pointer :: position
         procedure(c_motion), pointer :: motion
 
-        if (terms(term)%kind == of_position) then
-            call c_f_procpointer(self%callback(term), position)
+        if (kind == of_position) then
+            call c_f_procpointer(address, position)
             stat = position(t, q, value, self%user_data)
         else
-            call c_f_procpointer(self%callback(term), motion)
+            call c_f_procpointer(address, motion)
             stat = motion(t, q, v, value, self%user_data)
         end if
-    end subroutine call_term
+    end subroutine call_one
 
     subroutine call_fused(self, need, t, q, qd, place, stat)
         class(c_model_type), intent(inout) :: self

@@ -12,7 +12,7 @@ module tandem_legacy_callback_model
     use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
         a_holonomic_jacobian, a_holonomic_rate, a_jacobian_derivative, a_kinetic_energy, a_mass_derivative, a_mass_matrix, &
         a_nonholonomic_jacobian, a_nonholonomic_rhs, a_nu_derivative, a_potential_energy, a_reaction_derivative, &
-        an_applied_force, an_inertia_force, n_callbacks
+        an_applied_force, an_inertia_force, n_callbacks, of_motion, terms
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
@@ -39,7 +39,8 @@ module tandem_legacy_callback_model
         procedure :: release
         procedure :: set_callback
         procedure :: set_fused
-        procedure(call_interface), deferred :: call_term
+        procedure :: take_function
+        procedure(call_interface), deferred :: call_one
         procedure(fused_interface), deferred :: call_fused
     end type callback_model_type
 
@@ -47,13 +48,14 @@ module tandem_legacy_callback_model
     integer(long), parameter :: unset = int(z'7FF8756E73657421', long)
 
     abstract interface
-        !> Call the user's procedure of one term.
-        subroutine call_interface(self, term, rows, t, q, v, value, stat)
-            import :: callback_model_type, wp
+        !> Call the user's procedure of one term, or of an event.
+        subroutine call_interface(self, address, kind, rows, t, q, v, value, stat)
+            import :: c_funptr, callback_model_type, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
-            !> Number of the procedure in `tandem_legacy_terms`; rows of its value.
-            integer, intent(in) :: term, rows
+            type(c_funptr), intent(in) :: address
+            !> Its argument list, see `tandem_legacy_terms`; rows of its value.
+            integer, intent(in) :: kind, rows
             !> Time, NaN where the term must not depend on it; coordinates (n).
             real(wp), intent(in) :: t, q(*)
             !> What a procedure of motion or direction has besides: the velocities (n), or the constant vector x, (n) or (nh + nd).
@@ -322,10 +324,24 @@ contains
         select type (self)
         class is (callback_model_type)
             call mark(size(value), value)
-            call self%call_term(term, size(value), t, q, v, value, stat)
+            call self%call_one(self%callback(term), terms(term)%kind, size(value), t, q, v, value, stat)
             call judge(size(value), value, stat)
         end select
     end subroutine take_vector
+
+    !> The value (1) of a function of time, position and velocity that is no term, that of an event.
+    subroutine take_function(self, address, t, q, qd, value, stat)
+        class(callback_model_type), intent(inout) :: self
+        type(c_funptr), intent(in) :: address
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:)
+        !> The user's status; negative where the value was not set.
+        integer, intent(out) :: stat
+
+        call mark(size(value), value)
+        call self%call_one(address, of_motion, size(value), t, q, qd, value, stat)
+        call judge(size(value), value, stat)
+    end subroutine take_function
 
     !> A matrix of the user's, into its place, which may be a part of a larger matrix.
     subroutine take_matrix(self, term, t, q, v, value, stat)
@@ -342,7 +358,7 @@ contains
         select type (self)
         class is (callback_model_type)
             call mark(size(value), self%work)
-            call self%call_term(term, rows, t, q, v, self%work, stat)
+            call self%call_one(self%callback(term), terms(term)%kind, rows, t, q, v, self%work, stat)
             call judge(size(value), self%work, stat)
             do j = 1, n
                 do i = 1, rows

@@ -59,8 +59,9 @@ end subroutine tdfree
 
 !> The text of the last IERR.
 subroutine tdtext(h, text)
+    use tandem_legacy_description, only: message_length, message_of_no_problem
     use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: message_length, message_of_no_problem, problem_type
+    use tandem_legacy_problem, only: problem_type
     use, intrinsic :: iso_c_binding, only: c_null_char
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -216,8 +217,7 @@ end subroutine tdsetv
 subroutine tdrow(h, i, name, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
-    integer, intent(in) :: h(4)
-    integer, intent(in) :: i
+    integer, intent(in) :: h(4), i
     character(len=*), intent(in) :: name
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
@@ -226,6 +226,128 @@ subroutine tdrow(h, i, name, ierr)
     call problem%set_row_name(i, name)
     ierr = problem%stat
 end subroutine tdrow
+
+!> Watch the entry I of QUANT, which is q, qd or lambda, for the value VALUE; IDIR: 1 where it rises through that, -1 where it
+!> falls, 0 both; ISTOP not 0: the run ends there.
+subroutine tdevnt(h, name, quant, i, value, idir, istop, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4), i, idir, istop
+    character(len=*), intent(in) :: name, quant
+    real(wp), intent(in) :: value
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%add_event(name, idir, istop, quant, i, value)
+    ierr = problem%stat
+end subroutine tdevnt
+
+!> Watch the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), M = 1, for zeros of VAL(1); IDIR and ISTOP as in TDEVNT.
+subroutine tdevfn(h, name, sub, idir, istop, ierr)
+    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
+    use, intrinsic :: iso_c_binding, only: c_funloc
+    implicit none (type, external)
+    integer, intent(in) :: h(4), idir, istop
+    character(len=*), intent(in) :: name
+    procedure(f77_motion) :: sub
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%add_event(name, idir, istop, function_=unless_none(c_funloc(sub)))
+    ierr = problem%stat
+end subroutine tdevfn
+
+!> Watch nothing from the next start on.
+subroutine tdevcl(h, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%clear_events()
+    ierr = problem%stat
+end subroutine tdevcl
+
+!> How many events were recorded.
+subroutine tdnevt(h, n, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: n, ierr
+    type(problem_type), pointer :: problem
+
+    n = 0
+    if (.not. found(h, problem, ierr)) return
+    call problem%count_events(n)
+    ierr = problem%stat
+end subroutine tdnevt
+
+!> The event of place I in the order of time: which one it is, NUMBER, how it passed through zero, IDIR, when, T, and where, Q(N),
+!> QD(N).
+subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4), i
+    integer, intent(out) :: number, idir
+    real(wp), intent(out) :: t
+    real(wp), intent(inout) :: q(*), qd(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    number = 0
+    idir = 0
+    t = 0.0_wp
+    if (.not. found(h, problem, ierr)) return
+    call problem%get_event(i, number, idir, t, q, qd)
+    ierr = problem%stat
+end subroutine tdgevt
+
+!> Which event has stopped the run; 0 where none has.
+subroutine tdstop(h, number, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: number, ierr
+    type(problem_type), pointer :: problem
+
+    number = 0
+    if (.not. found(h, problem, ierr)) return
+    call problem%get_stop(number)
+    ierr = problem%stat
+end subroutine tdstop
+
+!> Watch the run from its start to TEND, to estimate its error.
+subroutine tdwerr(h, tend, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: tend
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%watch_error(tend)
+    ierr = problem%stat
+end subroutine tdwerr
+
+!> Estimate the error of the run by a second one.
+subroutine tdeerr(h, rpar, ipar, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
+    call problem%estimate_error()
+    ierr = problem%stat
+end subroutine tdeerr
 
 !> Compare the procedures of the model with differences of each other near T, Q(N), QD(N).
 subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
@@ -399,8 +521,7 @@ end subroutine tdnwrn
 subroutine tdwarn(h, i, text, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
-    integer, intent(in) :: h(4)
-    integer, intent(in) :: i
+    integer, intent(in) :: h(4), i
     character(len=*), intent(out) :: text
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem

@@ -5,7 +5,7 @@ module tandem_legacy_f77_model
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type
-    use tandem_legacy_terms, only: of_position, terms
+    use tandem_legacy_terms, only: of_position
     use tandem_model_terms, only: n_terms
     use tandem_status, only: status_invalid_option
     use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_procpointer, c_funloc, c_funptr, c_int, c_null_funptr, &
@@ -35,7 +35,7 @@ module tandem_legacy_f77_model
             integer, intent(inout) :: istat
         end subroutine f77_position
 
-        !> A term of time, position and velocity.
+        !> A term of time, position and velocity, or the function of an event.
         subroutine f77_motion(n, m, t, q, qd, val, rpar, ipar, istat)
             import :: wp
             implicit none (type, external)
@@ -95,7 +95,7 @@ module tandem_legacy_f77_model
         real(wp), pointer, contiguous, private :: rpar(:) => null()
         integer, pointer, contiguous, private :: ipar(:) => null()
     contains
-        procedure :: call_term
+        procedure :: call_one
         procedure :: call_fused
     end type f77_model_type
 
@@ -131,9 +131,10 @@ contains
         end select
     end function found
 
-    subroutine call_term(self, term, rows, t, q, v, value, stat)
+    subroutine call_one(self, address, kind, rows, t, q, v, value, stat)
         class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term, rows
+        type(c_funptr), intent(in) :: address
+        integer, intent(in) :: kind, rows
         real(wp), intent(in) :: t, q(*), v(*)
         real(wp), intent(inout) :: value(*)
         integer, intent(out) :: stat
@@ -141,14 +142,14 @@ contains
         procedure(f77_motion), pointer :: motion
 
         stat = 0
-        if (terms(term)%kind == of_position) then
-            call c_f_procpointer(self%callback(term), position)
+        if (kind == of_position) then
+            call c_f_procpointer(address, position)
             call position(self%n, rows, t, q, value, self%rpar, self%ipar, stat)
         else
-            call c_f_procpointer(self%callback(term), motion)
+            call c_f_procpointer(address, motion)
             call motion(self%n, rows, t, q, v, value, self%rpar, self%ipar, stat)
         end if
-    end subroutine call_term
+    end subroutine call_one
 
     subroutine call_fused(self, need, t, q, qd, place, stat)
         class(f77_model_type), intent(inout) :: self

@@ -4,9 +4,11 @@
 module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: long, wp
+    use tandem_legacy_error_watch, only: error_watch_type
     use tandem_legacy_settings, only: lower_case
     use tandem_simulate_error_warnings, only: find_error_warnings
     use tandem_simulate_figures, only: figure_reader_type, tell_figures
+    use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_warning, only: add_warning, warning_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_invalid_option
@@ -41,9 +43,10 @@ module tandem_legacy_figures
 contains
 
     !> One figure of a run; counters are exact up to 2**53.
-    subroutine get_figure(simulation, name, value, error)
-        !> The run.
+    subroutine get_figure(simulation, global_error, name, value, error)
+        !> The run, and the error that a second one has told.
         type(simulation_type), intent(in) :: simulation
+        type(global_error_type), intent(in) :: global_error
         !> Its name, in either case.
         character(len=*), intent(in) :: name
         !> Its value; 0 where there is no such figure.
@@ -65,13 +68,33 @@ contains
         case default ! the name of a figure
         end select
         finder%length = len_trim(finder%name)
-        if (len_trim(name) <= name_length) call tell_figures(simulation%statistics(), finder)
+        if (len_trim(name) <= name_length) then
+            call tell_figures(simulation%statistics(), finder)
+            call tell_global_error(global_error, finder)
+        end if
         value = finder%number
         if (finder%found) return
         lister%names = 'n_redundant'
         call tell_figures(simulation%statistics(), lister)
+        call tell_global_error(global_error, lister)
         call set_error(error, status_invalid_option, '"'//trim(name)//'" is not a statistic', 'there are '//lister%names)
     end subroutine get_figure
+
+    !> The figures of a second run, where one was made, by the names that reports have.
+    subroutine tell_global_error(global_error, reader)
+        type(global_error_type), intent(in) :: global_error
+        class(figure_reader_type), intent(inout) :: reader
+
+        if (.not. global_error%is_known) return
+        call reader%value('global_error_q', global_error%error_q)
+        call reader%value('global_error_qd', global_error%error_qd)
+        call reader%value('global_error', global_error%relative)
+        call reader%value('global_error_largest', global_error%largest)
+        call reader%value('global_error_time', global_error%t_largest)
+        call reader%count('global_error_is_bound', merge(1_long, 0_long, global_error%is_bound))
+        call reader%count('global_error_right_hand_sides', global_error%right_hand_sides)
+        call reader%value('global_error_seconds', global_error%seconds)
+    end subroutine tell_global_error
 
     subroutine find_count(self, name, number)
         class(finder_type), intent(inout) :: self
@@ -109,9 +132,10 @@ contains
     end subroutine list_value
 
     !> What a report would warn of: what the run has noticed, then what there is to doubt about its errors.
-    subroutine find_warnings(simulation, warnings)
-        !> The run.
+    subroutine find_warnings(simulation, watch, warnings)
+        !> The run, and what is known of its error.
         type(simulation_type), intent(in) :: simulation
+        type(error_watch_type), intent(in) :: watch
         !> None where all is well.
         type(warning_type), allocatable, intent(out) :: warnings(:)
         type(warning_type), allocatable :: doubts(:)
@@ -123,7 +147,7 @@ contains
                 call add_warning(warnings, simulation%warnings(i)%text)
             end do
         end if
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, watch%global_error, watch%failure)
         do i = 1, size(doubts)
             call add_warning(warnings, doubts(i)%text)
         end do
