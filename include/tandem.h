@@ -9,7 +9,7 @@
  *     M(q) qdd + C' lambda = S(q, qd) + Q_A(t, q, qd)
  *
  * Functions return a status: 0 or one of the negative TANDEM_ constants; tandem_message() says what is wrong and what to do.
- * Events, and the assembly of a start that violates the constraints, are for Fortran only.
+ * Events that change the motion are for Fortran only.
  * Two problems share nothing: threads may work on different problems at the same time, but not on the same one.
  */
 #ifndef TANDEM_H
@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1006
+#define TANDEM_INTERFACE_VERSION 1009
 
 /* Outcomes. */
 enum {
@@ -130,7 +130,8 @@ int tandem_check(tandem_problem *problem, double t, const double *q, const doubl
  * tandem_start. They count from the next tandem_start on; a run that is under way does not notice. ------------------------ */
 
 /* step, rtol, atol, first_step, max_step, constraint_tolerance, utol, btol, htol, intol, v_limit, w_limit, condition_limit,
- * secant_limit, start_tolerance, max_seconds. rtol = 0 means fixed steps. */
+ * secant_limit, start_tolerance, max_seconds: doc/options.md. rtol = 0 means fixed steps. largest_move_q, largest_move_qd: for
+ * tandem_assemble. */
 int tandem_set_real(tandem_problem *problem, const char *name, double value);
 
 /* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once), which
@@ -138,25 +139,61 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
 /* stepper (rk4, dopri5, dop853, trapezoid, sdirk54), chart (every_step, adaptive, paper), refresh, basis,
- * projection (stages, step_ends). */
+ * projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). A count of 0 takes a list back. tandem_start checks them.
- * They belong to the model: each ends a run that is under way. */
+ * the diagonal blocks of M, outside of which it is zero). They belong to the model: each ends a run that is under way.
+ * rtol_q, rtol_qd, atol_q, atol_qd (n): tolerances one a coordinate, which are options. fixed_q, fixed_qd, weight_q, weight_qd (n):
+ * for tandem_assemble. A count of 0 takes a list back. tandem_start and tandem_assemble check the sizes. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
+
+/* --- events: watched from the next tandem_start on; a run that is under way goes on with those that it was started with ------- */
+
+/* Where an entry (from 0) of "q", "qd" or "lambda" passes through a value: direction 1 where it rises, -1 where it falls, 0 for
+ * both. stops = 0: it is recorded; else the run ends there, too. Events have numbers in their order, from 0 on. */
+int tandem_add_event(tandem_problem *problem, const char *name, const char *quantity, int index, double value, int direction,
+                     int stops);
+
+/* Where the value (1) of a function passes through zero. */
+int tandem_add_event_function(tandem_problem *problem, const char *name, tandem_motion_function function, int direction, int stops);
+
+/* No events any more. */
+int tandem_clear_events(tandem_problem *problem);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */
 
 /* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
 int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* Integrate to t_end. Nothing is done where that is the current time; an earlier one is refused. On a failure the state is that of
- * the last accepted step. */
+/* Integrate to t_end, or to an event that stops the run. Nothing is done where t_end is the current time; an earlier one is
+ * refused. On a failure the state is that of the last accepted step. */
 int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
+
+/* How many events were recorded so far. */
+int tandem_count_events(tandem_problem *problem, int *count);
+
+/* One of them, index from 0 in the order of time: its number, how it passed through zero (0: it touched zero, or was zero at the
+ * start), the time, and the state there; pointers may be NULL. */
+int tandem_get_event(tandem_problem *problem, int index, int *event, int *direction, double *t, double *q, double *qd);
+
+/* The number of the event that has stopped the run where it stands now; -1 where none has. */
+int tandem_get_stop(tandem_problem *problem, int *event);
+
+/* Watch a run, right after tandem_start, up to t_end, where a step ends: from there on tandem_estimate_error can be called. */
+int tandem_watch_error(tandem_problem *problem, double t_end);
+
+/* Make a second, more accurate run from the same start: the statistics global_error, global_error_q, ... tell the error of the
+ * first one, and warnings may. Your data of the model must be as they were at the start. A run does not notice. */
+int tandem_estimate_error(tandem_problem *problem);
+
+/* Move q and qd, near a start, to the nearest state at t that satisfies the constraints; they are unchanged where there is none, or
+ * none near enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and
+ * velocity_metric say which state is nearest and how near it must be: doc/linking.md. A run does not notice. */
+int tandem_assemble(tandem_problem *problem, double t, double *q, double *qd);
 
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);
@@ -170,8 +207,8 @@ int tandem_get_multipliers(tandem_problem *problem, double t, double *lambda);
 /* Energies of the current state; the potential one is 0 where the model has none; pointers may be NULL. */
 int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potential);
 
-/* steps, rejected, failed, right_hand_sides, charts, position_error, velocity_error, acceleration_error, local_error_sum,
- * n_redundant, is_stiff (1 or 0), wall_seconds, ...: doc/linking.md explains them; the message of an unknown name lists all. */
+/* steps, rejected, failed, right_hand_sides, charts, largest_position_error, local_error_sum, stiff (1 or 0), n_redundant,
+ * wall_seconds, ...: doc/options.md lists them, and so does the message of an unknown name. */
 int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
 
 /* Warnings of the run so far: redundant rows that were left out, errors that are large, ... Ask when a run has ended. */

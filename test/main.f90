@@ -31,6 +31,7 @@ program main
     use test_faults, only: collect_faults
     use test_large, only: collect_large
     use test_late_faults, only: collect_late_faults
+    use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_row_space, only: collect_linalg_row_space
@@ -72,6 +73,7 @@ program main
 
     suites = [ &
         new_testsuite('reference', collect_reference), &
+        new_testsuite('lists', collect_lists), &
         new_testsuite('linalg_basis', collect_linalg_basis), &
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &

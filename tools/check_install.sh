@@ -92,7 +92,7 @@ check interfaces-are-those-of-their-version tools/interface.py check \
 
 notices() { # FILE SED_COMMAND WORD: would the change be noticed, and how?
     rm -rf "$tmp/changed" && mkdir -p "$tmp/changed/src/tandem" && cp -R include "$tmp/changed" &&
-        cp -R src/tandem/{legacy,status.f90,model,simulate,chart} "$tmp/changed/src/tandem" || return 1
+        cp -R src/tandem/{legacy,options.f90,status.f90,model,simulate,chart} "$tmp/changed/src/tandem" || return 1
     sed -i "$2" "$tmp/changed/$1"
     ! cmp -s "$1" "$tmp/changed/$1" || { echo "nothing to change in $1"; return 1; }
     ! tools/interface.py check --root "$tmp/changed" "${@:4}" 2>"$tmp/noticed" && grep -q -- "$3" "$tmp/noticed" ||
@@ -106,9 +106,10 @@ check a-symbol-that-is-not-there-is-noticed notices include/tandem.h 's/tandem_s
     --library "$prefix/lib/libtandem.so.1"
 check a-changed-subroutine-is-noticed notices src/tandem/legacy/f77.f90 's/real(wp), intent(in) :: tlim/real, intent(in) :: tlim/' \
     'no longer there: f77 tdstep'
-check a-lost-option-is-noticed notices src/tandem/legacy/settings.f90 's/, secant_limit//' 'real option secant_limit'
+check a-lost-option-is-noticed notices src/tandem/options.f90 "s/('secant_limit'/('secant_bound'/" 'real option secant_limit'
 check a-statistic-that-c-does-not-know-is-noticed notices src/tandem/simulate/statistics.f90 \
     's/local_error_steps = 0/local_error_steps = 0, resets = 0/' 'lacks the statistic resets'
+check a-lost-statistic-is-noticed notices src/tandem/simulate/figures.f90 "s/'dense_error'/'error_between'/" 'statistic dense_error'
 check a-changed-constant-is-noticed notices include/tandem.h 's/TANDEM_MASS = 16/TANDEM_MASS = 17/' 'TANDEM_MASS'
 check a-status-that-c-does-not-know-is-noticed notices src/tandem/status.f90 's/status_newton_failed = -15/status_newton_failed = -99/' 'NEWTON_FAILED'
 check a-version-that-is-not-recorded-is-noticed notices src/tandem/legacy/version.f90 's/= 1/= 2/' 'not recorded'
@@ -158,8 +159,8 @@ python_raises() { # an exception in a function of the model ends the program as 
     grep -q "^KeyError: 'density'" "$tmp/raised" || { cat "$tmp/raised"; return 1; }
 }
 check python-example-raises-the-exception-of-a-function python_raises
-python_does_not_guard() { # without the guard ctypes hands on what was on the stack as status: the term is named, whatever it was
-    sed 's/^@guarded$//' "$tmp/raises.py" >"$tmp/unguarded.py"
+python_does_not_guard() { # where the guard lets it through ctypes hands on what was on the stack as status: the term is named
+    sed 's/^            return -1$/            raise/' "$tmp/raises.py" >"$tmp/unguarded.py"
     ! python3 "$tmp/unguarded.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
     grep -Eq '(set not all of its value|could not be evaluated) .*term mass' "$tmp/raised" || { cat "$tmp/raised"; return 1; }
 }

@@ -66,32 +66,59 @@ def read_subroutines(text):
     return found
 
 
+def read_joined(path):
+    """A Fortran source with its continued lines joined."""
+    return re.sub(r"&\s*\n\s*", "", path.read_text())
+
+
+def read_options(root):
+    """What can be set by name, with its kind: the rows of the table, and what is the model's or an assembly's."""
+    kinds = {"number": "real option", "whole": "integer option", "word": "text option", "list": "list"}
+    table = read_joined(root / "src/tandem/options.f90")
+    rows = re.findall(r"%take\(option_row_type\('(\w+)', .*?\), (number|whole|word|list)=self%", table)
+    names = [f"{kinds[kind]} {name}" for name, kind in rows]
+    others = re.findall(r"others = ', ([^']*)'", (root / "src/tandem/legacy/settings.f90").read_text())
+    for kind, listed in zip(kinds.values(), others, strict=True):
+        names += [f"{kind} {name}" for name in listed.split(", ")]
+    return names
+
+
+def read_figures(root):
+    """The figures by name, in lower case: those of reports, and what the interfaces call otherwise."""
+    source = root / "src/tandem"
+    texts = "".join(read_joined(source / file) for file in ("simulate/statistics.f90", "model/terms.f90", "model/derivatives.f90"))
+    names = []
+    for name, array in re.findall(r"reader%\w+\('(\w+)'(?://[\w(]*\((\w+_name)\()?", read_joined(source / "simulate/figures.f90")):
+        parts = [""]
+        if array:
+            parts = re.findall(r"'([^']*)'", re.search(rf":: {array}\(\w+\) = \[(.*?)\]", texts)[1])
+        names += [(name + part.replace(" ", "_").replace("|", "")).lower() for part in parts]
+    others = (source / "legacy/figures.f90").read_text()
+    for words in re.findall(r"case \(('\w+'(?:, '\w+')*)\)", others):
+        names += re.findall(r"\w+", words)
+    names += re.findall(r"reader%\w+\('(\w+)'", others)
+    return names
+
+
 def read_names(root):
     """The names that callers give as texts: of options, statistics, and procedures of a model."""
     legacy = root / "src/tandem/legacy"
-    names = []
-    settings = re.sub(r"'//\s*&\s*\n\s*'", "", (legacy / "settings.f90").read_text())
-    for kind in ("reals", "integers", "texts"):
-        listed = re.search(rf":: {kind} = '([^']*)'", settings)[1]
-        names += [f"{kind[:-1]} option {name}" for name in listed.split(", ")]
-    figures = re.sub(r"'//\s*&\s*\n\s*'", "", (legacy / "figures.f90").read_text())
-    names += [f"statistic {name}" for name in re.search(r":: names = '([^']*)'", figures)[1].split(", ")]
+    names = read_options(root) + [f"statistic {name}" for name in read_figures(root)]
     names += [
         f"procedure {name} {kind}"
         for name, kind in re.findall(r"term_row_type\('(\w+)', (of_\w+)\)", (legacy / "terms.f90").read_text())
     ]
-    lists = re.findall(r"case \('(\w+)'\)\n(?:(?! *case ).*\n)*?.*self%model%\1 =", (legacy / "problem.f90").read_text())
-    return names + [f"list {name}" for name in lists]
+    return names
 
 
 def read_statistics(root):
-    """The scalar components of the types that hold the figures of a run."""
+    """The numbers in the types that hold the figures of a run."""
     names = set()
     for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("model/counts.f90", "counts_type")):
         text = (root / "src/tandem" / file).read_text()
         body = re.search(rf"^ *type\b[^\n]*:: {type_}\n(.*?)^ *contains", text, re.M | re.S)[1]
         for components in re.findall(r"^ *(?:integer|real|logical)\S* :: (.*)$", body, re.M):
-            names.update(re.findall(r"(\w+) = ", components))
+            names.update(re.findall(r"(\w+)(?:\(\w+\))? = ", components))
     return names
 
 
@@ -129,15 +156,15 @@ def disagreements(root, modules):
         if expected.get(name) != c_constants.get(name):
             problems.append(f"{name} is {c_constants.get(name)} in tandem.h, {expected.get(name)} in the Fortran sources")
     lengths = {name: f77_constants.pop(name, None) for name in ("TDHLEN", "TDTLEN")}
-    for name, file, constant in (("TDHLEN", "handle", "handle_length"), ("TDTLEN", "problem", "message_length")):
+    for name, file, constant in (("TDHLEN", "handle", "handle_length"), ("TDTLEN", "description", "message_length")):
         source = (root / f"src/tandem/legacy/{file}.f90").read_text()
         length = int(re.search(rf"parameter :: {constant} = (\d+)", source)[1])
         if lengths[name] != length:
             problems.append(f"{name} is {lengths[name]} in tandem.inc, {length} in {file}.f90")
     if sorted(f77_constants.values()) != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
-    listed = {entry.split()[1] for entry in read_names(root) if entry.startswith("statistic ")}
-    problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - listed)]
+    told = set(re.findall(r"\bs%(\w+)", (root / "src/tandem/simulate/figures.f90").read_text()))
+    problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - told)]
     if modules:
         written = subprocess.run(
             ["gfortran", "-fc-prototypes", "-fsyntax-only", f"-I{modules}", str(root / "src/tandem/legacy/c.f90")],

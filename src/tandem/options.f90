@@ -1,16 +1,20 @@
 ! SPDX-License-Identifier: MIT
-!> What a user may choose about a run, with its defaults and its checks.
+!> What a user may choose about a run, with its defaults, and the one table of all options: what checks them, keeps them in a
+!> checkpoint, reads them from a scene or takes them from C and Fortran 77 visits its rows.
 module tandem_options
     use tandem_error, only: error_type, set_error, to_text
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
     use tandem_status, only: status_invalid_option
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
-    public :: options_type, chart_policies, refresh_modes, basis_methods, projections
+    public :: options_type, option_row_type, option_visitor_type, check_word
+    public :: stepper_names, chart_policies, refresh_modes, basis_methods, projections
 
+    !> Every stepper that can be asked for by name; `tandem_stepper_factory` makes them.
+    character(len=16), parameter :: stepper_names(5) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).
@@ -22,12 +26,53 @@ module tandem_options
     !> Where explicit steps are projected onto the constraints: at every stage, the paper's method, or at their ends alone.
     character(len=9), parameter :: projections(2) = [character(len=9) :: 'stages', 'step_ends']
 
-    !> A tolerance below this is lost in rounding.
-    real(wp), parameter :: smallest_tolerance = 1.0e-15_wp
+    !> A tolerance below this is lost in rounding; one above means nothing.
+    real(wp), parameter :: smallest_tolerance = 1.0e-15_wp, largest_tolerance = 1.0e-2_wp
+
+    !> What a number may be: anything; from 1 on; above 1; above 0; above 0, or 0 for no limit; a tolerance; one, or 0 for another.
+    integer, parameter :: anything = 0, from_one = 1, above_one = 2, positive = 3, limit = 4, tolerance = 5, unset_or_tolerance = 6
+
+    !> What is said of an option.
+    type :: option_row_type
+        !> Name of the component of `options_type`.
+        character(len=20) :: name
+        !> Unit of its value, and what it is, in one line.
+        character(len=1) :: unit
+        character(len=88) :: help
+        !> What a number may be, each of a list.
+        integer, private :: rule = anything
+        !> Its key in scenes where that is not the name; a list has the key of the number in whose stead it is given.
+        character(len=4) :: key = ''
+    contains
+        procedure :: problem_of
+    end type option_row_type
+
+    !> What visits the options: extend it.
+    type, abstract :: option_visitor_type
+    contains
+        procedure(take_interface), deferred :: take
+    end type option_visitor_type
+
+    abstract interface
+        !> Take one option, or give it another value.
+        subroutine take_interface(self, row, number, whole, word, list, choices)
+            import :: option_row_type, option_visitor_type, wp
+            implicit none (type, external)
+            class(option_visitor_type), intent(inout) :: self
+            type(option_row_type), intent(in) :: row
+            !> The value: one of these. With a number comes the list that may be given in its stead, which has a row of its own.
+            real(wp), intent(inout), optional :: number
+            integer, intent(inout), optional :: whole
+            character(len=*), intent(inout), optional :: word
+            real(wp), allocatable, intent(inout), optional :: list(:)
+            !> What a word may be.
+            character(len=*), intent(in), optional :: choices(:)
+        end subroutine take_interface
+    end interface
 
     !> What a user may choose, each with its default; `check` refuses what cannot be.
     type :: options_type
-        !> Name of the stepper, see `stepper_names` in `tandem_stepper_factory`.
+        !> One of `stepper_names`.
         character(len=16) :: stepper = 'rk4'
         !> Step size h of fixed steps, in units of time.
         real(wp) :: step = 1.0e-3_wp
@@ -82,6 +127,8 @@ module tandem_options
         !> Most seconds of wall time, counted from the first step; 0 means no limit.
         real(wp) :: max_seconds = 0.0_wp
     contains
+        procedure :: visit
+        procedure, private :: visit_course
         procedure :: check
         procedure :: check_sizes
         procedure :: is_adaptive
@@ -99,82 +146,185 @@ module tandem_options
         procedure :: first_difference
     end type options_type
 
+    !> Finds the first option that cannot be.
+    type, extends(option_visitor_type) :: checker_type
+        type(error_type), allocatable :: error
+    contains
+        procedure :: take => check_option
+    end type checker_type
+
+    !> Writes or reads the options.
+    type, extends(option_visitor_type) :: packer_type
+        type(pack_type), pointer :: pack => null()
+    contains
+        procedure :: take => pack_option
+    end type packer_type
+
+    !> Remembers one set of options, then finds the first in which another differs.
+    type, extends(option_visitor_type) :: comparer_type
+        !> How many words each value has, and these, one value after the other; how many of them were compared.
+        integer(long), allocatable :: words(:)
+        logical :: is_comparing = .false.
+        integer :: n = 0
+        character(len=20) :: difference = ''
+    contains
+        procedure :: take => compare_option
+    end type comparer_type
+
 contains
+
+    !> Show a visitor every option.
+    subroutine visit(self, visitor)
+        class(options_type), intent(inout) :: self
+        class(option_visitor_type), intent(inout) :: visitor
+
+        call self%visit_course(visitor)
+        call visitor%take(option_row_type('start_tolerance', '', &
+            'largest constraint error of the start', tolerance), number=self%start_tolerance)
+        call visitor%take(option_row_type('max_steps', '', 'most steps of the run', from_one), whole=self%max_steps)
+        call visitor%take(option_row_type('max_evaluations', '', &
+            'most evaluations of the right-hand side; 0 for no limit', limit), whole=self%max_evaluations)
+        call visitor%take(option_row_type('max_seconds', 's', 'most wall time; 0 for no limit', limit), number=self%max_seconds)
+        call visitor%take(option_row_type('max_events', '', 'most events of the run', from_one), whole=self%max_events)
+    end subroutine visit
+
+    !> Show a visitor the options that the course of a run depends on: neither the limits that only end it, nor what concerns the
+    !> start alone.
+    subroutine visit_course(self, visitor)
+        class(options_type), intent(inout) :: self
+        class(option_visitor_type), intent(inout) :: visitor
+
+        call visitor%take(option_row_type('stepper', '', 'the method'), word=self%stepper, choices=stepper_names)
+        call visitor%take(option_row_type('step', 's', 'size of fixed steps', positive), number=self%step)
+        call visitor%take(option_row_type('rtol', '', &
+            'relative tolerance, for all or one a coordinate; above 0, steps follow an error estimate', unset_or_tolerance), &
+            number=self%rtol, list=self%rtol_q)
+        call visitor%take(option_row_type('atol', '', &
+            'absolute tolerance, for all or one a coordinate, in units of its scale; 0 for rtol', limit), &
+            number=self%atol, list=self%atol_q)
+        call visitor%take(option_row_type('rtol_q', '', &
+            'relative tolerances, one a coordinate, in the stead of rtol', tolerance, key='rtol'), list=self%rtol_q)
+        call visitor%take(option_row_type('rtol_qd', '', &
+            'relative tolerances of the velocities, where it is not rtol', tolerance), list=self%rtol_qd)
+        call visitor%take(option_row_type('atol_q', '', &
+            'absolute tolerances, one a coordinate, in the stead of atol', limit, key='atol'), list=self%atol_q)
+        call visitor%take(option_row_type('atol_qd', '', &
+            'absolute tolerances of the velocities, where it is not atol', limit), list=self%atol_qd)
+        call visitor%take(option_row_type('first_step', 's', &
+            'the first step, with rtol; 0: tandem chooses', limit), number=self%first_step)
+        call visitor%take(option_row_type('max_step', 's', 'the largest step, with rtol; 0 for none', limit), number=self%max_step)
+        call visitor%take(option_row_type('chart', '', 'when a chart is renewed'), word=self%chart, choices=chart_policies)
+        call visitor%take(option_row_type('refresh', '', &
+            'how the inverses follow the motion'), word=self%refresh, choices=refresh_modes)
+        call visitor%take(option_row_type('basis', '', &
+            'where the bases of a chart come from'), word=self%basis, choices=basis_methods)
+        call visitor%take(option_row_type('projection', '', &
+            'where explicit steps meet the constraints'), word=self%projection, choices=projections)
+        call visitor%take(option_row_type('constraint_tolerance', '', &
+            "largest constraint error, on each row's natural scale", tolerance), number=self%constraint_tolerance)
+        call visitor%take(option_row_type('utol', '', &
+            'tolerance of the position iteration; 0 for constraint_tolerance/100', unset_or_tolerance), number=self%utol)
+        call visitor%take(option_row_type('btol', '', &
+            'tolerance of the iteration for B, with refine; 0 for constraint_tolerance', unset_or_tolerance, key='Btol'), &
+            number=self%btol)
+        call visitor%take(option_row_type('htol', '', &
+            'tolerance of the iteration for H, with refine; 0 for constraint_tolerance', unset_or_tolerance, key='Htol'), &
+            number=self%htol)
+        call visitor%take(option_row_type('intol', '', &
+            'tolerance of the iteration of implicit stages; 0 for constraint_tolerance/100', unset_or_tolerance), number=self%intol)
+        call visitor%take(option_row_type('v_limit', '', &
+            'limit on |v| in a chart, with paper; 0 for none, and 70 degrees without any', limit), number=self%v_limit)
+        call visitor%take(option_row_type('w_limit', '', &
+            'limit on |w| in a chart, with paper; 0 for none', limit), number=self%w_limit)
+        call visitor%take(option_row_type('condition_limit', '', &
+            'limit on the condition number of (38), with paper; 0 for none', limit), number=self%condition_limit)
+        call visitor%take(option_row_type('iteration_limit', '', &
+            'limit on the corrections of u, B, H, with paper; 0 for none', limit), whole=self%iteration_limit)
+        call visitor%take(option_row_type('secant_limit', '', &
+            'limit on |D| and |Fbar| in a chart, with adaptive', above_one), number=self%secant_limit)
+    end subroutine visit_course
 
     !> Refuse values that cannot be; the message names the option.
     subroutine check(self, error)
         class(options_type), intent(in) :: self
         type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(checker_type) :: checker
 
-        if (.not. any(self%chart == chart_policies)) then
-            call set_error(error, status_invalid_option, 'chart = "'//trim(self%chart)//'" is unknown', &
-                'use every_step, adaptive or paper')
-        else if (.not. any(self%refresh == refresh_modes)) then
-            call set_error(error, status_invalid_option, 'refresh = "'//trim(self%refresh)//'" is unknown', &
-                'use factor or refine')
-        else if (.not. any(self%basis == basis_methods)) then
-            call set_error(error, status_invalid_option, 'basis = "'//trim(self%basis)//'" is unknown', 'use qr or svd')
-        else if (.not. any(self%projection == projections)) then
-            call set_error(error, status_invalid_option, 'projection = "'//trim(self%projection)//'" is unknown', &
-                'use stages or step_ends')
-        else if (self%max_steps < 1) then
-            call set_error(error, status_invalid_option, 'max_steps = '//to_text(self%max_steps)//' must be at least 1')
-        else if (self%max_events < 1) then
-            call set_error(error, status_invalid_option, 'max_events = '//to_text(self%max_events)//' must be at least 1')
-        end if
-        if (allocated(error)) return
-        if (self%max_evaluations < 0) then
-            call set_error(error, status_invalid_option, 'max_evaluations = '//to_text(self%max_evaluations)// &
-                ' must be positive, or 0 for no limit')
-            return
-        end if
-        call check_limit('max_seconds', self%max_seconds, error)
-        if (allocated(error)) return
-        call check_positive('step', self%step, error)
-        if (allocated(error)) return
-        if (.not. is_unset(self%rtol)) call check_tolerance('rtol', self%rtol, error)
-        if (allocated(error)) return
-        call check_limit('atol', self%atol, error)
-        if (allocated(error)) return
-        call check_list('rtol_q', self%rtol_q, .true., error)
-        if (allocated(error)) return
-        call check_list('rtol_qd', self%rtol_qd, .true., error)
-        if (allocated(error)) return
-        call check_list('atol_q', self%atol_q, .false., error)
-        if (allocated(error)) return
-        call check_list('atol_qd', self%atol_qd, .false., error)
-        if (allocated(error)) return
-        call check_limit('first_step', self%first_step, error)
-        if (allocated(error)) return
-        call check_limit('max_step', self%max_step, error)
-        if (allocated(error)) return
-        call check_limit('v_limit', self%v_limit, error)
-        if (allocated(error)) return
-        call check_limit('w_limit', self%w_limit, error)
-        if (allocated(error)) return
-        call check_tolerance('constraint_tolerance', self%constraint_tolerance, error)
-        if (allocated(error)) return
-        call check_tolerance('utol', self%position_tolerance(), error)
-        if (allocated(error)) return
-        call check_tolerance('btol', self%b_tolerance(), error)
-        if (allocated(error)) return
-        call check_tolerance('htol', self%h_tolerance(), error)
-        if (allocated(error)) return
-        call check_tolerance('intol', self%newton_tolerance(), error)
-        if (allocated(error)) return
-        call check_limit('condition_limit', self%condition_limit, error)
-        if (allocated(error)) return
-        if (self%iteration_limit < 0) then
-            call set_error(error, status_invalid_option, 'iteration_limit = '//to_text(self%iteration_limit)// &
-                ' must be positive, or 0 for no limit')
-            return
-        end if
-        call check_tolerance('start_tolerance', self%start_tolerance, error)
-        if (allocated(error)) return
-        if (.not. self%secant_limit > 1.0_wp) then
-            call set_error(error, status_invalid_option, 'secant_limit = '//to_text(self%secant_limit)//' must be above 1')
-        end if
+        options = self
+        call options%visit(checker)
+        call move_alloc(checker%error, error)
     end subroutine check
+
+    subroutine check_option(self, row, number, whole, word, list, choices)
+        class(checker_type), intent(inout) :: self
+        type(option_row_type), intent(in) :: row
+        real(wp), intent(inout), optional :: number
+        integer, intent(inout), optional :: whole
+        character(len=*), intent(inout), optional :: word
+        real(wp), allocatable, intent(inout), optional :: list(:)
+        character(len=*), intent(in), optional :: choices(:)
+        integer :: i
+
+        if (present(word)) then
+            if (.not. allocated(self%error)) call check_word(row, word, choices, self%error)
+        else if (present(whole)) then
+            call refuse('', to_text(whole), row%problem_of(real(whole, wp)))
+        else if (present(number)) then
+            call refuse('', to_text(number), row%problem_of(number))
+        else if (allocated(list)) then
+            do i = 1, size(list)
+                call refuse('('//to_text(i)//')', to_text(list(i)), row%problem_of(list(i)))
+            end do
+        end if
+    contains
+        subroutine refuse(place, value, problem)
+            character(len=*), intent(in) :: place, value, problem
+
+            if (allocated(self%error) .or. problem == '') return
+            call set_error(self%error, status_invalid_option, trim(row%name)//place//' = '//value//' '//trim(problem))
+        end subroutine refuse
+    end subroutine check_option
+
+    !> Refuse a word that is none of those that an option may be.
+    subroutine check_word(row, word, choices, error)
+        type(option_row_type), intent(in) :: row
+        character(len=*), intent(in) :: word, choices(:)
+        !> invalid_option with the words that there are.
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: text
+        integer :: i
+
+        if (any(choices == word)) return
+        text = trim(choices(1))
+        do i = 2, size(choices)
+            text = text//trim(merge(' or', ',  ', i == size(choices)))//' '//trim(choices(i))
+        end do
+        call set_error(error, status_invalid_option, trim(row%name)//' = "'//trim(word)//'" is unknown', 'use '//text)
+    end subroutine check_word
+
+    !> What is wrong with a number; blank where nothing is.
+    pure function problem_of(self, value) result(problem)
+        class(option_row_type), intent(in) :: self
+        real(wp), intent(in) :: value
+        character(len=40) :: problem
+
+        problem = ''
+        select case (self%rule)
+        case (from_one)
+            if (.not. value >= 1.0_wp) problem = 'must be at least 1'
+        case (above_one)
+            if (.not. value > 1.0_wp) problem = 'must be above 1'
+        case (positive)
+            if (.not. (value > 0.0_wp .and. ieee_is_finite(value))) problem = 'must be positive and finite'
+        case (limit)
+            if (.not. (value >= 0.0_wp .and. ieee_is_finite(value))) problem = 'must be positive, or 0 for no limit'
+        case (tolerance, unset_or_tolerance)
+            if (self%rule == unset_or_tolerance .and. is_unset(value)) return
+            if (.not. (value >= smallest_tolerance .and. value <= largest_tolerance)) problem = 'must lie between 1e-15 and 1e-2'
+        case default ! anything
+        end select
+    end function problem_of
 
     !> Refuse tolerances that are not one a coordinate.
     subroutine check_sizes(self, n, error)
@@ -292,86 +442,89 @@ contains
             smallest_tolerance)
     end function newton_tolerance
 
-    !> All that the course of a run depends on: not the limits that only end it, nor what concerns the start alone.
+    !> All that the course of a run depends on.
     subroutine pack_state(self, pack)
         class(options_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
+        type(pack_type), intent(inout), target :: pack
+        type(packer_type) :: packer
 
-        call pack%item(self%stepper)
-        call pack%item(self%step)
-        call pack%item(self%rtol)
-        call pack%item(self%atol)
-        call pack%item(self%rtol_q)
-        call pack%item(self%rtol_qd)
-        call pack%item(self%atol_q)
-        call pack%item(self%atol_qd)
-        call pack%item(self%first_step)
-        call pack%item(self%max_step)
-        call pack%item(self%chart)
-        call pack%item(self%refresh)
-        call pack%item(self%basis)
-        call pack%item(self%projection)
-        call pack%item(self%constraint_tolerance)
-        call pack%item(self%utol)
-        call pack%item(self%btol)
-        call pack%item(self%htol)
-        call pack%item(self%intol)
-        call pack%item(self%v_limit)
-        call pack%item(self%w_limit)
-        call pack%item(self%condition_limit)
-        call pack%item(self%iteration_limit)
-        call pack%item(self%secant_limit)
+        packer%pack => pack
+        call self%visit_course(packer)
     end subroutine pack_state
 
+    subroutine pack_option(self, row, number, whole, word, list, choices)
+        class(packer_type), intent(inout) :: self
+        type(option_row_type), intent(in) :: row
+        real(wp), intent(inout), optional :: number
+        integer, intent(inout), optional :: whole
+        character(len=*), intent(inout), optional :: word
+        real(wp), allocatable, intent(inout), optional :: list(:)
+        character(len=*), intent(in), optional :: choices(:)
+
+        if (present(number)) then
+            call self%pack%item(number)
+        else if (present(whole)) then
+            call self%pack%item(whole)
+        else if (present(word)) then
+            call self%pack%item(word)
+        else
+            call self%pack%item(list)
+        end if
+    end subroutine pack_option
+
     !> The first of the options in `pack_state` that another set has with another value, blank where there is none.
-    pure function first_difference(self, other) result(name)
+    function first_difference(self, other) result(name)
         class(options_type), intent(in) :: self
         type(options_type), intent(in) :: other
         character(len=20) :: name
+        type(options_type) :: options
+        type(comparer_type) :: comparer
 
-        name = ''
-        if (is_other(self%secant_limit, other%secant_limit)) name = 'secant_limit'
-        if (self%iteration_limit /= other%iteration_limit) name = 'iteration_limit'
-        if (is_other(self%condition_limit, other%condition_limit)) name = 'condition_limit'
-        if (is_other(self%w_limit, other%w_limit)) name = 'w_limit'
-        if (is_other(self%v_limit, other%v_limit)) name = 'v_limit'
-        if (is_other(self%intol, other%intol)) name = 'intol'
-        if (is_other(self%htol, other%htol)) name = 'htol'
-        if (is_other(self%btol, other%btol)) name = 'btol'
-        if (is_other(self%utol, other%utol)) name = 'utol'
-        if (is_other(self%constraint_tolerance, other%constraint_tolerance)) name = 'constraint_tolerance'
-        if (self%projection /= other%projection) name = 'projection'
-        if (self%basis /= other%basis) name = 'basis'
-        if (self%refresh /= other%refresh) name = 'refresh'
-        if (self%chart /= other%chart) name = 'chart'
-        if (is_other(self%max_step, other%max_step)) name = 'max_step'
-        if (is_other(self%first_step, other%first_step)) name = 'first_step'
-        if (differs(self%atol_qd, other%atol_qd)) name = 'atol_qd'
-        if (differs(self%atol_q, other%atol_q)) name = 'atol_q'
-        if (differs(self%rtol_qd, other%rtol_qd)) name = 'rtol_qd'
-        if (differs(self%rtol_q, other%rtol_q)) name = 'rtol_q'
-        if (is_other(self%atol, other%atol)) name = 'atol'
-        if (is_other(self%rtol, other%rtol)) name = 'rtol'
-        if (is_other(self%step, other%step)) name = 'step'
-        if (self%stepper /= other%stepper) name = 'stepper'
+        options = self
+        allocate (comparer%words(0))
+        call options%visit_course(comparer)
+        comparer%is_comparing = .true.
+        options = other
+        call options%visit_course(comparer)
+        name = comparer%difference
     end function first_difference
 
-    !> Whether one list of tolerances is not the other.
-    pure logical function differs(one, other)
-        real(wp), allocatable, intent(in) :: one(:), other(:)
+    subroutine compare_option(self, row, number, whole, word, list, choices)
+        class(comparer_type), intent(inout) :: self
+        type(option_row_type), intent(in) :: row
+        real(wp), intent(inout), optional :: number
+        integer, intent(inout), optional :: whole
+        character(len=*), intent(inout), optional :: word
+        real(wp), allocatable, intent(inout), optional :: list(:)
+        character(len=*), intent(in), optional :: choices(:)
+        integer(long), allocatable :: bits(:)
+        integer :: i
 
-        differs = allocated(one) .neqv. allocated(other)
-        if (.not. (allocated(one) .and. allocated(other))) return
-        differs = size(one) /= size(other)
-        if (.not. differs) differs = any(is_other(one, other))
-    end function differs
-
-    !> Whether two finite numbers are not the same.
-    pure elemental logical function is_other(one, other)
-        real(wp), intent(in) :: one, other
-
-        is_other = one < other .or. one > other
-    end function is_other
+        if (present(number)) then
+            ! A sum with zero has no negative zero.
+            allocate (bits, source=transfer([number + 0.0_wp], [0_long]))
+        else if (present(whole)) then
+            allocate (bits, source=[int(whole, long)])
+        else if (present(word)) then
+            allocate (bits, source=[(iachar(word(i:i), long), i=1, len(word))])
+        else if (allocated(list)) then
+            allocate (bits, source=transfer(list + 0.0_wp, [0_long]))
+        else
+            allocate (bits(0))
+        end if
+        bits = [size(bits, kind=long), bits]
+        if (.not. self%is_comparing) then
+            self%words = [self%words, bits]
+        else if (self%difference == '') then
+            ! With another size the first word differs; nothing is compared behind it.
+            if (self%words(self%n + 1) /= bits(1)) then
+                self%difference = row%name
+            else if (any(self%words(self%n + 1:self%n + size(bits)) /= bits)) then
+                self%difference = row%name
+            end if
+            self%n = self%n + size(bits)
+        end if
+    end subroutine compare_option
 
     !> Whether a tolerance was left at the zero that stands for another.
     pure elemental logical function is_unset(value)
@@ -379,44 +532,6 @@ contains
 
         is_unset = abs(value) <= 0.0_wp
     end function is_unset
-
-    subroutine check_positive(name, value, error)
-        character(len=*), intent(in) :: name
-        real(wp), intent(in) :: value
-        type(error_type), allocatable, intent(out) :: error
-
-        if (value > 0.0_wp .and. ieee_is_finite(value)) return
-        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must be positive and finite')
-    end subroutine check_positive
-
-    subroutine check_limit(name, value, error)
-        character(len=*), intent(in) :: name
-        real(wp), intent(in) :: value
-        type(error_type), allocatable, intent(out) :: error
-
-        if (value >= 0.0_wp .and. ieee_is_finite(value)) return
-        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must be positive, or 0 for no limit')
-    end subroutine check_limit
-
-    !> A list of tolerances, one a coordinate.
-    subroutine check_list(name, values, is_relative, error)
-        character(len=*), intent(in) :: name
-        real(wp), allocatable, intent(in) :: values(:)
-        !> Relative tolerances must be resolvable, absolute ones need not.
-        logical, intent(in) :: is_relative
-        type(error_type), allocatable, intent(out) :: error
-        integer :: i
-
-        if (.not. allocated(values)) return
-        do i = 1, size(values)
-            if (is_relative) then
-                call check_tolerance(name//'('//to_text(i)//')', values(i), error)
-            else
-                call check_limit(name//'('//to_text(i)//')', values(i), error)
-            end if
-            if (allocated(error)) return
-        end do
-    end subroutine check_list
 
     subroutine check_size(name, values, n, error)
         character(len=*), intent(in) :: name
@@ -429,15 +544,4 @@ contains
         call set_error(error, status_invalid_option, name//' has '//to_text(size(values))//' entries, the model has n = '// &
             to_text(n), 'give one a coordinate')
     end subroutine check_size
-
-    !> A tolerance must be resolvable in double precision and must mean something.
-    subroutine check_tolerance(name, value, error)
-        character(len=*), intent(in) :: name
-        real(wp), intent(in) :: value
-        type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: largest = 1.0e-2_wp
-
-        if (value >= smallest_tolerance .and. value <= largest) return
-        call set_error(error, status_invalid_option, name//' = '//to_text(value)//' must lie between 1e-15 and 1e-2')
-    end subroutine check_tolerance
 end module tandem_options

@@ -159,7 +159,7 @@ static void test_derivatives(void)
 /* The message of an unknown name lists the known ones: each must be taken, with a value that it may have. */
 static int takes_all(tandem_problem *p, int kind)
 {
-    char list[2000], *name;
+    char list[2048], *name;
     double value;
     int taken = 0;
     if (kind == 0) tandem_set_real(p, "?", 0);
@@ -180,9 +180,346 @@ static void test_names(void)
     struct bowl b = new_bowl();
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
-    check("every-statistic-is-known", takes_all(p, 2) == 45, tandem_message(p));
-    check("every-real-option-is-known", takes_all(p, 0) == 16, tandem_message(p));
+    check("every-statistic-is-known", takes_all(p, 2) == 67, tandem_message(p));
+    check("every-real-option-is-known", takes_all(p, 0) == 18, tandem_message(p));
     check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
+    tandem_free(p);
+}
+
+/* The bowl's motion under error control: steps follow the tolerances of its coordinates, which are lists. */
+static double steps_of_bowl(tandem_problem *p)
+{
+    double steps = 0;
+    if (tandem_start(p, 0, bowl_q, bowl_qd) != 0 || tandem_integrate(p, 1) != 0) return -1;
+    tandem_get_statistic(p, "steps", &steps);
+    return steps;
+}
+
+static void test_tolerances(void)
+{
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double loose[N], tight[N], wrong[N], with_number, with_list, with_tight, again;
+    for (int i = 0; i < N; i++) {
+        loose[i] = 1e-6;
+        tight[i] = 1e-11;
+        wrong[i] = i == 1 ? 1 : 1e-6;
+    }
+    tandem_set_text(p, "stepper", "dopri5");
+    tandem_set_real(p, "rtol", 1e-6);
+    with_number = steps_of_bowl(p);
+    expect("tolerances-may-be-a-list", p, tandem_set_vector(p, "rtol_q", N, loose), TANDEM_OK, "ok");
+    expect("absolute-ones-too", p, tandem_set_vector(p, "ATOL_Q", N, loose), TANDEM_OK, "ok");
+    with_list = steps_of_bowl(p);
+    tandem_set_vector(p, "rtol_qd", N, tight);
+    tandem_set_vector(p, "atol_qd", N, tight);
+    with_tight = steps_of_bowl(p);
+    tandem_set_vector(p, "rtol_q", 0, NULL);
+    tandem_set_vector(p, "atol_q", 0, NULL);
+    tandem_set_vector(p, "rtol_qd", 0, NULL);
+    tandem_set_vector(p, "atol_qd", 0, NULL);
+    again = steps_of_bowl(p);
+    check("equal-ones-are-one-number", with_number > 0 && with_list == with_number, tandem_message(p));
+    check("tighter-ones-of-velocities-take-more-steps", with_tight > 2 * with_number, tandem_message(p));
+    check("a-list-can-be-taken-back", again == with_number, tandem_message(p));
+    expect("a-tolerance-that-cannot-be", p, tandem_set_vector(p, "rtol_q", N, wrong), TANDEM_INVALID_OPTION, "rtol_q(2) = ");
+    expect("one-is-not-enough", p, tandem_set_vector(p, "rtol_q", 1, loose), TANDEM_OK, "ok");
+    expect("which-the-start-says", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_OPTION, "rtol_q has 1 entries");
+    expect("an-unknown-list", p, tandem_set_vector(p, "rtol_x", N, loose), TANDEM_INVALID_OPTION, "atol_qd, coordinate_scale");
+    tandem_free(p);
+}
+
+/* A start off the constraints is moved onto them, some of it fixed, and not too far. */
+static void test_assembly(void)
+{
+    static const double all_but_z[N] = {1, 1, 1, 0}, all[N] = {1, 1, 1, 1};
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double q[N], qd[N], end[N], again[N], residual;
+    memcpy(q, bowl_q, sizeof q);
+    memcpy(qd, bowl_qd, sizeof qd);
+    q[3] += 0.05;
+    qd[1] -= 0.1;
+    expect("a-start-off-the-constraints-can-be-moved", p, tandem_start(p, 0, q, qd), TANDEM_INCONSISTENT_START,
+           "or move them by tandem_assemble");
+    tandem_set_vector(p, "fixed_q", N, all_but_z);
+    expect("a-start-is-assembled", p, tandem_assemble(p, 0, q, qd), TANDEM_OK, "ok");
+    /* The tolerance is 1e-12 of the size of the terms, about 1. */
+    check("what-is-fixed-stays", memcmp(q, bowl_q, 3 * sizeof *q) == 0 && fabs(q[3] - 0.2) < 1e-11, tandem_message(p));
+    residual = fmax(fabs(sin(q[2]) * qd[0] - cos(q[2]) * qd[1]), fabs(qd[3] - b.k * (q[0] * qd[0] + q[1] * qd[1])));
+    check("velocities-satisfy-the-constraints", residual < 1e-11, tandem_message(p));
+    expect("a-run-starts-there", p, tandem_start(p, 0, q, qd), TANDEM_OK, "ok");
+
+    /* A run does not notice. */
+    tandem_integrate(p, 0.5);
+    tandem_integrate(p, 1);
+    tandem_get_state(p, NULL, end, NULL, NULL);
+    tandem_start(p, 0, q, qd);
+    tandem_integrate(p, 0.5);
+    memcpy(again, bowl_q, sizeof again);
+    again[3] += 0.05;
+    tandem_assemble(p, 0, again, qd);
+    tandem_integrate(p, 1);
+    tandem_get_state(p, NULL, again, NULL, NULL);
+    check("a-run-goes-on-as-if-nothing-was-assembled", memcmp(end, again, sizeof end) == 0, tandem_message(p));
+
+    memcpy(q, bowl_q, sizeof q);
+    q[3] += 0.05;
+    tandem_set_vector(p, "fixed_q", N, all);
+    expect("where-nothing-may-move-there-is-none", p, tandem_assemble(p, 0, q, qd), TANDEM_INCONSISTENT_START, "holonomic 1");
+    tandem_set_vector(p, "fixed_q", 0, NULL);
+    tandem_set_real(p, "largest_move_q", 1e-3);
+    expect("nor-too-far-away", p, tandem_assemble(p, 0, q, qd), TANDEM_INCONSISTENT_START, "would move by");
+    check("what-cannot-be-moved-stays", q[0] == bowl_q[0] && q[3] == bowl_q[3] + 0.05, tandem_message(p));
+    tandem_set_real(p, "LARGEST_MOVE_Q", 0);
+    expect("without-limit-it-is-moved", p, tandem_assemble(p, 0, q, qd), TANDEM_OK, "ok");
+    check("all-of-it", q[0] != bowl_q[0], tandem_message(p));
+    expect("weights-are-one-a-coordinate", p, tandem_set_vector(p, "weight_q", 1, all), TANDEM_OK, "ok");
+    expect("or-refused", p, tandem_assemble(p, 0, q, qd), TANDEM_INVALID_OPTION, "weight_q has 1 entries");
+    expect("a-negative-limit", p, tandem_set_real(p, "largest_move_qd", -1), TANDEM_INVALID_OPTION, "must be positive");
+    expect("another-metric", p, tandem_set_text(p, "velocity_metric", "Weights"), TANDEM_OK, "ok");
+    expect("an-unknown-metric", p, tandem_set_text(p, "velocity_metric", "massive"), TANDEM_INVALID_OPTION, "use mass or weights");
+    expect("a-metric-is-no-number", p, tandem_set_real(p, "velocity_metric", 1), TANDEM_INVALID_OPTION, "not a real option");
+    expect("no-state-to-assemble", p, tandem_assemble(p, 0, NULL, qd), TANDEM_INVALID_OPTION, "NULL");
+    tandem_free(p);
+}
+
+/* The heading is 0.5 + 0.7 t: it passes 1.2 at t = 1. The fault of "event" is the function's own. */
+static int heading(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    struct bowl *b = user_data;
+    (void)qd;
+    if (b->fault == GIVE_NAN) return 0; /* sets nothing */
+    value[0] = q[2] - 1.2;
+    return bowl_end(b, "event", t, value);
+}
+
+static void test_events(void)
+{
+    struct bowl b = new_bowl(), plain = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *r = bowl_problem(&plain);
+    double x[2 * N], y[2 * N], q[N], qd[N], t = 0, time = 0;
+    int count = -1, event = -1, direction = 9, again = 0, status = 0;
+    static int64_t words[20000];
+
+    expect("a-coordinate-is-watched", p, tandem_add_event(p, "half", "Q", 2, 0.85, 1, 0), TANDEM_OK, "ok");
+    expect("a-function-is-watched", p, tandem_add_event_function(p, "turned", heading, 0, 0), TANDEM_OK, "ok");
+    expect("a-multiplier-is-watched", p, tandem_add_event(p, "lifts", "lambda", 0, 0, 0, 0), TANDEM_OK, "ok");
+    expect("a-falling-one-is-watched", p, tandem_add_event(p, "back", "q", 2, 0.85, -1, 1), TANDEM_OK, "ok");
+    run_to(r, 2, y);
+    run_to(p, 2, x);
+    check("what-only-records-changes-nothing", memcmp(x, y, sizeof x) == 0, "another motion");
+    expect("events-are-counted", p, tandem_count_events(p, &count), TANDEM_OK, "ok");
+    check("two-have-happened", count == 2, "not two");
+    expect("the-first-is-told", p, tandem_get_event(p, 0, &event, &direction, &t, q, qd), TANDEM_OK, "ok");
+    /* A zero is found to 1e-13 of a step, where the heading is right to rounding. */
+    check("which-is-the-coordinate", event == 0 && direction == 1 && fabs(t - 0.5) < 1e-12 && fabs(q[2] - 0.85) < 1e-12 &&
+          fabs(qd[2] - 0.7) < 1e-12, "another event");
+    check("then-the-function", tandem_get_event(p, 1, &event, &direction, &t, NULL, NULL) == 0 && event == 1 && direction == 1 &&
+          fabs(t - 1) < 1e-12, "another event");
+    expect("there-are-no-more", p, tandem_get_event(p, 2, &event, &direction, &t, q, qd), TANDEM_INVALID_OPTION, "has recorded 2");
+    expect("none-before-the-first", p, tandem_get_event(p, -1, NULL, NULL, NULL, NULL, NULL), TANDEM_INVALID_OPTION, "no such");
+    check("nothing-has-stopped-the-run", tandem_get_stop(p, &event) == 0 && event == -1, tandem_message(p));
+
+    /* One more that stops counts from the next start on. */
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_add_event(p, "stop", "qd", 3, 0, 0, 1);
+    tandem_clear_events(p);
+    tandem_integrate(p, 2);
+    tandem_count_events(p, &count);
+    check("a-run-keeps-the-events-of-its-start", count == 2, tandem_message(p));
+    tandem_add_event_function(p, "stop", heading, 1, 1);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-run-may-be-stopped", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
+    tandem_get_state(p, &t, q, NULL, NULL);
+    check("it-ends-at-the-event", fabs(t - 1) < 1e-12 && fabs(q[2] - 1.2) < 1e-12, "elsewhere");
+    check("which-is-named", tandem_get_stop(p, &event) == 0 && event == 0, tandem_message(p));
+    check("the-state-is-on-the-bowl", fabs(q[3] - b.k * (q[0] * q[0] + q[1] * q[1]) / 2) < 1e-12, "off the bowl");
+    tandem_save_state(p, 20000, words, &count);
+    expect("and-goes-on", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
+    tandem_get_state(p, &t, x, x + N, NULL);
+    check("to-the-end", t == 2 && tandem_get_stop(p, &event) == 0 && event == -1, "stopped again");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-saved-run-has-its-events", p, tandem_restore_state(p, count, words), TANDEM_OK, "ok");
+    check("and-what-has-stopped-it", tandem_get_stop(p, &event) == 0 && event == 0 && tandem_count_events(p, &again) == 0 &&
+          again == 1, tandem_message(p));
+    tandem_integrate(p, 2);
+    tandem_get_state(p, NULL, y, y + N, NULL);
+    check("bitwise-as-without-the-break", memcmp(x, y, sizeof x) == 0, "another motion");
+    tandem_start(r, 0, bowl_q, bowl_qd);
+    expect("which-a-run-without-them-refuses", r, tandem_restore_state(r, count, words), TANDEM_INVALID_CHECKPOINT, "events");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    for (t = 0, event = -1; t < 2 && event < 0 && status == 0; tandem_get_stop(p, &event)) {
+        status = tandem_step(p, 2);
+        tandem_get_state(p, &t, NULL, NULL, NULL);
+    }
+    tandem_get_event(p, 0, NULL, NULL, &time, NULL, NULL);
+    check("single-steps-stop-there-too", t == time && fabs(t - 1) < 1e-12 && event == 0, tandem_message(p));
+
+    b.faulty = "event";
+    b.fault = RETRY;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-function-that-fails-is-named", p, tandem_integrate(p, 2), TANDEM_CALLBACK_FAILED,
+           "event \"stop\" returned the status 1");
+    b.fault = GIVE_INFINITY;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("and-one-that-is-infinite", p, tandem_integrate(p, 2), TANDEM_NOT_FINITE, "event \"stop\"");
+    b.fault = GIVE_NAN;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("and-one-that-sets-nothing", p, tandem_integrate(p, 2), TANDEM_CALLBACK_FAILED, "event \"stop\"");
+    b.fault = NONE;
+
+    expect("no-name", p, tandem_add_event(p, NULL, "q", 0, 0, 0, 0), TANDEM_INVALID_OPTION, "no name");
+    expect("the-name-of-another", p, tandem_add_event(p, "stop", "q", 0, 0, 0, 0), TANDEM_INVALID_OPTION, "another event");
+    expect("no-quantity", p, tandem_add_event(p, "x", NULL, 0, 0, 0, 0), TANDEM_INVALID_OPTION, "use q, qd or lambda");
+    expect("another-quantity", p, tandem_add_event(p, "x", "lambdas", 0, 0, 0, 0), TANDEM_INVALID_OPTION, "\"lambdas\"");
+    expect("no-such-coordinate", p, tandem_add_event(p, "x", "q", N, 0, 0, 0), TANDEM_INVALID_OPTION, "it has 4 entries");
+    expect("nor-one-before", p, tandem_add_event(p, "x", "q", -1, 0, 0, 0), TANDEM_INVALID_OPTION, "it has 4 entries");
+    expect("no-such-constraint", p, tandem_add_event(p, "x", "lambda", NC, 0, 0, 0), TANDEM_INVALID_OPTION, "it has 2 entries");
+    expect("no-such-direction", p, tandem_add_event(p, "x", "q", 0, 0, 2, 0), TANDEM_INVALID_OPTION, "direction 2");
+    expect("a-value-that-is-nan", p, tandem_add_event(p, "x", "q", 0, NAN, 0, 0), TANDEM_INVALID_OPTION, "not finite");
+    expect("a-function-that-is-null", p, tandem_add_event_function(p, "x", NULL, 0, 0), TANDEM_INVALID_OPTION, "no function");
+    expect("a-name-of-thirty-three", p, tandem_add_event(p, "thirty-three characters are a lot", "q", 0, 0, 0, 0),
+           TANDEM_INVALID_OPTION, "32");
+    check("what-was-refused-is-not-there", tandem_start(p, 0, bowl_q, bowl_qd) == 0 && tandem_integrate(p, 2) == 0 &&
+          tandem_count_events(p, &count) == 0 && count == 1, tandem_message(p));
+    tandem_free(p);
+    tandem_free(r);
+}
+
+/* The error of a run with steps of 0.05, beside one with an eighth of them: its error is 1/4096 of that. */
+static void test_error(void)
+{
+    struct bowl b = new_bowl(), fine = new_bowl(), plain = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *exact = bowl_problem(&fine), *r = bowl_problem(&plain);
+    double x[2 * N], y[2 * N], z[2 * N], error = 0, told = -1, largest = -1, when = -1, value, t = 0, evaluations = 0, after = 0;
+    int count;
+    static int64_t words[20000];
+
+    tandem_set_real(p, "step", 0.05);
+    tandem_set_real(r, "step", 0.05);
+    tandem_set_real(exact, "step", 0.00625);
+    run_to(exact, 2, y);
+    run_to(r, 2, z);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("no-error-of-a-run-not-watched", p, tandem_estimate_error(p), TANDEM_INVALID_OPTION, "call tandem_watch_error there");
+    expect("a-run-is-watched", p, tandem_watch_error(p, 2), TANDEM_OK, "ok");
+    tandem_integrate(p, 1);
+    expect("no-error-before-the-end", p, tandem_estimate_error(p), TANDEM_INVALID_OPTION,
+           "the end that tandem_watch_error was given");
+    expect("nor-a-figure", p, tandem_get_statistic(p, "global_error_q", &value), TANDEM_INVALID_OPTION, "not a statistic");
+    tandem_integrate(p, 2);
+    tandem_get_state(p, NULL, x, x + N, NULL);
+    check("to-be-watched-changes-nothing", memcmp(x, z, sizeof x) == 0, tandem_message(p));
+    tandem_get_statistic(p, "right_hand_sides", &evaluations);
+    expect("the-error-is-estimated", p, tandem_estimate_error(p), TANDEM_OK, "ok");
+    for (int i = 0; i < N; i++) error = fmax(error, fabs(x[i] - y[i]));
+    tandem_get_statistic(p, "global_error_q", &told);
+    /* An estimate is right to a factor of two. */
+    check("and-right", error > 1e-9 && told > error / 2 && told < 2 * error, tandem_message(p));
+    tandem_get_statistic(p, "Global_Error_Largest", &largest);
+    tandem_get_statistic(p, "global_error_time", &when);
+    tandem_get_statistic(p, "global_error", &value);
+    check("it-is-largest-once", largest >= value && value > 0 && when > 0 && when <= 2, tandem_message(p));
+    tandem_get_statistic(p, "global_error_right_hand_sides", &value);
+    tandem_get_statistic(p, "right_hand_sides", &after);
+    check("the-second-run-counts-apart", value > 1.5 * evaluations && after == evaluations, tandem_message(p));
+    check("every-statistic-is-known-then", takes_all(p, 2) == 75, tandem_message(p));
+    tandem_integrate(p, 3);
+    tandem_integrate(r, 3);
+    tandem_get_state(p, NULL, x, x + N, NULL);
+    tandem_get_state(r, NULL, z, z + N, NULL);
+    check("a-run-goes-on-as-if-nothing-was-estimated", memcmp(x, z, sizeof x) == 0, tandem_message(p));
+
+    /* In single steps, past the end; and in one call past it. */
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("a-start-forgets-the-error", p, tandem_get_statistic(p, "global_error_q", &value), TANDEM_INVALID_OPTION, "not a");
+    tandem_watch_error(p, 2);
+    for (t = 0; t < 2.5 && tandem_step(p, 2.5) == 0;) tandem_get_state(p, &t, NULL, NULL, NULL);
+    value = -1;
+    tandem_estimate_error(p);
+    tandem_get_statistic(p, "global_error_q", &value);
+    check("single-steps-are-watched-too", value == told, tandem_message(p));
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_watch_error(p, 2);
+    tandem_integrate(p, 2.5);
+    value = -1;
+    expect("a-run-may-go-past-the-end", p, tandem_estimate_error(p), TANDEM_OK, "ok");
+    tandem_get_statistic(p, "global_error_q", &value);
+    check("which-changes-no-error", value == told, tandem_message(p));
+
+    expect("a-run-that-has-left-its-start", p, tandem_watch_error(p, 4), TANDEM_INVALID_OPTION, "left its start");
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    expect("an-end-that-is-the-start", p, tandem_watch_error(p, 0), TANDEM_INVALID_OPTION, "after the start");
+    expect("an-end-that-is-infinite", p, tandem_watch_error(p, INFINITY), TANDEM_INVALID_OPTION, "finite");
+    tandem_watch_error(p, 2);
+    tandem_integrate(p, 1);
+    tandem_save_state(p, 20000, words, &count);
+    tandem_restore_state(p, count, words);
+    tandem_integrate(p, 2);
+    expect("a-saved-run-is-not-watched", p, tandem_estimate_error(p), TANDEM_INVALID_OPTION, "call tandem_watch_error there");
+
+    tandem_add_event_function(p, "stop", heading, 0, 1);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_watch_error(p, 2);
+    tandem_integrate(p, 2);
+    expect("no-error-where-an-event-has-stopped", p, tandem_estimate_error(p), TANDEM_INVALID_OPTION, "stopped the run");
+    expect("but-it-may-go-on", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
+    expect("and-be-estimated", p, tandem_estimate_error(p), TANDEM_OK, "ok");
+
+    /* A step that is far too large: the warnings tell. */
+    tandem_clear_events(p);
+    tandem_set_real(p, "step", 0.5);
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_watch_error(p, 20);
+    if (tandem_integrate(p, 20) == 0 && tandem_estimate_error(p) == 0) tandem_count_warnings(p, &count);
+    char text[400] = "";
+    for (int i = 0; i < count && strstr(text, "the error reaches") == NULL; i++) tandem_get_warning(p, i, sizeof text, text);
+    check("a-large-error-is-warned-of", strstr(text, "the error reaches") != NULL, tandem_message(p));
+    tandem_free(p);
+    tandem_free(r);
+    tandem_free(exact);
+}
+
+/* Statistics go by the names that reports have, in either case, and three by those that they had before, too. */
+static void test_statistics(void)
+{
+    static const char *reasons[] = {"start", "every_step", "v", "w", "D", "Fbar", "breakpoint", "condition", "iterations", "failure",
+                                    "event"};
+    static const char *pairs[][2] = {{"position_error", "largest_position_error"},
+                                     {"velocity_error", "LARGEST_VELOCITY_ERROR"},
+                                     {"Acceleration_Error", "largest_acceleration_error"},
+                                     {"b_corrections", "B_corrections"},
+                                     {"is_stiff", "stiff"}};
+    struct bowl b = new_bowl();
+    tandem_problem *p = bowl_problem(&b);
+    double charts = 0, sum = 0, forces = 0, old, new;
+    char name[40];
+    int same = 0;
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_integrate(p, 0.5);
+    for (int i = 0; i < 11; i++) {
+        snprintf(name, sizeof name, "charts_by_%s", reasons[i]);
+        new = -1;
+        tandem_get_statistic(p, name, &new);
+        sum += new;
+    }
+    tandem_get_statistic(p, "charts", &charts);
+    check("every-chart-has-a-reason", charts > 0 && sum == charts, tandem_message(p));
+    tandem_get_statistic(p, "evaluations_force", &forces);
+    check("evaluations-are-told-term-by-term", forces > 0, tandem_message(p));
+    for (int i = 0; i < 5; i++) {
+        old = 1;
+        new = 2;
+        tandem_get_statistic(p, pairs[i][0], &old);
+        tandem_get_statistic(p, pairs[i][1], &new);
+        same += old == new;
+    }
+    check("statistics-keep-their-old-names", same == 5, tandem_message(p));
+    strcpy(name, "steps");
+    memset(name + 5, 'x', sizeof name - 6);
+    name[39] = 0;
+    expect("a-long-name-is-no-statistic", p, tandem_get_statistic(p, name, &old), TANDEM_INVALID_OPTION, "is not a statistic");
     tandem_free(p);
 }
 
@@ -962,8 +1299,8 @@ static void test_advice(void)
     double wrong[N] = {1, 0, 0.5, 0.3};
 
     tandem_start(p, 0, wrong, bowl_qd);
-    check("a-start-is-not-assembled-here", strstr(tandem_message(p), "give q and qd that satisfy") != NULL &&
-          strstr(tandem_message(p), "assembl") == NULL, tandem_message(p));
+    check("a-start-is-assembled-by-its-function", strstr(tandem_message(p), "give q and qd that satisfy") != NULL &&
+          strstr(tandem_message(p), "or move them by tandem_assemble") != NULL, tandem_message(p));
     tandem_set_position_function(p, "mass_matrix", NULL);
     tandem_start(p, 0, bowl_q, bowl_qd);
     check("a-function-is-given-by-its-setter", strstr(tandem_message(p), "tandem_set_position_function") != NULL &&
@@ -1071,6 +1408,11 @@ int main(void)
     test_breakpoints();
     test_driven();
     test_names();
+    test_statistics();
+    test_tolerances();
+    test_assembly();
+    test_events();
+    test_error();
     test_warnings();
     test_check();
     test_missing();

@@ -18,7 +18,7 @@ C
       DIMENSION LH(TDHLEN)
       LOGICAL FLAGS(5)
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN, LEAVE
-      EXTERNAL AMDER
+      EXTERNAL AMDER, TURNED
       COMMON /COUNT/ NFAIL
       COMMON /SELF/ ME(TDHLEN), KERR
       NFAIL = 0
@@ -190,6 +190,71 @@ C     A run that is saved goes on in another problem, from another start.
       CALL WAS (KH, IERR)
       CALL TDFREE (KH, IERR)
 C
+C     Events: the angle of the knife is 1.5 T.
+      CALL TDNEW (KH, 3, 0, 1, IERR)
+      CALL TDEVAL (KH, EVAL, TDJAC+TDGAM+TDMASS+TDFORC, IERR)
+      CALL TDSETR (KH, 'step', 2.0D-3, IERR)
+      CALL TDEVNT (KH, 'half', 'q', 3, 0.75D0, 1, 0, IERR)
+      CALL OK ('a-coordinate-is-watched', KH, IERR)
+      CALL TDEVFN (KH, 'turned', TURNED, 0, 1, IERR)
+      CALL OK ('a-function-is-watched', KH, IERR)
+      CALL BAD ('one-that-is-none-is-not', KH, TDEOPT, 'no function')
+      CALL TDEVFN (KH, 'none', TDNONE, 0, 1, IERR)
+      CALL WAS (KH, IERR)
+      CALL BAD ('nor-a-coordinate-that-is-none', KH, TDEOPT,
+     &          'it has 3 entries')
+      CALL TDEVNT (KH, 'x', 'Q', 0, 0.75D0, 1, 0, IERR)
+      CALL WAS (KH, IERR)
+      CALL START (Q, QD)
+      CALL TDSTRT (KH, 0.0D0, Q, QD, RPAR, IPAR, IERR)
+      CALL TDINTG (KH, T, Q, QD, 2.0D0, RPAR, IPAR, IERR)
+      CALL OK ('a-run-may-be-stopped', KH, IERR)
+C     A zero is found to 1E-13 of a step, and rounding is left.
+      CALL TOLD ('where-the-function-is-zero',
+     &           ABS(T - 1.0D0) .LT. 1.0D-12)
+      CALL TDSTOP (KH, NUMBER, IERR)
+      CALL TOLD ('by-the-second-event', IERR .EQ. 0 .AND.
+     &           NUMBER .EQ. 2)
+      CALL TDNEVT (KH, NEVENT, IERR)
+      CALL TOLD ('two-were-recorded', IERR .EQ. 0 .AND.
+     &           NEVENT .EQ. 2)
+      CALL TDGEVT (KH, 1, NUMBER, IDIR, T3, Q2, QD2, IERR)
+      CALL OK ('the-first-is-told', KH, IERR)
+      CALL TOLD ('which-is-the-coordinate', NUMBER .EQ. 1 .AND.
+     &           IDIR .EQ. 1 .AND. ABS(T3 - 0.5D0) .LT. 1.0D-12 .AND.
+     &           ABS(Q2(3) - 0.75D0) .LT. 1.0D-12)
+      CALL BAD ('there-is-no-third', KH, TDEOPT, 'has recorded 2')
+      CALL TDGEVT (KH, 3, NUMBER, IDIR, T3, Q2, QD2, IERR)
+      CALL WAS (KH, IERR)
+      CALL TDEVCL (KH, IERR)
+      CALL OK ('events-are-taken-back', KH, IERR)
+C
+C     The error by a second run.
+      CALL TDSETR (KH, 'step', 5.0D-2, IERR)
+      CALL START (Q, QD)
+      CALL TDSTRT (KH, 0.0D0, Q, QD, RPAR, IPAR, IERR)
+      CALL BAD ('no-error-of-a-run-not-watched', KH, TDEOPT,
+     &          'call TDWERR there')
+      CALL TDEERR (KH, RPAR, IPAR, IERR)
+      CALL WAS (KH, IERR)
+      CALL TDWERR (KH, 2.0D0, IERR)
+      CALL OK ('a-run-is-watched', KH, IERR)
+      CALL TDINTG (KH, T, Q, QD, 2.0D0, RPAR, IPAR, IERR)
+      CALL TOLD ('no-event-stops-it-now', ABS(T - 2.0D0) .LE. 0.0D0)
+      CALL TDEERR (KH, RPAR, IPAR, IERR)
+      CALL OK ('its-error-is-estimated', KH, IERR)
+      CALL TDSTAT (KH, 'GLOBAL_ERROR_Q', TOLDQ, IERR)
+      CALL OK ('and-told', KH, IERR)
+      W = 1.5D0
+      A = RPAR(3)/(4.0D0*W**2)
+      B = 2.0D0*W*T
+      ERR = MAX(ABS(Q(1) - A*(1.0D0 - COS(B))),
+     &          ABS(Q(2) - A*(B - SIN(B))))
+C     An estimate is right to a factor of two.
+      CALL TOLD ('and-right', ERR .GT. 1.0D-9 .AND. TOLDQ .GT.
+     &           0.5D0*ERR .AND. TOLDQ .LT. 2.0D0*ERR)
+      CALL TDFREE (KH, IERR)
+C
 C     A derivative, by its name and as none.
       CALL TDDIR (JH, 'mass_derivative', AMDER, IERR)
       CALL OK ('a-derivative-is-taken', JH, IERR)
@@ -288,8 +353,14 @@ C     What cannot be.
       CALL TDSTRT (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
       CALL WAS (IH, IERR)
       CALL TDTEXT (IH, WARN)
-      CALL TOLD ('a-start-is-not-assembled-here',
-     &           INDEX(WARN, 'assembl') .EQ. 0)
+      CALL TOLD ('a-start-is-assembled-by-its-call',
+     &           INDEX(WARN, 'move them by TDASSM') .GT. 0)
+      CALL TDASSM (IH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL OK ('a-start-is-assembled', IH, IERR)
+C     The tolerance is 1E-12 of the size of the terms, about 1.
+      CALL TOLD ('its-velocity-satisfies-the-constraint',
+     &           ABS(SIN(Q2(3))*QD2(1) - COS(Q2(3))*QD2(2)) .LT.
+     &           1.0D-11)
       CALL BAD ('no-run-without-a-start', IH, TDEOPT,
      &          'call TDSTRT first')
       CALL TDINTG (IH, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
@@ -473,6 +544,12 @@ C     Overflows, and is divided by zero.
       F(1) = RPAR(1)*RPAR(3)
       F(2) = 0.0D0
       F(3) = 0.0D0
+      END
+C
+      SUBROUTINE TURNED (N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), QD(N), VAL(M), RPAR(*), IPAR(*)
+      VAL(1) = Q(3) - 1.5D0
       END
 C
       SUBROUTINE POTEN (N, M, T, Q, V, RPAR, IPAR, ISTAT)

@@ -7,23 +7,36 @@ module tandem_legacy_c
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_handle, only: find => problem_of, give_back, new_handle
-    use tandem_legacy_problem, only: message_of_no_problem, problem_type
+    use tandem_legacy_description, only: message_of_no_problem
+    use tandem_legacy_problem, only: problem_type
     use tandem_legacy_terms, only: of_direction, of_motion, of_position
     use tandem_legacy_version, only: interface_version
     use tandem_status, only: status_invalid_option
     use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_int64_t, c_loc, &
-        c_null_char, c_null_ptr, c_ptr
+        c_null_char, c_null_ptr, c_ptr, c_size_t
     implicit none (type, external)
     private
 
     public :: c_interface_version, c_new, c_free, c_message
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
-    public :: c_check, c_start, c_integrate, c_step, c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
+    public :: c_add_event, c_add_event_function, c_clear_events, c_count_events, c_get_event, c_get_stop
+    public :: c_check, c_assemble, c_start, c_integrate, c_step, c_watch_error, c_estimate_error
+    public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
     !> No name or value is as long as this; a text without an end is cut here.
-    integer, parameter :: longest_text = 256
+    integer(c_size_t), parameter :: longest_text = 256
+
+    interface
+        !> strnlen of the C library: the length of a text that is read to a limit at most.
+        pure integer(c_size_t) function strnlen(chars, limit) bind(C)
+            import :: c_ptr, c_size_t
+            implicit none (type, external)
+            type(c_ptr), value :: chars
+            integer(c_size_t), value :: limit
+        end function strnlen
+    end interface
 
     !> What `tandem_message` gives where there is no problem. Never changed.
     character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
@@ -42,7 +55,6 @@ contains
         integer(c_int), value :: n, n_holonomic, n_nonholonomic
         !> Handed through to every function of the model.
         type(c_ptr), value :: user_data
-        type(problem_type), pointer :: problem
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callback_model
         integer :: stat
@@ -50,17 +62,10 @@ contains
         c_new = c_null_ptr
         allocate (model, stat=stat)
         if (stat /= 0) return
-        allocate (problem, stat=stat)
-        if (stat /= 0) then
-            deallocate (model)
-            return
-        end if
         model%by_rows = .true.
         model%user_data = user_data
         callback_model => model
-        call problem%set_up(callback_model, n, n_holonomic, n_nonholonomic)
-        c_new = new_handle(problem)
-        if (.not. c_associated(c_new)) deallocate (problem, model)
+        c_new = new_handle(callback_model, n, n_holonomic, n_nonholonomic, stat)
     end function c_new
 
     !> Give a problem back; NULL is allowed.
@@ -88,18 +93,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_position_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_position)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_position(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_position_function)) return
+        call problem%set_procedure(text_of(name), of_position, function_)
         c_set_position_function = problem%stat
     end function c_set_position_function
 
@@ -108,18 +104,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_motion_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_motion)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_motion(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_motion_function)) return
+        call problem%set_procedure(text_of(name), of_motion, function_)
         c_set_motion_function = problem%stat
     end function c_set_motion_function
 
@@ -128,18 +115,9 @@ contains
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
         type(problem_type), pointer :: problem
-        integer :: term
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_direction_function = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        term = problem%find_callback(text, of_direction)
-        select type (model => problem%model)
-        class is (c_model_type)
-            if (term > 0) call model%set_direction(term, function_)
-        end select
+        if (.not. found(handle, problem, c_set_direction_function)) return
+        call problem%set_procedure(text_of(name), of_direction, function_)
         c_set_direction_function = problem%stat
     end function c_set_direction_function
 
@@ -151,15 +129,8 @@ contains
         integer(c_int), value :: provides
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_set_evaluate = status_invalid_option
-        if (.not. associated(problem)) return
-        if (problem%check_provides(provides, c_associated(function_))) then
-            select type (model => problem%model)
-            class is (c_model_type)
-                call model%set_evaluate(function_, provides)
-            end select
-        end if
+        if (.not. found(handle, problem, c_set_evaluate)) return
+        call problem%set_evaluate(function_, provides)
         c_set_evaluate = problem%stat
     end function c_set_evaluate
 
@@ -168,13 +139,9 @@ contains
         type(c_ptr), value :: handle, name
         real(c_double), value :: value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_real = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_real(text, value)
+        if (.not. found(handle, problem, c_set_real)) return
+        call problem%set(text_of(name), number=value)
         c_set_real = problem%stat
     end function c_set_real
 
@@ -183,13 +150,9 @@ contains
         type(c_ptr), value :: handle, name
         integer(c_int), value :: value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_integer = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_integer(text, value)
+        if (.not. found(handle, problem, c_set_integer)) return
+        call problem%set(text_of(name), whole=value)
         c_set_integer = problem%stat
     end function c_set_integer
 
@@ -197,17 +160,12 @@ contains
     integer(c_int) function c_set_text(handle, name, value) bind(C, name='tandem_set_text')
         type(c_ptr), value :: handle, name, value
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text, word
 
-        call find(handle, problem)
-        c_set_text = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
+        if (.not. found(handle, problem, c_set_text)) return
         if (c_associated(value)) then
-            call get_text(value, word)
-            call problem%set_text(text, word)
+            call problem%set(text_of(name), word=text_of(value))
         else
-            call problem%refuse('the word for "'//text//'" is NULL', 'give one of its values')
+            call problem%refuse('the word for "'//text_of(name)//'" is NULL', 'give one of its values')
         end if
         c_set_text = problem%stat
     end function c_set_text
@@ -220,25 +178,17 @@ contains
         type(c_ptr), value :: values
         type(problem_type), pointer :: problem
         real(wp), pointer :: list(:)
-        character(len=:), allocatable :: text
+        real(wp), target :: nothing(1)
 
-        call find(handle, problem)
-        c_set_vector = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
+        if (.not. found(handle, problem, c_set_vector)) return
         if (count < 0 .or. (count > 0 .and. .not. c_associated(values))) then
-            call problem%refuse('the list "'//text//'" is NULL or has a negative number of entries', &
+            call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
                 'give the numbers and how many they are')
         else
-            allocate (list(0))
-            if (count > 0) then
-                deallocate (list)
-                call c_f_pointer(values, list, [count])
-                call problem%set_vector(text, list)
-            else
-                call problem%set_vector(text, list)
-                deallocate (list)
-            end if
+            ! An empty list has an address too: gfortran takes one without for an argument that is absent.
+            list => nothing(:0)
+            if (count > 0) call c_f_pointer(values, list, [count])
+            call problem%set_vector(text_of(name), list)
         end if
         c_set_vector = problem%stat
     end function c_set_vector
@@ -250,15 +200,121 @@ contains
         integer(c_int), value :: row
         type(c_ptr), value :: name
         type(problem_type), pointer :: problem
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_set_row_name = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%set_row_name(min(row, huge(row) - 1) + 1, text)
+        if (.not. found(handle, problem, c_set_row_name)) return
+        call problem%set_row_name(min(row, huge(row) - 1) + 1, text_of(name))
         c_set_row_name = problem%stat
     end function c_set_row_name
+
+    !> Watch a coordinate, a velocity or a multiplier.
+    integer(c_int) function c_add_event(handle, name, quantity, index, value, direction, stops) bind(C, name='tandem_add_event')
+        type(c_ptr), value :: handle, name, quantity
+        !> From 0 on.
+        integer(c_int), value :: index
+        real(c_double), value :: value
+        !> +1 where it rises through the value, -1 where it falls, 0 both; not 0: the run ends there.
+        integer(c_int), value :: direction, stops
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_add_event)) return
+        call problem%add_event(text_of(name), direction, stops, text_of(quantity), min(index, huge(index) - 1) + 1, value)
+        c_add_event = problem%stat
+    end function c_add_event
+
+    !> Watch a function of (t, q, qd).
+    integer(c_int) function c_add_event_function(handle, name, function_, direction, stops) &
+        bind(C, name='tandem_add_event_function')
+        type(c_ptr), value :: handle, name
+        type(c_funptr), value :: function_
+        !> +1 where it rises through zero, -1 where it falls, 0 both; not 0: the run ends there.
+        integer(c_int), value :: direction, stops
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_add_event_function)) return
+        call problem%add_event(text_of(name), direction, stops, function_=function_)
+        c_add_event_function = problem%stat
+    end function c_add_event_function
+
+    !> Watch nothing from the next start on.
+    integer(c_int) function c_clear_events(handle) bind(C, name='tandem_clear_events')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_clear_events)) return
+        call problem%clear_events()
+        c_clear_events = problem%stat
+    end function c_clear_events
+
+    !> How many events were recorded.
+    integer(c_int) function c_count_events(handle, count) bind(C, name='tandem_count_events')
+        type(c_ptr), value :: handle
+        integer(c_int), intent(out), optional :: count
+        type(problem_type), pointer :: problem
+        integer :: n
+
+        if (present(count)) count = 0
+        if (.not. found(handle, problem, c_count_events)) return
+        call problem%count_events(n)
+        if (present(count)) count = n
+        c_count_events = problem%stat
+    end function c_count_events
+
+    !> One of the events that were recorded.
+    integer(c_int) function c_get_event(handle, index, event, direction, t, q, qd) bind(C, name='tandem_get_event')
+        type(c_ptr), value :: handle
+        !> From 0 on, in the order of time.
+        integer(c_int), value :: index
+        !> Which one, from 0 on; how it passed through zero.
+        integer(c_int), intent(out), optional :: event, direction
+        real(c_double), intent(out), optional :: t
+        real(c_double), intent(inout), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+        integer :: numbers(2)
+        real(wp) :: time
+
+        if (.not. found(handle, problem, c_get_event)) return
+        call problem%get_event(min(index, huge(index) - 1) + 1, numbers(1), numbers(2), time, q, qd)
+        if (present(event)) event = numbers(1) - 1
+        if (present(direction)) direction = numbers(2)
+        if (present(t)) t = time
+        c_get_event = problem%stat
+    end function c_get_event
+
+    !> Which event has stopped the run.
+    integer(c_int) function c_get_stop(handle, event) bind(C, name='tandem_get_stop')
+        type(c_ptr), value :: handle
+        !> From 0 on; -1 where none has.
+        integer(c_int), intent(out), optional :: event
+        type(problem_type), pointer :: problem
+        integer :: number
+
+        if (present(event)) event = -1
+        if (.not. found(handle, problem, c_get_stop)) return
+        call problem%get_stop(number)
+        if (present(event)) event = number - 1
+        c_get_stop = problem%stat
+    end function c_get_stop
+
+    !> Watch the run from its start to t_end, to estimate its error.
+    integer(c_int) function c_watch_error(handle, t_end) bind(C, name='tandem_watch_error')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t_end
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_watch_error)) return
+        call problem%watch_error(t_end)
+        c_watch_error = problem%stat
+    end function c_watch_error
+
+    !> Estimate the error of the run by a second one.
+    integer(c_int) function c_estimate_error(handle) bind(C, name='tandem_estimate_error')
+        type(c_ptr), value :: handle
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_estimate_error)) return
+        call problem%estimate_error()
+        c_estimate_error = problem%stat
+    end function c_estimate_error
 
     !> Compare the functions of the model with differences of each other.
     integer(c_int) function c_check(handle, t, q, qd) bind(C, name='tandem_check')
@@ -268,9 +324,7 @@ contains
         real(c_double), intent(in), optional :: q(*), qd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_check = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_check)) return
         if (present(q) .and. present(qd)) then
             call problem%check(t, q, qd)
         else
@@ -278,6 +332,23 @@ contains
         end if
         c_check = problem%stat
     end function c_check
+
+    !> Move a state to the nearest one that satisfies the constraints.
+    integer(c_int) function c_assemble(handle, t, q, qd) bind(C, name='tandem_assemble')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(inout), optional :: q(*), qd(*)
+        type(problem_type), pointer :: problem
+
+        if (.not. found(handle, problem, c_assemble)) return
+        if (present(q) .and. present(qd)) then
+            call problem%assemble(t, q, qd)
+        else
+            call problem%refuse('q or qd is NULL', 'give a state near the start')
+        end if
+        c_assemble = problem%stat
+    end function c_assemble
 
     !> Start a run.
     integer(c_int) function c_start(handle, t, q, qd) bind(C, name='tandem_start')
@@ -287,9 +358,7 @@ contains
         real(c_double), intent(in), optional :: q(*), qd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_start = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_start)) return
         if (present(q) .and. present(qd)) then
             call problem%start(t, q, qd)
         else
@@ -304,9 +373,7 @@ contains
         real(c_double), value :: t_end
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_integrate = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_integrate)) return
         call problem%integrate(t_end)
         c_integrate = problem%stat
     end function c_integrate
@@ -317,9 +384,7 @@ contains
         real(c_double), value :: t_limit
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_step = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_step)) return
         call problem%step(t_limit)
         c_step = problem%stat
     end function c_step
@@ -331,9 +396,7 @@ contains
         real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_state = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_state)) return
         call problem%get_state(t, q, qd, qdd)
         c_get_state = problem%stat
     end function c_get_state
@@ -345,9 +408,7 @@ contains
         real(c_double), intent(inout), optional :: q(*), qd(*), qdd(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_state_at = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_state_at)) return
         call problem%get_state_at(t, q, qd, qdd)
         c_get_state_at = problem%stat
     end function c_get_state_at
@@ -360,9 +421,7 @@ contains
         real(c_double), intent(inout), optional :: lambda(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_get_multipliers = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_multipliers)) return
         if (present(lambda)) then
             call problem%get_multipliers(t, lambda)
         else
@@ -378,9 +437,7 @@ contains
         type(problem_type), pointer :: problem
         real(wp) :: energies(2)
 
-        call find(handle, problem)
-        c_get_energies = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_energies)) return
         call problem%get_energies(energies(1), energies(2))
         if (present(kinetic)) kinetic = energies(1)
         if (present(potential)) potential = energies(2)
@@ -393,13 +450,9 @@ contains
         real(c_double), intent(out), optional :: value
         type(problem_type), pointer :: problem
         real(wp) :: figure
-        character(len=:), allocatable :: text
 
-        call find(handle, problem)
-        c_get_statistic = status_invalid_option
-        if (.not. associated(problem)) return
-        call get_text(name, text)
-        call problem%get_statistic(text, figure)
+        if (.not. found(handle, problem, c_get_statistic)) return
+        call problem%get_statistic(text_of(name), figure)
         if (present(value)) value = figure
         c_get_statistic = problem%stat
     end function c_get_statistic
@@ -411,10 +464,8 @@ contains
         type(problem_type), pointer :: problem
         integer :: n
 
-        call find(handle, problem)
-        c_count_warnings = status_invalid_option
         if (present(count)) count = 0
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_count_warnings)) return
         call problem%count_warnings(n)
         if (present(count)) count = n
         c_count_warnings = problem%stat
@@ -430,9 +481,7 @@ contains
         character(len=:), allocatable :: warning
         integer :: i, length
 
-        call find(handle, problem)
-        c_get_warning = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_get_warning)) return
         if (present(text) .and. capacity > 0) then
             call problem%get_warning(min(index, huge(index) - 1) + 1, warning)
             length = min(len(warning), capacity - 1)
@@ -457,10 +506,8 @@ contains
         type(problem_type), pointer :: problem
         integer(long), allocatable :: row(:)
 
-        call find(handle, problem)
-        c_save_state = status_invalid_option
         if (present(count)) count = 0
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_save_state)) return
         call problem%save_state(row)
         if (allocated(row)) then
             if (present(count)) count = size(row)
@@ -483,9 +530,7 @@ contains
         integer(c_int64_t), intent(in), optional :: words(*)
         type(problem_type), pointer :: problem
 
-        call find(handle, problem)
-        c_restore_state = status_invalid_option
-        if (.not. associated(problem)) return
+        if (.not. found(handle, problem, c_restore_state)) return
         if (present(words) .and. count >= 0) then
             call problem%restore_state(words(:count))
         else
@@ -505,21 +550,36 @@ contains
         if (associated(problem)) c_get_segment = problem%model%segment
     end function c_get_segment
 
-    !> A text of C; empty for NULL.
-    subroutine get_text(chars, text)
-        type(c_ptr), intent(in) :: chars
-        character(len=:), allocatable, intent(out) :: text
-        character(kind=c_char), pointer :: list(:)
-        character(len=longest_text) :: buffer
-        integer :: n
+    !> What a function of the interface begins with: find the problem of a handle; false, with a status, where it is none.
+    logical function found(handle, problem, stat)
+        type(c_ptr), intent(in) :: handle
+        type(problem_type), pointer, intent(out) :: problem
+        integer(c_int), intent(out) :: stat
 
-        text = ''
-        if (.not. c_associated(chars)) return
-        call c_f_pointer(chars, list, [longest_text])
-        do n = 1, longest_text
-            if (list(n) == c_null_char) exit
-            buffer(n:n) = list(n)
+        stat = status_invalid_option
+        call find(handle, problem)
+        found = associated(problem)
+    end function found
+
+    !> The length of a text of C; 0 for NULL.
+    pure integer function length_of(chars)
+        type(c_ptr), intent(in) :: chars
+
+        length_of = 0
+        if (c_associated(chars)) length_of = int(strnlen(chars, longest_text))
+    end function length_of
+
+    !> A text of C; empty for NULL.
+    function text_of(chars) result(text)
+        type(c_ptr), intent(in) :: chars
+        character(len=length_of(chars)) :: text
+        character(kind=c_char), pointer :: list(:)
+        integer :: i
+
+        if (len(text) == 0) return
+        call c_f_pointer(chars, list, [len(text)])
+        do i = 1, len(text)
+            text(i:i) = list(i)
         end do
-        text = buffer(:n - 1)
-    end subroutine get_text
+    end function text_of
 end module tandem_legacy_c

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures belong to a caller from another language. What is common to those languages is here: the model's
-!> procedure pointers lead to the procedures of this module, which turn the arguments into contiguous arrays and call one of
-!> three deferred procedures. An extension for each language calls the user's procedure from there.
+!> A model whose procedures belong to a caller from another language. What is common to those languages is here: the addresses of
+!> the user's procedures, and what the model's procedure pointers lead to, which turns the arguments into contiguous arrays. An
+!> extension for each language calls the user's procedure in the manner of that language.
 !>
 !> A procedure that returns 0 must have set all of its value. The last entry is marked before it is called: where the mark is left
 !> the procedure has failed, as one in Python does that raises an exception.
@@ -12,11 +12,11 @@ module tandem_legacy_callback_model
     use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
         a_holonomic_jacobian, a_holonomic_rate, a_jacobian_derivative, a_kinetic_energy, a_mass_derivative, a_mass_matrix, &
         a_nonholonomic_jacobian, a_nonholonomic_rhs, a_nu_derivative, a_potential_energy, a_reaction_derivative, &
-        an_applied_force, an_inertia_force
+        an_applied_force, an_inertia_force, n_callbacks, of_motion, terms
     use tandem_model, only: model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-    use, intrinsic :: iso_c_binding, only: c_loc, c_null_ptr, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_associated, c_funptr, c_loc, c_null_funptr, c_null_ptr, c_ptr
     implicit none (type, external)
     private
 
@@ -26,6 +26,8 @@ module tandem_legacy_callback_model
     type, abstract, extends(model_type) :: callback_model_type
         !> True where the language stores matrices by rows, as C does.
         logical :: by_rows = .false.
+        !> The user's procedures by their numbers in `tandem_legacy_terms`, and the fused one.
+        type(c_funptr) :: callback(n_callbacks) = c_null_funptr, fused = c_null_funptr
         !> Where the fused procedure may write terms that nobody wants now, so that it can compute them all each time; and the
         !> addresses.
         type(terms_type), pointer, private :: unwanted => null()
@@ -35,59 +37,47 @@ module tandem_legacy_callback_model
     contains
         procedure :: prepare
         procedure :: release
-        procedure :: attach
-        procedure, non_overridable :: find_places
-        procedure, non_overridable :: judge_terms
-        procedure, non_overridable :: take_jacobian
-        procedure(position_interface), deferred :: call_position
-        procedure(motion_interface), deferred :: call_motion
-        procedure(direction_interface), deferred :: call_direction
+        procedure :: set_callback
+        procedure :: set_fused
+        procedure :: take_function
+        procedure(call_interface), deferred :: call_one
+        procedure(fused_interface), deferred :: call_fused
     end type callback_model_type
 
     !> The mark: a NaN that no computation gives.
     integer(long), parameter :: unset = int(z'7FF8756E73657421', long)
 
     abstract interface
-        !> Call the user's procedure number `term` of (t, q).
-        subroutine position_interface(self, term, rows, t, q, value, stat)
-            import :: callback_model_type, wp
+        !> Call the user's procedure of one term, or of an event.
+        subroutine call_interface(self, address, kind, rows, t, q, v, value, stat)
+            import :: c_funptr, callback_model_type, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
-            !> Number of the procedure in `tandem_legacy_terms`; rows of its value.
-            integer, intent(in) :: term, rows
-            !> Time; NaN where the term must not depend on it.
-            real(wp), intent(in) :: t
-            !> Coordinates (n).
-            real(wp), intent(in) :: q(*)
+            type(c_funptr), intent(in) :: address
+            !> Its argument list, see `tandem_legacy_terms`; rows of its value.
+            integer, intent(in) :: kind, rows
+            !> Time, NaN where the term must not depend on it; coordinates (n).
+            real(wp), intent(in) :: t, q(*)
+            !> What a procedure of motion or direction has besides: the velocities (n), or the constant vector x, (n) or (nh + nd).
+            real(wp), intent(in) :: v(*)
             !> A scalar, a vector (rows), or a matrix of that many rows and n columns.
             real(wp), intent(inout) :: value(*)
             !> The user's status.
             integer, intent(out) :: stat
-        end subroutine position_interface
+        end subroutine call_interface
 
-        !> Call the user's procedure number `term` of (t, q, qd).
-        subroutine motion_interface(self, term, rows, t, q, qd, value, stat)
-            import :: callback_model_type, wp
+        !> Call the user's fused procedure.
+        subroutine fused_interface(self, need, t, q, qd, place, stat)
+            import :: c_ptr, callback_model_type, n_terms, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
-            integer, intent(in) :: term, rows
-            !> Time or NaN; coordinates and velocities (n).
+            !> The terms wanted, a sum of need bits.
+            integer, intent(in) :: need
             real(wp), intent(in) :: t, q(*), qd(*)
-            real(wp), intent(inout) :: value(*)
+            !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
+            type(c_ptr), intent(in) :: place(n_terms)
             integer, intent(out) :: stat
-        end subroutine motion_interface
-
-        !> Call the user's procedure number `term` of (t, q) and a constant vector x.
-        subroutine direction_interface(self, term, rows, t, q, x, value, stat)
-            import :: callback_model_type, wp
-            implicit none (type, external)
-            class(callback_model_type), intent(inout) :: self
-            integer, intent(in) :: term, rows
-            !> Time or NaN; coordinates (n); x, (n) or (nh + nd).
-            real(wp), intent(in) :: t, q(*), x(*)
-            real(wp), intent(inout) :: value(*)
-            integer, intent(out) :: stat
-        end subroutine direction_interface
+        end subroutine fused_interface
     end interface
 
 contains
@@ -115,74 +105,72 @@ contains
     end subroutine release
 
     !> Let the model have a procedure, or no longer have it.
-    subroutine attach(self, term, has)
+    subroutine set_callback(self, term, address)
         class(callback_model_type), intent(inout) :: self
         !> Number of the procedure in `tandem_legacy_terms`.
         integer, intent(in) :: term
-        !> Whether the user gives it.
-        logical, intent(in) :: has
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
+        logical :: has
 
+        self%callback(term) = address
+        has = c_associated(address)
         select case (term)
-        case (a_holonomic)
-            self%holonomic => null()
+        case (a_holonomic); nullify (self%holonomic)
             if (has) self%holonomic => holonomic
-        case (a_holonomic_jacobian)
-            self%holonomic_jacobian => null()
+        case (a_holonomic_jacobian); nullify (self%holonomic_jacobian)
             if (has) self%holonomic_jacobian => holonomic_jacobian
-        case (a_holonomic_rate)
-            self%holonomic_rate => null()
+        case (a_holonomic_rate); nullify (self%holonomic_rate)
             if (has) self%holonomic_rate => holonomic_rate
-        case (a_nonholonomic_jacobian)
-            self%nonholonomic_jacobian => null()
+        case (a_nonholonomic_jacobian); nullify (self%nonholonomic_jacobian)
             if (has) self%nonholonomic_jacobian => nonholonomic_jacobian
-        case (a_nonholonomic_rhs)
-            self%nonholonomic_rhs => null()
+        case (a_nonholonomic_rhs); nullify (self%nonholonomic_rhs)
             if (has) self%nonholonomic_rhs => nonholonomic_rhs
-        case (a_mass_matrix)
-            self%mass_matrix => null()
+        case (a_mass_matrix); nullify (self%mass_matrix)
             if (has) self%mass_matrix => mass_matrix
-        case (a_potential_energy)
-            self%potential_energy => null()
+        case (a_potential_energy); nullify (self%potential_energy)
             if (has) self%potential_energy => potential_energy
-        case (a_nu_derivative)
-            self%nu_derivative => null()
+        case (a_nu_derivative); nullify (self%nu_derivative)
             if (has) self%nu_derivative => nu_derivative
-        case (a_constraint_acceleration)
-            self%constraint_acceleration => null()
+        case (a_constraint_acceleration); nullify (self%constraint_acceleration)
             if (has) self%constraint_acceleration => constraint_acceleration
-        case (an_inertia_force)
-            self%inertia_force => null()
+        case (an_inertia_force); nullify (self%inertia_force)
             if (has) self%inertia_force => inertia_force
-        case (an_applied_force)
-            self%applied_force => null()
+        case (an_applied_force); nullify (self%applied_force)
             if (has) self%applied_force => applied_force
-        case (a_kinetic_energy)
-            self%kinetic_energy => null()
+        case (a_kinetic_energy); nullify (self%kinetic_energy)
             if (has) self%kinetic_energy => kinetic_energy
-        case (a_gamma_q)
-            self%gamma_q => null()
+        case (a_gamma_q); nullify (self%gamma_q)
             if (has) self%gamma_q => gamma_q
-        case (a_gamma_qd)
-            self%gamma_qd => null()
+        case (a_gamma_qd); nullify (self%gamma_qd)
             if (has) self%gamma_qd => gamma_qd
-        case (a_force_q)
-            self%force_q => null()
+        case (a_force_q); nullify (self%force_q)
             if (has) self%force_q => force_q
-        case (a_force_qd)
-            self%force_qd => null()
+        case (a_force_qd); nullify (self%force_qd)
             if (has) self%force_qd => force_qd
-        case (a_jacobian_derivative)
-            self%jacobian_derivative => null()
+        case (a_jacobian_derivative); nullify (self%jacobian_derivative)
             if (has) self%jacobian_derivative => jacobian_derivative
-        case (a_reaction_derivative)
-            self%reaction_derivative => null()
+        case (a_reaction_derivative); nullify (self%reaction_derivative)
             if (has) self%reaction_derivative => reaction_derivative
-        case (a_mass_derivative)
-            self%mass_derivative => null()
+        case (a_mass_derivative); nullify (self%mass_derivative)
             if (has) self%mass_derivative => mass_derivative
         case default ! the table has no other rows
         end select
-    end subroutine attach
+    end subroutine set_callback
+
+    !> Let the model have a procedure for several terms, or no longer have it.
+    subroutine set_fused(self, address, provides)
+        class(callback_model_type), intent(inout) :: self
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
+        !> The terms that it gives, a sum of need bits.
+        integer, intent(in) :: provides
+
+        self%fused = address
+        self%provides = merge(provides, 0, c_associated(address))
+        nullify (self%evaluate)
+        if (c_associated(address)) self%evaluate => evaluate
+    end subroutine set_fused
 
     !> Where a fused procedure is to write: those terms that are wanted to their place, the others to scratch, and the
     !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more.
@@ -270,14 +258,6 @@ contains
         if (transfer(value(n), unset) == unset) stat = -1
     end subroutine judge
 
-    !> The Jacobian that a fused procedure wrote by rows.
-    subroutine take_jacobian(self, jacobian)
-        class(callback_model_type), intent(in) :: self
-        real(wp), intent(inout), contiguous :: jacobian(:, :)
-
-        call from_rows(size(jacobian, 1), self%n, self%unwanted%jacobian, jacobian)
-    end subroutine take_jacobian
-
     !> What was stored by rows, by columns.
     pure subroutine from_rows(m, n, rows, value)
         integer, intent(in) :: m, n
@@ -309,31 +289,34 @@ contains
         if (modulo(m, 2) == 1) value(m, :) = rows(:, m)
     end subroutine from_rows
 
-    !> The matrix in the work space, into its place, which may be a part of a larger matrix.
-    pure subroutine take_matrix(self, value)
-        class(callback_model_type), intent(in) :: self
-        real(wp), intent(out) :: value(:, :)
-        integer :: i, j, rows, n
-
-        rows = size(value, 1)
-        n = size(value, 2)
-        do j = 1, n
-            do i = 1, rows
-                if (self%by_rows) then
-                    value(i, j) = self%work((i - 1)*n + j)
-                else
-                    value(i, j) = self%work((j - 1)*rows + i)
-                end if
-            end do
-        end do
-    end subroutine take_matrix
-
     ! --- the procedures that the model's pointers lead to -----------------------------------------------------------------
 
-    subroutine position_vector(self, term, t, q, value, stat)
+    !> Several terms at once.
+    subroutine evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+        type(c_ptr) :: place(n_terms)
+
+        stat = -1
+        select type (self)
+        class is (callback_model_type)
+            call find_places(self, need, terms, place)
+            call self%call_fused(need, t, q, qd, place, stat)
+            call judge_terms(self, need, terms, stat)
+            if (self%by_rows .and. iand(need, need_jacobian) /= 0) then
+                call from_rows(size(terms%jacobian, 1), self%n, self%unwanted%jacobian, terms%jacobian)
+            end if
+        end select
+    end subroutine evaluate
+
+    !> A vector of the user's; what has no v is given q in its place.
+    subroutine take_vector(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
-        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(in) :: t, q(:), v(:)
         real(wp), intent(inout) :: value(:)
         integer, intent(out) :: stat
 
@@ -341,77 +324,53 @@ contains
         select type (self)
         class is (callback_model_type)
             call mark(size(value), value)
-            call self%call_position(term, size(value), t, q, value, stat)
+            call self%call_one(self%callback(term), terms(term)%kind, size(value), t, q, v, value, stat)
             call judge(size(value), value, stat)
         end select
-    end subroutine position_vector
+    end subroutine take_vector
 
-    subroutine position_matrix(self, term, t, q, value, stat)
-        class(model_type), intent(inout) :: self
-        integer, intent(in) :: term
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(inout) :: value(:, :)
-        integer, intent(out) :: stat
-
-        stat = -1
-        select type (self)
-        class is (callback_model_type)
-            call mark(size(value), self%work)
-            call self%call_position(term, size(value, 1), t, q, self%work, stat)
-            call judge(size(value), self%work, stat)
-            call take_matrix(self, value)
-        end select
-    end subroutine position_matrix
-
-    subroutine motion_vector(self, term, t, q, qd, value, stat)
-        class(model_type), intent(inout) :: self
-        integer, intent(in) :: term
+    !> The value (1) of a function of time, position and velocity that is no term, that of an event.
+    subroutine take_function(self, address, t, q, qd, value, stat)
+        class(callback_model_type), intent(inout) :: self
+        type(c_funptr), intent(in) :: address
         real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(inout) :: value(:)
+        real(wp), intent(out) :: value(:)
+        !> The user's status; negative where the value was not set.
         integer, intent(out) :: stat
 
-        stat = -1
-        select type (self)
-        class is (callback_model_type)
-            call mark(size(value), value)
-            call self%call_motion(term, size(value), t, q, qd, value, stat)
-            call judge(size(value), value, stat)
-        end select
-    end subroutine motion_vector
+        call mark(size(value), value)
+        call self%call_one(address, of_motion, size(value), t, q, qd, value, stat)
+        call judge(size(value), value, stat)
+    end subroutine take_function
 
-    subroutine motion_matrix(self, term, t, q, qd, value, stat)
+    !> A matrix of the user's, into its place, which may be a part of a larger matrix.
+    subroutine take_matrix(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
-        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(in) :: t, q(:), v(:)
         real(wp), intent(inout) :: value(:, :)
         integer, intent(out) :: stat
+        integer :: i, j, rows, n
 
         stat = -1
+        rows = size(value, 1)
+        n = size(value, 2)
         select type (self)
         class is (callback_model_type)
             call mark(size(value), self%work)
-            call self%call_motion(term, size(value, 1), t, q, qd, self%work, stat)
+            call self%call_one(self%callback(term), terms(term)%kind, rows, t, q, v, self%work, stat)
             call judge(size(value), self%work, stat)
-            call take_matrix(self, value)
+            do j = 1, n
+                do i = 1, rows
+                    if (self%by_rows) then
+                        value(i, j) = self%work((i - 1)*n + j)
+                    else
+                        value(i, j) = self%work((j - 1)*rows + i)
+                    end if
+                end do
+            end do
         end select
-    end subroutine motion_matrix
-
-    subroutine direction_matrix(self, term, t, q, x, value, stat)
-        class(model_type), intent(inout) :: self
-        integer, intent(in) :: term
-        real(wp), intent(in) :: t, q(:), x(:)
-        real(wp), intent(inout) :: value(:, :)
-        integer, intent(out) :: stat
-
-        stat = -1
-        select type (self)
-        class is (callback_model_type)
-            call mark(size(value), self%work)
-            call self%call_direction(term, size(value, 1), t, q, x, self%work, stat)
-            call judge(size(value), self%work, stat)
-            call take_matrix(self, value)
-        end select
-    end subroutine direction_matrix
+    end subroutine take_matrix
 
     !> The time for terms that must not depend on it: a term that does so all the same gives NaN, which is noticed.
     pure real(wp) function no_time()
@@ -424,7 +383,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call position_vector(self, a_holonomic, t, q, value, stat)
+        call take_vector(self, a_holonomic, t, q, q, value, stat)
     end subroutine holonomic
 
     subroutine holonomic_jacobian(self, t, q, value, stat)
@@ -433,7 +392,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call position_matrix(self, a_holonomic_jacobian, t, q, value, stat)
+        call take_matrix(self, a_holonomic_jacobian, t, q, q, value, stat)
     end subroutine holonomic_jacobian
 
     subroutine holonomic_rate(self, t, q, value, stat)
@@ -442,7 +401,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call position_vector(self, a_holonomic_rate, t, q, value, stat)
+        call take_vector(self, a_holonomic_rate, t, q, q, value, stat)
     end subroutine holonomic_rate
 
     subroutine nonholonomic_jacobian(self, t, q, value, stat)
@@ -451,7 +410,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call position_matrix(self, a_nonholonomic_jacobian, t, q, value, stat)
+        call take_matrix(self, a_nonholonomic_jacobian, t, q, q, value, stat)
     end subroutine nonholonomic_jacobian
 
     subroutine nonholonomic_rhs(self, t, q, value, stat)
@@ -460,7 +419,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call position_vector(self, a_nonholonomic_rhs, t, q, value, stat)
+        call take_vector(self, a_nonholonomic_rhs, t, q, q, value, stat)
     end subroutine nonholonomic_rhs
 
     subroutine nu_derivative(self, t, q, value, stat)
@@ -469,7 +428,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call position_matrix(self, a_nu_derivative, t, q, value, stat)
+        call take_matrix(self, a_nu_derivative, t, q, q, value, stat)
     end subroutine nu_derivative
 
     subroutine constraint_acceleration(self, t, q, qd, value, stat)
@@ -478,7 +437,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call motion_vector(self, a_constraint_acceleration, t, q, qd, value, stat)
+        call take_vector(self, a_constraint_acceleration, t, q, qd, value, stat)
     end subroutine constraint_acceleration
 
     subroutine applied_force(self, t, q, qd, value, stat)
@@ -487,7 +446,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call motion_vector(self, an_applied_force, t, q, qd, value, stat)
+        call take_vector(self, an_applied_force, t, q, qd, value, stat)
     end subroutine applied_force
 
     subroutine gamma_q(self, t, q, qd, value, stat)
@@ -496,7 +455,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call motion_matrix(self, a_gamma_q, t, q, qd, value, stat)
+        call take_matrix(self, a_gamma_q, t, q, qd, value, stat)
     end subroutine gamma_q
 
     subroutine gamma_qd(self, t, q, qd, value, stat)
@@ -505,7 +464,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call motion_matrix(self, a_gamma_qd, t, q, qd, value, stat)
+        call take_matrix(self, a_gamma_qd, t, q, qd, value, stat)
     end subroutine gamma_qd
 
     subroutine force_q(self, t, q, qd, value, stat)
@@ -514,7 +473,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call motion_matrix(self, a_force_q, t, q, qd, value, stat)
+        call take_matrix(self, a_force_q, t, q, qd, value, stat)
     end subroutine force_q
 
     subroutine force_qd(self, t, q, qd, value, stat)
@@ -523,7 +482,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call motion_matrix(self, a_force_qd, t, q, qd, value, stat)
+        call take_matrix(self, a_force_qd, t, q, qd, value, stat)
     end subroutine force_qd
 
     subroutine jacobian_derivative(self, t, q, x, value, stat)
@@ -532,7 +491,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call direction_matrix(self, a_jacobian_derivative, t, q, x, value, stat)
+        call take_matrix(self, a_jacobian_derivative, t, q, x, value, stat)
     end subroutine jacobian_derivative
 
     subroutine reaction_derivative(self, t, q, x, value, stat)
@@ -541,7 +500,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call direction_matrix(self, a_reaction_derivative, t, q, x, value, stat)
+        call take_matrix(self, a_reaction_derivative, t, q, x, value, stat)
     end subroutine reaction_derivative
 
     subroutine mass_matrix(self, q, value, stat)
@@ -550,7 +509,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call position_matrix(self, a_mass_matrix, no_time(), q, value, stat)
+        call take_matrix(self, a_mass_matrix, no_time(), q, q, value, stat)
     end subroutine mass_matrix
 
     subroutine mass_derivative(self, q, x, value, stat)
@@ -559,7 +518,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call direction_matrix(self, a_mass_derivative, no_time(), q, x, value, stat)
+        call take_matrix(self, a_mass_derivative, no_time(), q, x, value, stat)
     end subroutine mass_derivative
 
     subroutine inertia_force(self, q, qd, value, stat)
@@ -568,7 +527,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call motion_vector(self, an_inertia_force, no_time(), q, qd, value, stat)
+        call take_vector(self, an_inertia_force, no_time(), q, qd, value, stat)
     end subroutine inertia_force
 
     subroutine potential_energy(self, t, q, value, stat)
@@ -578,7 +537,7 @@ contains
         integer, intent(out) :: stat
         real(wp) :: energy(1)
 
-        call position_vector(self, a_potential_energy, t, q, energy, stat)
+        call take_vector(self, a_potential_energy, t, q, q, energy, stat)
         value = energy(1)
     end subroutine potential_energy
 
@@ -589,7 +548,7 @@ contains
         integer, intent(out) :: stat
         real(wp) :: energy(1)
 
-        call motion_vector(self, a_kinetic_energy, no_time(), q, qd, energy, stat)
+        call take_vector(self, a_kinetic_energy, no_time(), q, qd, energy, stat)
         value = energy(1)
     end subroutine kinetic_energy
 end module tandem_legacy_callback_model

@@ -19,13 +19,11 @@ subroutine tdnew(h, n, nh, nd, ierr)
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_f77_model, only: f77_model_type
     use tandem_legacy_handle, only: new_handle, to_handle
-    use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
     integer, intent(out) :: h(4)
     integer, intent(in) :: n, nh, nd
     integer, intent(out) :: ierr
-    type(problem_type), pointer :: problem
     type(f77_model_type), pointer :: model
     class(callback_model_type), pointer :: callback_model
     integer :: stat
@@ -34,18 +32,8 @@ subroutine tdnew(h, n, nh, nd, ierr)
     ierr = status_invalid_model
     allocate (model, stat=stat)
     if (stat /= 0) return
-    allocate (problem, stat=stat)
-    if (stat /= 0) then
-        deallocate (model)
-        return
-    end if
     callback_model => model
-    call problem%set_up(callback_model, n, nh, nd)
-    ierr = problem%stat
-    call to_handle(new_handle(problem), h)
-    if (any(h /= 0)) return
-    deallocate (problem, model)
-    ierr = status_invalid_model
+    call to_handle(new_handle(callback_model, n, nh, nd, ierr), h)
 end subroutine tdnew
 
 !> Give a problem back. The handle is then zero.
@@ -71,8 +59,9 @@ end subroutine tdfree
 
 !> The text of the last IERR.
 subroutine tdtext(h, text)
+    use tandem_legacy_description, only: message_length, message_of_no_problem
     use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: message_length, message_of_no_problem, problem_type
+    use tandem_legacy_problem, only: problem_type
     use, intrinsic :: iso_c_binding, only: c_null_char
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -94,89 +83,59 @@ end subroutine tdtext
 
 !> Give a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdpos(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_model_type, f77_position
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_f77_model, only: f77_position, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_position
-    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
     procedure(f77_position) :: sub
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
-    integer :: term
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    term = problem%find_callback(name, of_position)
-    select type (model => problem%model)
-    class is (f77_model_type)
-        if (term > 0) call model%set_position(term, sub)
-    end select
+    if (.not. found(h, problem, ierr)) return
+    call problem%set_procedure(name, of_position, unless_none(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tdpos
 
 !> Give a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdmot(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_model_type, f77_motion
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_motion
-    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
     procedure(f77_motion) :: sub
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
-    integer :: term
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    term = problem%find_callback(name, of_motion)
-    select type (model => problem%model)
-    class is (f77_model_type)
-        if (term > 0) call model%set_motion(term, sub)
-    end select
+    if (.not. found(h, problem, ierr)) return
+    call problem%set_procedure(name, of_motion, unless_none(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tdmot
 
 !> Give a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tddir(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_direction, f77_model_type
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_f77_model, only: f77_direction, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_direction
-    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
     procedure(f77_direction) :: sub
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
-    integer :: term
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    term = problem%find_callback(name, of_direction)
-    select type (model => problem%model)
-    class is (f77_model_type)
-        if (term > 0) call model%set_direction(term, sub)
-    end select
+    if (.not. found(h, problem, ierr)) return
+    call problem%set_procedure(name, of_direction, unless_none(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tddir
 
 !> Give a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE;
 !> IPROV is the sum of the constants of those that it gives, and anything with TDNONE.
 subroutine tdeval(h, sub, iprov, ierr)
-    use tandem_legacy_f77_model, only: f77_evaluate, f77_model_type, is_none
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: f77_evaluate, found, problem_type, unless_none
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -185,24 +144,14 @@ subroutine tdeval(h, sub, iprov, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (problem%check_provides(iprov, .not. is_none(c_funloc(sub)))) then
-        select type (model => problem%model)
-        class is (f77_model_type)
-            call model%set_evaluate(sub, iprov)
-        end select
-    end if
+    if (.not. found(h, problem, ierr)) return
+    call problem%set_evaluate(unless_none(c_funloc(sub)), iprov)
     ierr = problem%stat
 end subroutine tdeval
 
 !> Set a real option.
 subroutine tdsetr(h, name, value, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
@@ -210,18 +159,14 @@ subroutine tdsetr(h, name, value, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    call problem%set_real(name, value)
+    if (.not. found(h, problem, ierr)) return
+    call problem%set(name, number=value)
     ierr = problem%stat
 end subroutine tdsetr
 
 !> Set an integer option.
 subroutine tdseti(h, name, ivalue, ierr)
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
@@ -229,37 +174,28 @@ subroutine tdseti(h, name, ivalue, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    call problem%set_integer(name, ivalue)
+    if (.not. found(h, problem, ierr)) return
+    call problem%set(name, whole=ivalue)
     ierr = problem%stat
 end subroutine tdseti
 
 !> Set an option that is a word.
 subroutine tdsets(h, name, word, ierr)
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name, word
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    call problem%set_text(name, word)
+    if (.not. found(h, problem, ierr)) return
+    call problem%set(name, word=word)
     ierr = problem%stat
 end subroutine tdsets
 
 !> Set a list of K numbers.
 subroutine tdsetv(h, name, k, values, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
@@ -268,9 +204,7 @@ subroutine tdsetv(h, name, k, values, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     if (k < 0) then
         call problem%refuse('the list "'//trim(name)//'" has a negative number of entries', 'give how many they are')
     else
@@ -281,30 +215,143 @@ end subroutine tdsetv
 
 !> Name the constraint row I, from 1 on, holonomic rows first.
 subroutine tdrow(h, i, name, ierr)
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
-    integer, intent(in) :: h(4)
-    integer, intent(in) :: i
+    integer, intent(in) :: h(4), i
     character(len=*), intent(in) :: name
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     call problem%set_row_name(i, name)
     ierr = problem%stat
 end subroutine tdrow
 
+!> Watch the entry I of QUANT, which is q, qd or lambda, for the value VALUE; IDIR: 1 where it rises through that, -1 where it
+!> falls, 0 both; ISTOP not 0: the run ends there.
+subroutine tdevnt(h, name, quant, i, value, idir, istop, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4), i, idir, istop
+    character(len=*), intent(in) :: name, quant
+    real(wp), intent(in) :: value
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%add_event(name, idir, istop, quant, i, value)
+    ierr = problem%stat
+end subroutine tdevnt
+
+!> Watch the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), M = 1, for zeros of VAL(1); IDIR and ISTOP as in TDEVNT.
+subroutine tdevfn(h, name, sub, idir, istop, ierr)
+    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
+    use, intrinsic :: iso_c_binding, only: c_funloc
+    implicit none (type, external)
+    integer, intent(in) :: h(4), idir, istop
+    character(len=*), intent(in) :: name
+    procedure(f77_motion) :: sub
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%add_event(name, idir, istop, function_=unless_none(c_funloc(sub)))
+    ierr = problem%stat
+end subroutine tdevfn
+
+!> Watch nothing from the next start on.
+subroutine tdevcl(h, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%clear_events()
+    ierr = problem%stat
+end subroutine tdevcl
+
+!> How many events were recorded.
+subroutine tdnevt(h, n, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: n, ierr
+    type(problem_type), pointer :: problem
+
+    n = 0
+    if (.not. found(h, problem, ierr)) return
+    call problem%count_events(n)
+    ierr = problem%stat
+end subroutine tdnevt
+
+!> The event of place I in the order of time: which one it is, NUMBER, how it passed through zero, IDIR, when, T, and where, Q(N),
+!> QD(N).
+subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4), i
+    integer, intent(out) :: number, idir
+    real(wp), intent(out) :: t
+    real(wp), intent(inout) :: q(*), qd(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    number = 0
+    idir = 0
+    t = 0.0_wp
+    if (.not. found(h, problem, ierr)) return
+    call problem%get_event(i, number, idir, t, q, qd)
+    ierr = problem%stat
+end subroutine tdgevt
+
+!> Which event has stopped the run; 0 where none has.
+subroutine tdstop(h, number, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    integer, intent(out) :: number, ierr
+    type(problem_type), pointer :: problem
+
+    number = 0
+    if (.not. found(h, problem, ierr)) return
+    call problem%get_stop(number)
+    ierr = problem%stat
+end subroutine tdstop
+
+!> Watch the run from its start to TEND, to estimate its error.
+subroutine tdwerr(h, tend, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: tend
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr)) return
+    call problem%watch_error(tend)
+    ierr = problem%stat
+end subroutine tdwerr
+
+!> Estimate the error of the run by a second one.
+subroutine tdeerr(h, rpar, ipar, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
+    call problem%estimate_error()
+    ierr = problem%stat
+end subroutine tdeerr
+
 !> Compare the procedures of the model with differences of each other near T, Q(N), QD(N).
 subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t, q(*), qd(*)
@@ -313,21 +360,31 @@ subroutine tdchck(h, t, q, qd, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%check(t, q, qd)
     ierr = problem%stat
 end subroutine tdchck
 
+!> Move Q(N), QD(N) to the nearest state at T that satisfies the constraints.
+subroutine tdassm(h, t, q, qd, rpar, ipar, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: q(*), qd(*)
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
+    call problem%assemble(t, q, qd)
+    ierr = problem%stat
+end subroutine tdassm
+
 !> Start a run at T, Q(N), QD(N).
 subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t, q(*), qd(*)
@@ -336,10 +393,7 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%start(t, q, qd)
     ierr = problem%stat
 end subroutine tdstrt
@@ -347,11 +401,7 @@ end subroutine tdstrt
 !> Integrate to TEND; where that is the current time, nothing is done. T, Q(N), QD(N) are then the state reached, also after a
 !> failure on the way.
 subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(inout) :: t, q(*), qd(*)
@@ -361,10 +411,7 @@ subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%integrate(tend)
     call problem%show_state(t, q, qd)
     ierr = problem%stat
@@ -372,11 +419,7 @@ end subroutine tdintg
 
 !> One accepted step that does not pass TLIM. T, Q(N), QD(N) are then the state reached.
 subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(inout) :: t, q(*), qd(*)
@@ -386,10 +429,7 @@ subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%step(tlim)
     call problem%show_state(t, q, qd)
     ierr = problem%stat
@@ -397,11 +437,7 @@ end subroutine tdstep
 
 !> The state Q(N), QD(N), QDD(N) at a time T within the last step.
 subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
@@ -411,21 +447,14 @@ subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%get_state_at(t, q, qd, qdd)
     ierr = problem%stat
 end subroutine tddens
 
 !> The multipliers ALAM(NH + ND) at a time T within the last step.
 subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
@@ -435,21 +464,14 @@ subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%get_multipliers(t, alam)
     ierr = problem%stat
 end subroutine tdlamb
 
 !> Kinetic and potential energy of the current state.
 subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_f77_model, only: lend_to
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(out) :: ekin, epot
@@ -460,20 +482,14 @@ subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
 
     ekin = 0.0_wp
     epot = 0.0_wp
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
-    if (.not. problem%busy) call lend_to(problem%model, rpar, ipar)
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
     call problem%get_energies(ekin, epot)
     ierr = problem%stat
 end subroutine tdener
 
 !> One figure of the run.
 subroutine tdstat(h, name, value, ierr)
-    use tandem_kinds, only: wp
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
     character(len=*), intent(in) :: name
@@ -482,48 +498,37 @@ subroutine tdstat(h, name, value, ierr)
     type(problem_type), pointer :: problem
 
     value = 0.0_wp
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     call problem%get_statistic(name, value)
     ierr = problem%stat
 end subroutine tdstat
 
 !> How many warnings the run has.
 subroutine tdnwrn(h, nwarn, ierr)
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
     integer, intent(out) :: nwarn, ierr
     type(problem_type), pointer :: problem
 
     nwarn = 0
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     call problem%count_warnings(nwarn)
     ierr = problem%stat
 end subroutine tdnwrn
 
 !> The text of warning I, from 1 on; what is longer than TEXT is cut.
 subroutine tdwarn(h, i, text, ierr)
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
-    integer, intent(in) :: h(4)
-    integer, intent(in) :: i
+    integer, intent(in) :: h(4), i
     character(len=*), intent(out) :: text
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
     character(len=:), allocatable :: warning
 
     text = ' '
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     call problem%get_warning(i, warning)
     text = warning
     ierr = problem%stat
@@ -533,9 +538,7 @@ end subroutine tdwarn
 subroutine tdsave(h, nsave, isave, n, ierr)
     use tandem_error, only: to_text
     use tandem_kinds, only: long
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4), nsave
     integer, intent(inout) :: isave(*)
@@ -545,9 +548,7 @@ subroutine tdsave(h, nsave, isave, n, ierr)
     integer :: needed
 
     needed = 0
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (associated(problem)) then
+    if (found(h, problem, ierr)) then
         call problem%save_state(words)
         if (allocated(words)) then
             needed = size(words)*(storage_size(words)/storage_size(needed))
@@ -567,18 +568,14 @@ end subroutine tdsave
 !> Take up the run that TDSAVE has put into ISAVE(N).
 subroutine tdrest(h, n, isave, ierr)
     use tandem_kinds, only: long
-    use tandem_legacy_handle, only: problem_of, to_address
-    use tandem_legacy_problem, only: problem_type
-    use tandem_status, only: status_invalid_option
+    use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4), n, isave(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
     integer(long) :: word(1)
 
-    ierr = status_invalid_option
-    call problem_of(to_address(h), problem)
-    if (.not. associated(problem)) return
+    if (.not. found(h, problem, ierr)) return
     if (n < 0 .or. modulo(n, 2) /= 0) then
         call problem%refuse('the state has a negative or an odd number of integers', 'give what TDSAVE gave')
     else

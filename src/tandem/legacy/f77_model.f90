@@ -3,15 +3,19 @@
 module tandem_legacy_f77_model
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_terms, only: n_callbacks
-    use tandem_model, only: model_type
-    use tandem_model_terms, only: n_terms, terms_type
-    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_procpointer, c_funloc, c_funptr, &
-        c_int, c_ptr
+    use tandem_legacy_handle, only: problem_of, to_address
+    use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_terms, only: of_position
+    use tandem_model_terms, only: n_terms
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_procpointer, c_funloc, c_funptr, c_int, c_null_funptr, &
+        c_ptr
     implicit none (type, external)
     private
 
-    public :: f77_model_type, is_none, lend_to, f77_position, f77_motion, f77_direction, f77_evaluate
+    public :: f77_model_type, unless_none, found, f77_position, f77_motion, f77_direction, f77_evaluate
+    ! What the subroutines of the interface need besides.
+    public :: problem_type, wp
 
     abstract interface
         !> A term of time and position.
@@ -31,7 +35,7 @@ module tandem_legacy_f77_model
             integer, intent(inout) :: istat
         end subroutine f77_position
 
-        !> A term of time, position and velocity.
+        !> A term of time, position and velocity, or the function of an event.
         subroutine f77_motion(n, m, t, q, qd, val, rpar, ipar, istat)
             import :: wp
             implicit none (type, external)
@@ -86,156 +90,78 @@ module tandem_legacy_f77_model
         end subroutine f77_evaluate_by_address
     end interface
 
-    !> The subroutines of one term, of which at most one is there.
-    type :: callback_type
-        procedure(f77_position), pointer, nopass :: position => null()
-        procedure(f77_motion), pointer, nopass :: motion => null()
-        procedure(f77_direction), pointer, nopass :: direction => null()
-    end type callback_type
-
     type, extends(callback_model_type) :: f77_model_type
-        type(callback_type), private :: callback(n_callbacks)
-        procedure(f77_evaluate_by_address), pointer, nopass, private :: fused => null()
         !> The first entries of the arrays that the current call of the interface was given.
         real(wp), pointer, contiguous, private :: rpar(:) => null()
         integer, pointer, contiguous, private :: ipar(:) => null()
     contains
-        procedure :: set_position
-        procedure :: set_motion
-        procedure :: set_direction
-        procedure :: set_evaluate
-        procedure :: call_position
-        procedure :: call_motion
-        procedure :: call_direction
+        procedure :: call_one
+        procedure :: call_fused
     end type f77_model_type
 
 contains
 
-    !> Whether a procedure is the one that stands for none.
-    logical function is_none(address)
-        !> Address of a procedure.
+    !> The address of a procedure, null for the one that stands for none.
+    type(c_funptr) function unless_none(address)
         type(c_funptr), intent(in) :: address
         procedure(f77_position) :: tdnone
 
-        is_none = c_associated(address, c_funloc(tdnone))
-    end function is_none
+        unless_none = address
+        if (c_associated(address, c_funloc(tdnone))) unless_none = c_null_funptr
+    end function unless_none
 
-    !> Hand RPAR and IPAR through to the procedures of a model until the next call of this.
-    subroutine lend_to(model, rpar, ipar)
-        class(callback_model_type), intent(inout) :: model
-        real(wp), intent(inout), target :: rpar(1)
-        integer, intent(inout), target :: ipar(1)
+    !> What a subroutine of the interface begins with: find the problem of a handle; false, with a status, where it is none.
+    logical function found(h, problem, ierr, rpar, ipar)
+        integer, intent(in) :: h(4)
+        type(problem_type), pointer, intent(out) :: problem
+        integer, intent(out) :: ierr
+        !> Handed through to the procedures of the model until the next call with them.
+        real(wp), intent(inout), target, optional :: rpar(1)
+        integer, intent(inout), target, optional :: ipar(1)
 
-        select type (model)
+        ierr = status_invalid_option
+        call problem_of(to_address(h), problem)
+        found = associated(problem)
+        if (.not. (found .and. present(rpar) .and. present(ipar))) return
+        if (problem%busy) return
+        select type (model => problem%model)
         class is (f77_model_type)
             model%rpar => rpar
             model%ipar => ipar
         end select
-    end subroutine lend_to
+    end function found
 
-    !> Give the subroutine of a term of position; TDNONE takes it back.
-    subroutine set_position(self, term, procedure_)
+    subroutine call_one(self, address, kind, rows, t, q, v, value, stat)
         class(f77_model_type), intent(inout) :: self
-        !> Number of the procedure in `tandem_legacy_terms`.
-        integer, intent(in) :: term
-        procedure(f77_position) :: procedure_
-
-        self%callback(term)%position => procedure_
-        call self%attach(term, .not. is_none(c_funloc(procedure_)))
-    end subroutine set_position
-
-    !> Give the subroutine of a term of motion; TDNONE takes it back.
-    subroutine set_motion(self, term, procedure_)
-        class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term
-        procedure(f77_motion) :: procedure_
-
-        self%callback(term)%motion => procedure_
-        call self%attach(term, .not. is_none(c_funloc(procedure_)))
-    end subroutine set_motion
-
-    !> Give the subroutine of a derivative with a constant vector; TDNONE takes it back.
-    subroutine set_direction(self, term, procedure_)
-        class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term
-        procedure(f77_direction) :: procedure_
-
-        self%callback(term)%direction => procedure_
-        call self%attach(term, .not. is_none(c_funloc(procedure_)))
-    end subroutine set_direction
-
-    !> Give the fused subroutine; TDNONE takes it back.
-    subroutine set_evaluate(self, procedure_, provides)
-        class(f77_model_type), intent(inout) :: self
-        procedure(f77_evaluate) :: procedure_
-        !> The terms that it gives, a sum of need bits.
-        integer, intent(in) :: provides
-
-        call c_f_procpointer(c_funloc(procedure_), self%fused)
-        self%evaluate => null()
-        if (.not. is_none(c_funloc(procedure_))) self%evaluate => evaluate
-        self%provides = merge(0, provides, is_none(c_funloc(procedure_)))
-    end subroutine set_evaluate
-
-    subroutine call_position(self, term, rows, t, q, value, stat)
-        class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term, rows
-        real(wp), intent(in) :: t, q(*)
+        type(c_funptr), intent(in) :: address
+        integer, intent(in) :: kind, rows
+        real(wp), intent(in) :: t, q(*), v(*)
         real(wp), intent(inout) :: value(*)
         integer, intent(out) :: stat
-        ! Called through a local pointer: gfortran 12 refuses assumed sizes in a call through a component.
-        procedure(f77_position), pointer :: sub
+        procedure(f77_position), pointer :: position
+        procedure(f77_motion), pointer :: motion
 
         stat = 0
-        sub => self%callback(term)%position
-        call sub(self%n, rows, t, q, value, self%rpar, self%ipar, stat)
-    end subroutine call_position
+        if (kind == of_position) then
+            call c_f_procpointer(address, position)
+            call position(self%n, rows, t, q, value, self%rpar, self%ipar, stat)
+        else
+            call c_f_procpointer(address, motion)
+            call motion(self%n, rows, t, q, v, value, self%rpar, self%ipar, stat)
+        end if
+    end subroutine call_one
 
-    subroutine call_motion(self, term, rows, t, q, qd, value, stat)
+    subroutine call_fused(self, need, t, q, qd, place, stat)
         class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term, rows
-        real(wp), intent(in) :: t, q(*), qd(*)
-        real(wp), intent(inout) :: value(*)
-        integer, intent(out) :: stat
-        procedure(f77_motion), pointer :: sub
-
-        stat = 0
-        sub => self%callback(term)%motion
-        call sub(self%n, rows, t, q, qd, value, self%rpar, self%ipar, stat)
-    end subroutine call_motion
-
-    subroutine call_direction(self, term, rows, t, q, x, value, stat)
-        class(f77_model_type), intent(inout) :: self
-        integer, intent(in) :: term, rows
-        real(wp), intent(in) :: t, q(*), x(*)
-        real(wp), intent(inout) :: value(*)
-        integer, intent(out) :: stat
-        procedure(f77_direction), pointer :: sub
-
-        stat = 0
-        sub => self%callback(term)%direction
-        call sub(self%n, rows, t, q, x, value, self%rpar, self%ipar, stat)
-    end subroutine call_direction
-
-    !> Several terms at once: the model's `evaluate`.
-    subroutine evaluate(self, need, t, q, qd, terms, stat)
-        class(model_type), intent(inout) :: self
         integer, intent(in) :: need
-        real(wp), intent(in) :: t, q(:), qd(:)
-        type(terms_type), intent(inout) :: terms
+        real(wp), intent(in) :: t, q(*), qd(*)
+        type(c_ptr), intent(in) :: place(n_terms)
         integer, intent(out) :: stat
-        procedure(f77_evaluate_by_address), pointer :: sub
-        type(c_ptr) :: place(n_terms)
+        procedure(f77_evaluate_by_address), pointer :: evaluate
 
-        stat = -1
-        select type (self)
-        type is (f77_model_type)
-            call self%find_places(need, terms, place)
-            sub => self%fused
-            stat = 0
-            call sub(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, place(1), place(2), place(3), place(4), &
-                place(5), place(6), self%rpar, self%ipar, stat)
-            call self%judge_terms(need, terms, stat)
-        end select
-    end subroutine evaluate
+        stat = 0
+        call c_f_procpointer(self%fused, evaluate)
+        call evaluate(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, place(1), place(2), place(3), place(4), &
+            place(5), place(6), self%rpar, self%ipar, stat)
+    end subroutine call_fused
 end module tandem_legacy_f77_model

@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Statistics by name, for callers who cannot see `statistics_type`: all its scalar components, those of `counts_type` among them,
-!> by their names, and the number of redundant rows. tools/interface.py compares the list with the types. And all that a run has to
-!> warn of.
+!> Figures of a run by name, for callers who cannot see `statistics_type`: those that reports list (`tandem_simulate_figures`), and
+!> the number of redundant rows. And all that a run has to warn of.
 module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
+    use tandem_legacy_error_watch, only: error_watch_type
     use tandem_legacy_settings, only: lower_case
     use tandem_simulate_error_warnings, only: find_error_warnings
+    use tandem_simulate_figures, only: figure_reader_type, tell_figures
+    use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_warning, only: add_warning, warning_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_invalid_option
@@ -15,85 +17,125 @@ module tandem_legacy_figures
 
     public :: find_warnings, get_figure
 
-    character(len=*), parameter :: names = 'steps, rejected, failed, smallest_step, largest_step, charts, position_error, '// &
-        'velocity_error, acceleration_error, start_moved_q, start_moved_qd, velocity_jump, wall_seconds, cpu_seconds, '// &
-        'right_hand_sides, position_corrections, b_corrections, h_corrections, position_factorizations, '// &
-        'constraint_factorizations, mass_factorizations, basis_factorizations, fused_calls, newton_matrices, '// &
-        'newton_factorizations, newton_corrections, implicit_stages, difference_evaluations, gamma_evaluations, gamma_noise, '// &
-        'n_redundant, local_error, local_error_sum, local_error_steps, velocity_gap, t_gap, dense_error, is_stiff, '// &
-        'stiff_from, stiff_steps, start_evaluations, multipliers, kinetic_energies, potential_energies, event_evaluations'
+    !> Room for the name of a figure.
+    integer, parameter :: name_length = 40
+
+    !> Waits for the figure of a name, in lower case.
+    type, extends(figure_reader_type) :: finder_type
+        character(len=name_length) :: name = ''
+        !> Its length: most other names have another one, which is seen at once.
+        integer :: length = 0
+        logical :: found = .false.
+        real(wp) :: number = 0.0_wp
+    contains
+        procedure :: count => find_count
+        procedure :: value => find_value
+    end type finder_type
+
+    !> Lists the names of all figures.
+    type, extends(figure_reader_type) :: lister_type
+        character(len=:), allocatable :: names
+    contains
+        procedure :: count => list_count
+        procedure :: value => list_value
+    end type lister_type
 
 contains
 
     !> One figure of a run; counters are exact up to 2**53.
-    subroutine get_figure(simulation, name, value, error)
-        !> The run.
+    subroutine get_figure(simulation, global_error, name, value, error)
+        !> The run, and the error that a second one has told.
         type(simulation_type), intent(in) :: simulation
-        !> Name of a component, in either case.
+        type(global_error_type), intent(in) :: global_error
+        !> Its name, in either case.
         character(len=*), intent(in) :: name
         !> Its value; 0 where there is no such figure.
         real(wp), intent(out) :: value
         !> invalid_option where there is no such figure.
         type(error_type), allocatable, intent(out) :: error
+        type(finder_type) :: finder
+        type(lister_type) :: lister
 
-        value = 0.0_wp
-        associate (s => simulation%statistics())
-            select case (lower_case(name))
-            case ('steps'); value = real(s%steps, wp)
-            case ('rejected'); value = real(s%rejected, wp)
-            case ('failed'); value = real(s%failed, wp)
-            case ('smallest_step'); if (s%steps > 0) value = s%smallest_step
-            case ('largest_step'); value = s%largest_step
-            case ('charts'); value = real(s%charts, wp)
-            case ('position_error'); value = s%position_error
-            case ('velocity_error'); value = s%velocity_error
-            case ('acceleration_error'); value = s%acceleration_error
-            case ('start_moved_q'); value = s%start_moved_q
-            case ('start_moved_qd'); value = s%start_moved_qd
-            case ('velocity_jump'); value = s%velocity_jump
-            case ('wall_seconds'); value = s%wall_seconds
-            case ('cpu_seconds'); value = s%cpu_seconds
-            case ('right_hand_sides'); value = real(s%right_hand_sides, wp)
-            case ('position_corrections'); value = real(s%position_corrections, wp)
-            case ('b_corrections'); value = real(s%b_corrections, wp)
-            case ('h_corrections'); value = real(s%h_corrections, wp)
-            case ('position_factorizations'); value = real(s%position_factorizations, wp)
-            case ('constraint_factorizations'); value = real(s%constraint_factorizations, wp)
-            case ('mass_factorizations'); value = real(s%mass_factorizations, wp)
-            case ('basis_factorizations'); value = real(s%basis_factorizations, wp)
-            case ('fused_calls'); value = real(s%fused_calls, wp)
-            case ('newton_matrices'); value = real(s%newton_matrices, wp)
-            case ('newton_factorizations'); value = real(s%newton_factorizations, wp)
-            case ('newton_corrections'); value = real(s%newton_corrections, wp)
-            case ('implicit_stages'); value = real(s%implicit_stages, wp)
-            case ('difference_evaluations'); value = real(s%difference_evaluations, wp)
-            case ('gamma_evaluations'); value = real(s%gamma_evaluations, wp)
-            case ('gamma_noise'); value = s%gamma_noise
-            case ('n_redundant'); value = real(simulation%n_redundant, wp)
-            case ('local_error'); value = s%local_error
-            case ('local_error_sum'); value = s%local_error_sum
-            case ('local_error_steps'); value = real(s%local_error_steps, wp)
-            case ('velocity_gap'); value = s%velocity_gap
-            case ('t_gap'); value = s%t_gap
-            case ('dense_error'); value = s%dense_error
-            case ('is_stiff'); value = merge(1.0_wp, 0.0_wp, s%is_stiff)
-            case ('stiff_from'); value = s%stiff_from
-            case ('stiff_steps'); value = real(s%stiff_steps, wp)
-            case ('start_evaluations'); value = real(s%start_evaluations, wp)
-            case ('multipliers'); value = real(s%multipliers, wp)
-            case ('kinetic_energies'); value = real(s%kinetic_energies, wp)
-            case ('potential_energies'); value = real(s%potential_energies, wp)
-            case ('event_evaluations'); value = real(s%event_evaluations, wp)
-            case default
-                call set_error(error, status_invalid_option, '"'//trim(name)//'" is not a statistic', 'there are '//names)
-            end select
-        end associate
+        finder%name = lower_case(name)
+        select case (finder%name)
+        case ('n_redundant')
+            value = real(simulation%n_redundant, wp)
+            return
+        case ('position_error', 'velocity_error', 'acceleration_error') ! as version 1006 called them
+            finder%name = 'largest_'//trim(finder%name)
+        case ('is_stiff') ! likewise
+            finder%name = 'stiff'
+        case default ! the name of a figure
+        end select
+        finder%length = len_trim(finder%name)
+        if (len_trim(name) <= name_length) then
+            call tell_figures(simulation%statistics(), finder)
+            call tell_global_error(global_error, finder)
+        end if
+        value = finder%number
+        if (finder%found) return
+        lister%names = 'n_redundant'
+        call tell_figures(simulation%statistics(), lister)
+        call tell_global_error(global_error, lister)
+        call set_error(error, status_invalid_option, '"'//trim(name)//'" is not a statistic', 'there are '//lister%names)
     end subroutine get_figure
 
+    !> The figures of a second run, where one was made, by the names that reports have.
+    subroutine tell_global_error(global_error, reader)
+        type(global_error_type), intent(in) :: global_error
+        class(figure_reader_type), intent(inout) :: reader
+
+        if (.not. global_error%is_known) return
+        call reader%value('global_error_q', global_error%error_q)
+        call reader%value('global_error_qd', global_error%error_qd)
+        call reader%value('global_error', global_error%relative)
+        call reader%value('global_error_largest', global_error%largest)
+        call reader%value('global_error_time', global_error%t_largest)
+        call reader%count('global_error_is_bound', merge(1_long, 0_long, global_error%is_bound))
+        call reader%count('global_error_right_hand_sides', global_error%right_hand_sides)
+        call reader%value('global_error_seconds', global_error%seconds)
+    end subroutine tell_global_error
+
+    subroutine find_count(self, name, number)
+        class(finder_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: number
+
+        call self%value(name, real(number, wp))
+    end subroutine find_count
+
+    subroutine find_value(self, name, number)
+        class(finder_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: number
+
+        if (self%found .or. len(name) /= self%length) return
+        if (lower_case(name) /= self%name) return
+        self%found = .true.
+        self%number = number
+    end subroutine find_value
+
+    subroutine list_count(self, name, number)
+        class(lister_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: number
+
+        self%names = self%names//', '//lower_case(name)
+    end subroutine list_count
+
+    subroutine list_value(self, name, number)
+        class(lister_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: number
+
+        self%names = self%names//', '//lower_case(name)
+    end subroutine list_value
+
     !> What a report would warn of: what the run has noticed, then what there is to doubt about its errors.
-    subroutine find_warnings(simulation, warnings)
-        !> The run.
+    subroutine find_warnings(simulation, watch, warnings)
+        !> The run, and what is known of its error.
         type(simulation_type), intent(in) :: simulation
+        type(error_watch_type), intent(in) :: watch
         !> None where all is well.
         type(warning_type), allocatable, intent(out) :: warnings(:)
         type(warning_type), allocatable :: doubts(:)
@@ -105,7 +147,7 @@ contains
                 call add_warning(warnings, simulation%warnings(i)%text)
             end do
         end if
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts)
+        call find_error_warnings(simulation%options, simulation%statistics(), doubts, watch%global_error, watch%failure)
         do i = 1, size(doubts)
             call add_warning(warnings, doubts(i)%text)
         end do

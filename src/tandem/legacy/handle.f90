@@ -5,8 +5,10 @@
 !>
 !> A handle of Fortran 77 is four default integers, the address and a check word, so that an array that is no handle is noticed too.
 module tandem_legacy_handle
+    use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_version, only: interface_version
+    use tandem_status, only: status_invalid_model
     use, intrinsic :: iso_c_binding, only: c_associated, c_f_pointer, c_funloc, c_funptr, c_int, c_intptr_t, c_loc, &
         c_null_ptr, c_ptr
     implicit none (type, external)
@@ -47,16 +49,30 @@ module tandem_legacy_handle
 
 contains
 
-    !> A handle of a problem; null where there is no memory for it.
-    type(c_ptr) function new_handle(problem)
-        type(problem_type), pointer, intent(in) :: problem
+    !> Make a problem of a model without procedures, and its handle; null where there is no memory for them: the model is then
+    !> given back.
+    type(c_ptr) function new_handle(model, n, n_holonomic, n_nonholonomic, stat)
+        !> Now the problem's.
+        class(callback_model_type), pointer, intent(inout) :: model
+        !> Numbers of coordinates, holonomic and nonholonomic constraints.
+        integer, intent(in) :: n, n_holonomic, n_nonholonomic
+        !> Whether the sizes can be.
+        integer, intent(out) :: stat
         type(tag_type), pointer :: tag
-        integer :: stat
 
         new_handle = c_null_ptr
         allocate (tag, stat=stat)
-        if (stat /= 0) return
-        tag%problem => problem
+        if (stat == 0) then
+            allocate (tag%problem, stat=stat)
+            if (stat /= 0) deallocate (tag)
+        end if
+        if (stat /= 0) then
+            stat = status_invalid_model
+            deallocate (model)
+            return
+        end if
+        call tag%problem%set_up(model, n, n_holonomic, n_nonholonomic)
+        stat = tag%problem%stat
         new_handle = c_loc(tag)
         tag%address = transfer(new_handle, tag%address)
     end function new_handle

@@ -4,176 +4,46 @@
 module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
-    use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_comparison, only: compare_procedures
+    use tandem_legacy_description, only: check_sizes, description_type
+    use tandem_legacy_error_watch, only: error_watch_type
     use tandem_legacy_figures, only: find_warnings, get_figure
-    use tandem_legacy_settings, only: lower_case, set_integer_option, set_real_option, set_text_option
-    use tandem_legacy_terms, only: find_term, names_of_kind, of_direction, of_motion, of_position, terms
     use tandem_legacy_wording, only: in_words_of
-    use tandem_model, only: label_length
-    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
-    use tandem_options, only: options_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: simulation_type
-    use tandem_status, only: status_callback_failed, status_invalid_model, status_invalid_option, status_not_evaluable, &
-        status_not_finite, status_ok
+    use tandem_status, only: status_callback_failed, status_not_evaluable, status_not_finite
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    use, intrinsic :: iso_c_binding, only: c_char, c_null_char
     implicit none (type, external)
     private
 
-    public :: problem_type, message_of_no_problem, message_length
+    public :: problem_type
 
-    !> The message where there is no problem to keep one.
-    character(len=*), parameter :: message_of_no_problem = &
-        'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
-    character(len=*), parameter :: message_of_success = 'ok: all went well'
-    !> More characters than any message takes; what is behind them is cut.
-    integer, parameter :: message_length = 2047
-    !> Matrices of more rows than this cannot be counted by default integers.
-    integer, parameter :: largest_n = 32767
-    !> A run keeps about so many matrices of n rows and columns.
-    integer, parameter :: n_matrices = 20
-
-    type :: problem_type
-        !> The user's model.
-        class(callback_model_type), pointer :: model => null()
-        !> What was chosen; counts from the next start on.
-        type(options_type) :: options
+    !> What was said of it, and its run.
+    type, extends(description_type) :: problem_type
         type(simulation_type) :: simulation
-        !> Status of the last operation.
-        integer :: stat = status_ok
-        !> Message of the last operation, ended by a NUL. It never moves: callers of C keep its address, and `printf` may be handed
-        !> the address before the operation that the message is of.
-        character(kind=c_char) :: message(message_length + 1) = c_null_char
-        logical, private :: sizes_can_be = .false.
-        logical, private :: started = .false.
-        !> True while the user's procedures may be called: what those use must not change. To be read only.
-        logical :: busy = .false.
+        type(error_watch_type), private :: watch
     contains
-        procedure :: set_up
-        procedure :: release
-        procedure :: refuse
-        procedure :: find_callback
-        procedure :: check_provides
-        procedure :: set_real
-        procedure :: set_integer
-        procedure :: set_text
-        procedure :: set_vector
-        procedure :: set_row_name
-        procedure :: check
         procedure :: start
         procedure :: integrate
         procedure :: step
+        procedure :: watch_error
+        procedure :: estimate_error
         procedure :: get_state
         procedure :: show_state
         procedure :: get_state_at
         procedure :: get_multipliers
         procedure :: get_energies
         procedure :: get_statistic
+        procedure :: count_events
+        procedure :: get_event
+        procedure :: get_stop
         procedure :: count_warnings
         procedure :: get_warning
         procedure :: save_state
         procedure :: restore_state
-        procedure, private :: conclude
-        procedure, private :: change_model
-        procedure, private :: is_free
         procedure, private :: is_running
     end type problem_type
 
 contains
-
-    !> Make a problem of a model without procedures. The status tells whether the sizes can be.
-    subroutine set_up(self, model, n, n_holonomic, n_nonholonomic)
-        class(problem_type), intent(inout) :: self
-        !> Now the problem's.
-        class(callback_model_type), pointer, intent(in) :: model
-        !> Numbers of coordinates, holonomic and nonholonomic constraints.
-        integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        type(error_type), allocatable :: error
-
-        self%model => model
-        model%n = n
-        model%n_holonomic = n_holonomic
-        model%n_nonholonomic = n_nonholonomic
-        call set_message(self, message_of_success)
-        call check_sizes(model, error)
-        self%sizes_can_be = .not. allocated(error)
-        call self%conclude(error)
-    end subroutine set_up
-
-    !> Give everything back; false where a procedure of the user asks for it while it is called.
-    logical function release(self)
-        class(problem_type), intent(inout) :: self
-
-        release = self%is_free()
-        if (.not. release .or. .not. associated(self%model)) return
-        call self%model%release()
-        deallocate (self%model)
-    end function release
-
-    !> Refuse sizes for which not even the work space can be allocated.
-    subroutine check_sizes(model, error)
-        class(callback_model_type), intent(in) :: model
-        type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: trial(:, :)
-        integer :: stat
-
-        if (model%n < 1) then
-            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', 'a model has at least one')
-        else if (model%n > largest_n) then
-            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', &
-                'there can be '//to_text(largest_n)//' at most')
-        else if (min(model%n_holonomic, model%n_nonholonomic) < 0) then
-            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
-                to_text(model%n_nonholonomic)//' nonholonomic constraints', 'numbers of constraints are not negative')
-        else if (model%n_holonomic > model%n - model%n_nonholonomic) then
-            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
-                to_text(model%n_nonholonomic)//' nonholonomic constraints on '//to_text(model%n)//' coordinates', &
-                'there are at most as many constraints as coordinates')
-        else
-            allocate (trial(n_matrices*model%n, model%n), stat=stat)
-            if (stat /= 0) call set_error(error, status_invalid_model, 'there is no memory for matrices with n = '// &
-                to_text(model%n), 'make the model smaller, or use a larger machine')
-        end if
-    end subroutine check_sizes
-
-    !> End an operation with a status and a message.
-    subroutine conclude(self, error)
-        class(problem_type), intent(inout) :: self
-        type(error_type), allocatable, intent(in) :: error
-        character(len=:), allocatable :: message
-
-        if (allocated(error)) then
-            self%stat = error%stat
-            allocate (message, source=error%message)
-            call in_words_of(self%model%by_rows, message)
-            call set_message(self, message)
-        else if (self%stat /= status_ok) then
-            self%stat = status_ok
-            call set_message(self, message_of_success)
-        end if
-    end subroutine conclude
-
-    !> End an operation that was asked for in a way that cannot be.
-    subroutine refuse(self, message, advice)
-        class(problem_type), intent(inout) :: self
-        !> What is wrong, and what to do.
-        character(len=*), intent(in) :: message, advice
-        type(error_type), allocatable :: error
-
-        call set_error(error, status_invalid_option, message, advice)
-        call self%conclude(error)
-    end subroutine refuse
-
-    !> False, with a status, while one of the user's procedures is being called.
-    logical function is_free(self)
-        class(problem_type), intent(inout) :: self
-
-        is_free = .not. self%busy
-        if (self%busy) call self%refuse('a procedure of the model uses the problem that calls it', &
-            'call the interface from outside of the model''s procedures')
-    end function is_free
 
     !> False, with a status, where no run was started.
     logical function is_running(self)
@@ -186,183 +56,6 @@ contains
             'call tandem_start or TDSTRT first')
     end function is_running
 
-    !> The model is changed: what runs with it has ended, and must be started anew.
-    subroutine change_model(self)
-        class(problem_type), intent(inout) :: self
-
-        self%started = .false.
-        call succeed(self)
-    end subroutine change_model
-
-    !> The number of a procedure that the user is about to give; 0, with a status, where that cannot be.
-    integer function find_callback(self, name, kind) result(term)
-        class(problem_type), intent(inout) :: self
-        !> Its name, in either case.
-        character(len=*), intent(in) :: name
-        !> Its argument list, see `tandem_legacy_terms`.
-        integer, intent(in) :: kind
-        character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
-
-        term = 0
-        if (.not. self%is_free()) return
-        term = find_term(lower_case(name))
-        if (term > 0) then
-            if (terms(term)%kind /= kind) term = 0
-        end if
-        if (term == 0) then
-            call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
-                'there are '//trim(names_of_kind(kind)))
-        else
-            call self%change_model()
-        end if
-    end function find_callback
-
-    !> Whether `provides` can be that of a fused procedure. Where one is taken back, it may be anything.
-    logical function check_provides(self, provides, has)
-        class(problem_type), intent(inout) :: self
-        !> A sum of need bits.
-        integer, intent(in) :: provides
-        !> Whether a procedure is given.
-        logical, intent(in) :: has
-        integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
-
-        check_provides = self%is_free()
-        if (.not. check_provides) return
-        check_provides = .not. has .or. (provides > 0 .and. iand(provides, not(all_terms)) == 0)
-        if (check_provides) then
-            call self%change_model()
-        else
-            call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
-                'add the constants of the terms that it gives')
-        end if
-    end function check_provides
-
-    subroutine succeed(self)
-        class(problem_type), intent(inout) :: self
-        type(error_type), allocatable :: no_error
-
-        call self%conclude(no_error)
-    end subroutine succeed
-
-    !> Set a real option.
-    subroutine set_real(self, name, value)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        real(wp), intent(in) :: value
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        call set_real_option(self%options, name, value, error)
-        call self%conclude(error)
-    end subroutine set_real
-
-    !> Set an integer option, or whether the mass is constant (not 0).
-    subroutine set_integer(self, name, value)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        integer, intent(in) :: value
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        if (lower_case(name) == 'constant_mass') then
-            self%model%constant_mass = value /= 0
-            call self%change_model()
-        else
-            call set_integer_option(self%options, name, value, error)
-            call self%conclude(error)
-        end if
-    end subroutine set_integer
-
-    !> Set an option that is a word.
-    subroutine set_text(self, name, value)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, value
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        call set_text_option(self%options, name, value, error)
-        call self%conclude(error)
-    end subroutine set_text
-
-    !> Set a list of numbers: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps), mass_blocks (sizes
-    !> of the diagonal blocks of M). No numbers take the list back.
-    subroutine set_vector(self, name, values)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        !> Checked when a run starts.
-        real(wp), intent(in) :: values(:)
-
-        if (.not. self%is_free()) return
-        select case (lower_case(name))
-        case ('coordinate_scale')
-            if (allocated(self%model%coordinate_scale)) deallocate (self%model%coordinate_scale)
-            if (size(values) > 0) self%model%coordinate_scale = values
-        case ('breakpoints')
-            self%model%breakpoints = values
-        case ('nu_jumps')
-            if (allocated(self%model%nu_jumps)) deallocate (self%model%nu_jumps)
-            if (size(values) > 0) self%model%nu_jumps = abs(values) > 0.0_wp
-        case ('mass_blocks')
-            if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
-                call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
-                return
-            end if
-            if (allocated(self%model%mass_blocks)) deallocate (self%model%mass_blocks)
-            if (size(values) > 0) self%model%mass_blocks = nint(values)
-        case default
-            call self%refuse('"'//trim(name)//'" is not a list of numbers', &
-                'there are coordinate_scale, breakpoints, nu_jumps, mass_blocks')
-            return
-        end select
-        call self%change_model()
-    end subroutine set_vector
-
-    !> Name a constraint row, for messages.
-    subroutine set_row_name(self, row, name)
-        class(problem_type), intent(inout) :: self
-        !> Row of C from 1 on, holonomic rows first.
-        integer, intent(in) :: row
-        character(len=*), intent(in) :: name
-        character(len=label_length), allocatable :: names(:)
-        integer :: i, rows
-
-        if (.not. self%is_free()) return
-        associate (model => self%model)
-            rows = 0
-            if (self%sizes_can_be) rows = model%n_constraints()
-            if (row < 1 .or. row > rows) then
-                call self%refuse('there is no such constraint row', 'the model has '//to_text(rows))
-                return
-            end if
-            allocate (names(rows))
-            do i = 1, rows
-                names(i) = model%row_name(i)
-            end do
-            names(row) = name
-            model%holonomic_name = names(:model%n_holonomic)
-            model%nonholonomic_name = names(model%n_holonomic + 1:)
-        end associate
-        call succeed(self)
-    end subroutine set_row_name
-
-    !> Compare the procedures with differences of each other near (t, q, qd). A run that is under way does not notice.
-    subroutine check(self, t, q, qd)
-        class(problem_type), intent(inout) :: self
-        !> Time, coordinates and velocities (n).
-        real(wp), intent(in) :: t, q(*), qd(*)
-        type(error_type), allocatable :: error
-
-        if (.not. self%is_free()) return
-        call check_sizes(self%model, error)
-        if (.not. allocated(error)) then
-            call self%model%prepare()
-            self%busy = .true.
-            call compare_procedures(self%model, t, q(:self%model%n), qd(:self%model%n), error)
-            self%busy = .false.
-        end if
-        call self%conclude(error)
-    end subroutine check
-
     !> Start a run at (t, q, qd) with the options of now.
     subroutine start(self, t, q, qd)
         class(problem_type), intent(inout) :: self
@@ -372,6 +65,7 @@ contains
 
         if (.not. self%is_free()) return
         self%started = .false.
+        call self%watch%forget()
         call check_sizes(self%model, error)
         if (.not. allocated(error)) then
             call self%model%prepare()
@@ -379,11 +73,13 @@ contains
             call self%simulation%initialize(self%model, self%options, t, q(:self%model%n), qd(:self%model%n), error)
             self%busy = .false.
             self%started = .not. allocated(error)
+            if (self%started) call self%events%watch(self%simulation)
         end if
         call self%conclude(error)
     end subroutine start
 
-    !> Integrate to t_end. To be there already is no error: loops over times of output begin with the start.
+    !> Integrate to t_end, or to an event that stops the run. To be there already is no error: loops over times of output begin with
+    !> the start.
     subroutine integrate(self, t_end)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
@@ -391,12 +87,12 @@ contains
 
         if (.not. self%is_running()) return
         if (abs(t_end - self%simulation%state%t) <= 0.0_wp) then
-            call succeed(self)
+            call self%succeed()
             return
         end if
         self%busy = .true.
         call self%simulation%look_back()
-        call self%simulation%integrate(t_end, error)
+        call self%watch%integrate(self%simulation, t_end, error)
         self%busy = .false.
         call self%conclude(error)
     end subroutine integrate
@@ -414,10 +110,33 @@ contains
             return
         end if
         self%busy = .true.
-        call self%simulation%step(t_limit, error)
+        call self%watch%step(self%simulation, t_limit, error)
         self%busy = .false.
         call self%conclude(error)
     end subroutine step
+
+    !> Watch the run, which stands at its start, so that its error at t_end can be estimated there.
+    subroutine watch_error(self, t_end)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t_end
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        call self%watch%begin(self%simulation, t_end, error)
+        call self%conclude(error)
+    end subroutine watch_error
+
+    !> Estimate the error of the run that was watched, by a second one.
+    subroutine estimate_error(self)
+        class(problem_type), intent(inout) :: self
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_running()) return
+        self%busy = .true.
+        call self%watch%estimate(self%model, self%simulation, error)
+        self%busy = .false.
+        call self%conclude(error)
+    end subroutine estimate_error
 
     !> The state at the end of the last accepted step, or the start. What is not present is not given.
     subroutine get_state(self, t, q, qd, qdd)
@@ -429,7 +148,7 @@ contains
         if (.not. self%is_running()) return
         if (present(t)) t = self%simulation%state%t
         call copy_state(self, q, qd, qdd)
-        call succeed(self)
+        call self%succeed()
     end subroutine get_state
 
     !> The current state without a change of status, where there is one: what was reached before a failure.
@@ -521,9 +240,61 @@ contains
 
         value = 0.0_wp
         if (.not. self%is_running()) return
-        call get_figure(self%simulation, name, value, error)
+        call get_figure(self%simulation, self%watch%global_error, name, value, error)
         call self%conclude(error)
     end subroutine get_statistic
+
+    !> How many events were recorded so far.
+    subroutine count_events(self, n)
+        class(problem_type), intent(inout) :: self
+        integer, intent(out) :: n
+
+        n = 0
+        if (.not. self%is_running()) return
+        n = self%simulation%n_events
+        call self%succeed()
+    end subroutine count_events
+
+    !> One of the events that were recorded. What is not present is not given.
+    subroutine get_event(self, i, number, direction, t, q, qd)
+        class(problem_type), intent(inout) :: self
+        !> Its place in the order of time, from 1 on.
+        integer, intent(in) :: i
+        !> Which one it is, from 1 on, and its direction: 1, -1, or 0 where the function touched zero or was zero at the start.
+        integer, intent(out) :: number, direction
+        real(wp), intent(out) :: t
+        !> Coordinates and velocities (n).
+        real(wp), intent(inout), optional :: q(*), qd(*)
+
+        number = 0
+        direction = 0
+        t = 0.0_wp
+        if (.not. self%is_running()) return
+        if (i < 1 .or. i > self%simulation%n_events) then
+            call self%refuse('there is no such event', 'the run has recorded '//to_text(self%simulation%n_events))
+            return
+        end if
+        associate (event => self%simulation%events(i), n => self%model%n)
+            number = event%number
+            direction = event%direction
+            t = event%t
+            if (present(q)) q(:n) = event%q
+            if (present(qd)) qd(:n) = event%qd
+        end associate
+        call self%succeed()
+    end subroutine get_event
+
+    !> Which event has stopped the run where it stands now.
+    subroutine get_stop(self, number)
+        class(problem_type), intent(inout) :: self
+        !> From 1 on; 0 for none.
+        integer, intent(out) :: number
+
+        number = 0
+        if (.not. self%is_running()) return
+        number = self%events%stopped_by(self%simulation)
+        call self%succeed()
+    end subroutine get_stop
 
     !> How many warnings the run has so far; 0 where there is no run.
     subroutine count_warnings(self, n)
@@ -533,9 +304,9 @@ contains
 
         n = 0
         if (.not. self%is_running()) return
-        call find_warnings(self%simulation, warnings)
+        call find_warnings(self%simulation, self%watch, warnings)
         n = size(warnings)
-        call succeed(self)
+        call self%succeed()
     end subroutine count_warnings
 
     !> One of the warnings.
@@ -549,14 +320,14 @@ contains
 
         text = ''
         if (.not. self%is_running()) return
-        call find_warnings(self%simulation, warnings)
+        call find_warnings(self%simulation, self%watch, warnings)
         if (i < 1 .or. i > size(warnings)) then
             call self%refuse('there is no such warning', 'the run has '//to_text(size(warnings)))
             return
         end if
         text = trim(warnings(i)%text)
         call in_words_of(self%model%by_rows, text)
-        call succeed(self)
+        call self%succeed()
     end subroutine get_warning
 
     !> All that the run remembers, as a row of numbers.
@@ -578,21 +349,9 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_running()) return
+        call self%watch%forget()
         call self%simulation%restore_state(words, error)
         self%started = .not. allocated(error)
         call self%conclude(error)
     end subroutine restore_state
-
-    !> Keep a message as C reads it, as far as there is room.
-    subroutine set_message(self, text)
-        class(problem_type), intent(inout) :: self
-        character(len=*), intent(in) :: text
-        integer :: i, length
-
-        length = min(len(text), message_length)
-        do i = 1, length
-            self%message(i) = text(i:i)
-        end do
-        self%message(length + 1) = c_null_char
-    end subroutine set_message
 end module tandem_legacy_problem

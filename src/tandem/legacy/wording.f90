@@ -9,13 +9,13 @@ module tandem_legacy_wording
 
     !> A phrase, and what stands for it in C and in Fortran 77.
     type :: phrase_type
-        character(len=56) :: modern
+        character(len=64) :: modern
         character(len=64) :: c, f77
     end type phrase_type
 
     character(len=*), parameter :: or_unset = ' or set not all of its value'
-    type(phrase_type), parameter :: phrases(13) = [ &
-        phrase_type(', or let the start be assembled', '', ''), &
+    type(phrase_type), parameter :: phrases(16) = [ &
+        phrase_type('let the start be assembled', 'move them by tandem_assemble', 'move them by TDASSM'), &
         phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
         phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &
             'give it by TDPOS, TDMOT or TDEVAL'), &
@@ -28,10 +28,17 @@ module tandem_legacy_wording
             'give what TDSAVE of this version gave'), &
         phrase_type('set the simulation up as the one that was saved', 'set the problem up as the one that was saved', &
             'set the problem up as the one that was saved'), &
-        phrase_type('the same model, options, start and events', 'the same model and options', 'the same model and options'), &
+        phrase_type('the same model, options, start and events', 'the same model, options and events', &
+            'the same model, options and events'), &
+        phrase_type('give this object to integrate as the observer of the whole run', &
+            'integrate to the end that tandem_watch_error was given', 'integrate to the end that TDWERR was given'), &
+        phrase_type('tandem_watch_error or TDWERR', 'tandem_watch_error', 'TDWERR'), &
         ! A value that is left as it was is noticed only where it comes from another language.
         phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
             'a model procedure asked to stop'//or_unset), &
+        ! So is one with a status that means nothing, as it comes from an exception in Python.
+        phrase_type('could not be evaluated at a point', 'could not be evaluated'//or_unset//' at a point', &
+            'could not be evaluated'//or_unset//' at a point'), &
         phrase_type('returned a negative status', 'returned a negative status'//or_unset, 'returned a negative status'//or_unset)]
 
 contains

@@ -57,7 +57,7 @@ contains
         call reader%count('stiff_steps', s%stiff_steps)
         call reader%count('charts', s%charts)
         do i = 1, n_reasons
-            call reader%count(trim('charts_by_'//as_name(reason_name(i))), s%charts_by(i))
+            call reader%count('charts_by_'//trim(as_name(reason_name(i))), s%charts_by(i))
         end do
         call reader%count('right_hand_sides', s%right_hand_sides)
         do i = 1, n_terms

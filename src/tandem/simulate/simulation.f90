@@ -25,7 +25,7 @@ module tandem_simulation
         status_position_diverged, status_rank_deficient, status_singular_mass, status_step_limit, status_step_underflow, &
         status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
-    use tandem_stepper_factory, only: check_stepper, new_stepper
+    use tandem_stepper_factory, only: new_stepper
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
@@ -370,8 +370,6 @@ contains
             call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
             return
         end if
-        call check_stepper(options%stepper, error)
-        if (allocated(error)) return
         call new_stepper(options%stepper, self%stepper)
         self%model => model
         self%options = options

@@ -1,0 +1,385 @@
+! SPDX-License-Identifier: MIT
+!> What a caller of the C or the Fortran 77 interface has said of a problem: its model, what was chosen, the events; and the status
+!> and the message that every operation leaves. `tandem_legacy_problem` adds the run.
+module tandem_legacy_description
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_comparison, only: compare_procedures
+    use tandem_legacy_events, only: event_list_type
+    use tandem_legacy_settings, only: lower_case, set_option, take_flags, take_list
+    use tandem_legacy_terms, only: find_term, names_of_kind, terms
+    use tandem_legacy_wording, only: in_words_of
+    use tandem_model, only: label_length
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_options, only: options_type
+    use tandem_simulate_assembly, only: assemble, assembly_type
+    use tandem_status, only: status_invalid_model, status_invalid_option, status_ok
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_funptr, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: description_type, check_sizes, message_of_no_problem, message_length
+
+    !> The message where there is no problem to keep one.
+    character(len=*), parameter :: message_of_no_problem = &
+        'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
+    character(len=*), parameter :: message_of_success = 'ok: all went well'
+    !> More characters than any message takes; what is behind them is cut.
+    integer, parameter :: message_length = 2047
+    !> Matrices of more rows than this cannot be counted by default integers.
+    integer, parameter :: largest_n = 32767
+    !> A run keeps about so many matrices of n rows and columns.
+    integer, parameter :: n_matrices = 20
+
+    type :: description_type
+        !> The user's model.
+        class(callback_model_type), pointer :: model => null()
+        !> What was chosen; counts from the next start on.
+        type(options_type) :: options
+        !> What is asked of a start that is assembled.
+        type(assembly_type), private :: assembly
+        type(event_list_type) :: events
+        !> Status of the last operation.
+        integer :: stat = status_ok
+        !> Message of the last operation, ended by a NUL. It never moves: callers of C keep its address, and `printf` may be handed
+        !> the address before the operation that the message is of.
+        character(kind=c_char) :: message(message_length + 1) = c_null_char
+        logical, private :: sizes_can_be = .false.
+        !> Whether there is a run; a change of the model ends it.
+        logical :: started = .false.
+        !> True while the user's procedures may be called: what those use must not change. To be read only.
+        logical :: busy = .false.
+    contains
+        procedure :: set_up
+        procedure :: release
+        procedure :: refuse
+        procedure :: set_procedure
+        procedure :: set_evaluate
+        procedure :: set => set_named
+        procedure :: set_vector
+        procedure :: set_row_name
+        procedure :: add_event
+        procedure :: clear_events
+        procedure :: check
+        procedure :: assemble => assemble_start
+        procedure :: conclude
+        procedure :: succeed
+        procedure :: is_free
+        procedure, private :: change_model
+    end type description_type
+
+contains
+
+    !> Make a problem of a model without procedures. The status tells whether the sizes can be.
+    subroutine set_up(self, model, n, n_holonomic, n_nonholonomic)
+        class(description_type), intent(inout) :: self
+        !> Now the problem's.
+        class(callback_model_type), pointer, intent(in) :: model
+        !> Numbers of coordinates, holonomic and nonholonomic constraints.
+        integer, intent(in) :: n, n_holonomic, n_nonholonomic
+        type(error_type), allocatable :: error
+
+        self%model => model
+        model%n = n
+        model%n_holonomic = n_holonomic
+        model%n_nonholonomic = n_nonholonomic
+        call set_message(self, message_of_success)
+        call check_sizes(model, error)
+        self%sizes_can_be = .not. allocated(error)
+        call self%conclude(error)
+    end subroutine set_up
+
+    !> Give everything back; false where a procedure of the user asks for it while it is called.
+    logical function release(self)
+        class(description_type), intent(inout) :: self
+
+        release = self%is_free()
+        if (.not. release .or. .not. associated(self%model)) return
+        call self%events%release()
+        call self%model%release()
+        deallocate (self%model)
+    end function release
+
+    !> Refuse sizes for which not even the work space can be allocated.
+    subroutine check_sizes(model, error)
+        class(callback_model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: trial(:, :)
+        integer :: stat
+
+        if (model%n < 1) then
+            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', 'a model has at least one')
+        else if (model%n > largest_n) then
+            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', &
+                'there can be '//to_text(largest_n)//' at most')
+        else if (min(model%n_holonomic, model%n_nonholonomic) < 0) then
+            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
+                to_text(model%n_nonholonomic)//' nonholonomic constraints', 'numbers of constraints are not negative')
+        else if (model%n_holonomic > model%n - model%n_nonholonomic) then
+            call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
+                to_text(model%n_nonholonomic)//' nonholonomic constraints on '//to_text(model%n)//' coordinates', &
+                'there are at most as many constraints as coordinates')
+        else
+            allocate (trial(n_matrices*model%n, model%n), stat=stat)
+            if (stat /= 0) call set_error(error, status_invalid_model, 'there is no memory for matrices with n = '// &
+                to_text(model%n), 'make the model smaller, or use a larger machine')
+        end if
+    end subroutine check_sizes
+
+    !> End an operation with a status and a message.
+    subroutine conclude(self, error)
+        class(description_type), intent(inout) :: self
+        type(error_type), allocatable, intent(in) :: error
+        character(len=:), allocatable :: message
+
+        if (allocated(error)) then
+            self%stat = error%stat
+            allocate (message, source=error%message)
+            call in_words_of(self%model%by_rows, message)
+            call set_message(self, message)
+        else if (self%stat /= status_ok) then
+            self%stat = status_ok
+            call set_message(self, message_of_success)
+        end if
+    end subroutine conclude
+
+    !> End an operation that was asked for in a way that cannot be.
+    subroutine refuse(self, message, advice)
+        class(description_type), intent(inout) :: self
+        !> What is wrong, and what to do.
+        character(len=*), intent(in) :: message, advice
+        type(error_type), allocatable :: error
+
+        call set_error(error, status_invalid_option, message, advice)
+        call self%conclude(error)
+    end subroutine refuse
+
+    !> False, with a status, while one of the user's procedures is being called.
+    logical function is_free(self)
+        class(description_type), intent(inout) :: self
+
+        is_free = .not. self%busy
+        if (self%busy) call self%refuse('a procedure of the model uses the problem that calls it', &
+            'call the interface from outside of the model''s procedures')
+    end function is_free
+
+    !> The model is changed: what runs with it has ended, and must be started anew.
+    subroutine change_model(self)
+        class(description_type), intent(inout) :: self
+
+        self%started = .false.
+        call self%succeed()
+    end subroutine change_model
+
+    !> Give a procedure of the model.
+    subroutine set_procedure(self, name, kind, address)
+        class(description_type), intent(inout) :: self
+        !> Its name, in either case.
+        character(len=*), intent(in) :: name
+        !> Its argument list, see `tandem_legacy_terms`.
+        integer, intent(in) :: kind
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
+        character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
+        integer :: term
+
+        if (.not. self%is_free()) return
+        term = find_term(lower_case(name))
+        if (term > 0) then
+            if (terms(term)%kind /= kind) term = 0
+        end if
+        if (term == 0) then
+            call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
+                'there are '//trim(names_of_kind(kind)))
+        else
+            call self%model%set_callback(term, address)
+            call self%change_model()
+        end if
+    end subroutine set_procedure
+
+    !> Give a procedure of several terms.
+    subroutine set_evaluate(self, address, provides)
+        class(description_type), intent(inout) :: self
+        !> Null takes it back.
+        type(c_funptr), intent(in) :: address
+        !> What it gives, a sum of need bits; anything where it is taken back.
+        integer, intent(in) :: provides
+        integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
+
+        if (.not. self%is_free()) return
+        if (c_associated(address) .and. (provides <= 0 .or. iand(provides, not(all_terms)) /= 0)) then
+            call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
+                'add the constants of the terms that it gives')
+        else
+            call self%model%set_fused(address, provides)
+            call self%change_model()
+        end if
+    end subroutine set_evaluate
+
+    !> End an operation that went well.
+    subroutine succeed(self)
+        class(description_type), intent(inout) :: self
+        type(error_type), allocatable :: no_error
+
+        call self%conclude(no_error)
+    end subroutine succeed
+
+    !> Set an option to one of a number, an integer and a word; or constant_mass, which is the model's, to an integer that is not 0;
+    !> or what is asked of a start that is assembled.
+    subroutine set_named(self, name, number, whole, word)
+        class(description_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in), optional :: number
+        integer, intent(in), optional :: whole
+        character(len=*), intent(in), optional :: word
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        if (present(whole) .and. lower_case(name) == 'constant_mass') then
+            self%model%constant_mass = whole /= 0
+            call self%change_model()
+        else
+            call set_option(self%options, self%assembly, name, error, number, whole, word)
+            call self%conclude(error)
+        end if
+    end subroutine set_named
+
+    !> Set a list of numbers of the model: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps),
+    !> mass_blocks (sizes of the diagonal blocks of M); of a start that is assembled: weight_q, weight_qd, fixed_q, fixed_qd (n; not
+    !> 0 means that it stays); or of the options. No numbers take the list back.
+    subroutine set_vector(self, name, values)
+        class(description_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        !> Checked when a run starts, or a start is assembled.
+        real(wp), intent(in) :: values(:)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        select case (lower_case(name))
+        case ('coordinate_scale'); call take_list(values, self%model%coordinate_scale)
+        case ('breakpoints'); self%model%breakpoints = values
+        case ('nu_jumps'); call take_flags(values, self%model%nu_jumps)
+        case ('mass_blocks')
+            if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
+                call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
+                return
+            end if
+            if (allocated(self%model%mass_blocks)) deallocate (self%model%mass_blocks)
+            if (size(values) > 0) self%model%mass_blocks = nint(values)
+        case default
+            call set_option(self%options, self%assembly, name, error, list=values)
+            call self%conclude(error)
+            return
+        end select
+        call self%change_model()
+    end subroutine set_vector
+
+    !> Name a constraint row, for messages.
+    subroutine set_row_name(self, row, name)
+        class(description_type), intent(inout) :: self
+        !> Row of C from 1 on, holonomic rows first.
+        integer, intent(in) :: row
+        character(len=*), intent(in) :: name
+        character(len=label_length), allocatable :: names(:)
+        integer :: i, rows
+
+        if (.not. self%is_free()) return
+        associate (model => self%model)
+            rows = 0
+            if (self%sizes_can_be) rows = model%n_constraints()
+            if (row < 1 .or. row > rows) then
+                call self%refuse('there is no such constraint row', 'the model has '//to_text(rows))
+                return
+            end if
+            allocate (names(rows))
+            do i = 1, rows
+                names(i) = model%row_name(i)
+            end do
+            names(row) = name
+            model%holonomic_name = names(:model%n_holonomic)
+            model%nonholonomic_name = names(model%n_holonomic + 1:)
+        end associate
+        call self%succeed()
+    end subroutine set_row_name
+
+    !> Ask for one more event, which counts from the next start on.
+    subroutine add_event(self, name, direction, stops, quantity, index, value, function_)
+        class(description_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        !> +1 where it rises, -1 where it falls, 0 both; not 0: the run ends there.
+        integer, intent(in) :: direction, stops
+        !> What is watched, its entry from 1 on, and its value; or a function.
+        character(len=*), intent(in), optional :: quantity
+        integer, intent(in), optional :: index
+        real(wp), intent(in), optional :: value
+        type(c_funptr), intent(in), optional :: function_
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call self%events%add(self%model, name, direction, stops /= 0, error, quantity, index, value, function_)
+        call self%conclude(error)
+    end subroutine add_event
+
+    !> Ask for no events from the next start on.
+    subroutine clear_events(self)
+        class(description_type), intent(inout) :: self
+
+        if (.not. self%is_free()) return
+        call self%events%clear()
+        call self%succeed()
+    end subroutine clear_events
+
+    !> Compare the procedures with differences of each other near (t, q, qd). A run that is under way does not notice.
+    subroutine check(self, t, q, qd)
+        class(description_type), intent(inout) :: self
+        !> Time, coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(*), qd(*)
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            self%busy = .true.
+            call compare_procedures(self%model, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+        end if
+        call self%conclude(error)
+    end subroutine check
+
+    !> Move (q, qd) to the nearest state at t that satisfies the constraints. A run that is under way does not notice.
+    subroutine assemble_start(self, t, q, qd)
+        class(description_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Coordinates and velocities (n); unchanged where there is no such state, or none near enough.
+        real(wp), intent(inout) :: q(*), qd(*)
+        type(error_type), allocatable :: error
+        integer :: segment
+
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            segment = self%model%segment
+            self%busy = .true.
+            call assemble(self%model, self%assembly, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+            self%model%segment = segment
+        end if
+        call self%conclude(error)
+    end subroutine assemble_start
+
+    !> Keep a message as C reads it, as far as there is room.
+    subroutine set_message(self, text)
+        class(description_type), intent(inout) :: self
+        character(len=*), intent(in) :: text
+        integer :: i, length
+
+        length = min(len(text), message_length)
+        do i = 1, length
+            self%message(i) = text(i:i)
+        end do
+        self%message(length + 1) = c_null_char
+    end subroutine set_message
+end module tandem_legacy_description

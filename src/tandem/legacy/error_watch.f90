@@ -1,0 +1,127 @@
+! SPDX-License-Identifier: MIT
+!> The error of a run of a caller from another language by a second, more accurate one: the run is watched from its start to an end
+!> that is known before, however many calls it takes, then the second one is made.
+module tandem_legacy_error_watch
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_simulate_global_error, only: global_error_type
+    use tandem_simulate_statistics, only: statistics_type
+    use tandem_simulation, only: at_end, at_step, simulation_type
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: error_watch_type
+
+    !> What is known of the error of a run.
+    type :: error_watch_type
+        type(global_error_type) :: global_error
+        !> Why the second run has failed.
+        type(error_type), allocatable :: failure
+        !> Whether the run is watched and has not reached the end yet; where that is.
+        logical, private :: is_on = .false.
+        real(wp), private :: t_end = 0.0_wp
+        !> Whether it was watched from its start on, and that (n).
+        logical, private :: has_begun = .false.
+        real(wp), allocatable, private :: q(:), qd(:)
+    contains
+        procedure :: begin
+        procedure :: forget
+        procedure :: integrate
+        procedure :: step
+        procedure :: estimate
+    end type error_watch_type
+
+contains
+
+    !> Watch a run that stands at its start.
+    subroutine begin(self, simulation, t_end, error)
+        class(error_watch_type), intent(inout) :: self
+        type(simulation_type), intent(in) :: simulation
+        !> Where the errors are to be known.
+        real(wp), intent(in) :: t_end
+        type(error_type), allocatable, intent(out) :: error
+        type(statistics_type) :: statistics
+
+        statistics = simulation%statistics()
+        if (statistics%steps > 0) then
+            call set_error(error, status_invalid_option, 'the run has left its start already', 'start it anew')
+        else if (.not. (t_end > simulation%state%t .and. ieee_is_finite(t_end))) then
+            call set_error(error, status_invalid_option, 'the end must be finite and after the start', 'choose a later end')
+        else
+            call self%forget()
+            call self%global_error%initialize(size(simulation%state%q), simulation%state%t, t_end)
+            self%q = simulation%state%q
+            self%qd = simulation%state%qd
+            self%t_end = t_end
+            self%is_on = .true.
+            self%has_begun = .true.
+        end if
+    end subroutine begin
+
+    !> There is another run, or none.
+    subroutine forget(self)
+        class(error_watch_type), intent(inout) :: self
+
+        self%is_on = .false.
+        self%has_begun = .false.
+        self%global_error%is_known = .false.
+        if (allocated(self%failure)) deallocate (self%failure)
+    end subroutine forget
+
+    !> Integrate to t_end; a run that is watched to an earlier one ends a step there.
+    subroutine integrate(self, simulation, t_end, error)
+        class(error_watch_type), intent(inout) :: self
+        type(simulation_type), intent(inout) :: simulation
+        real(wp), intent(in) :: t_end
+        type(error_type), allocatable, intent(out) :: error
+
+        if (self%is_on) then
+            call simulation%integrate(min(t_end, self%t_end), error, self%global_error)
+            self%is_on = simulation%state%t < self%t_end
+            if (allocated(error) .or. simulation%is_stopped .or. .not. simulation%state%t < t_end) return
+        end if
+        call simulation%integrate(t_end, error)
+    end subroutine integrate
+
+    !> One step that does not pass t_limit, nor the end to which the run is watched.
+    subroutine step(self, simulation, t_limit, error)
+        class(error_watch_type), intent(inout) :: self
+        type(simulation_type), intent(inout) :: simulation
+        real(wp), intent(in) :: t_limit
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. self%is_on) then
+            call simulation%step(t_limit, error)
+            return
+        end if
+        call simulation%step(min(t_limit, self%t_end), error)
+        if (allocated(error)) return
+        call self%global_error%observe(simulation, at_step, error)
+        self%is_on = simulation%state%t < self%t_end
+        if (.not. (self%is_on .or. allocated(error))) call self%global_error%observe(simulation, at_end, error)
+    end subroutine step
+
+    !> Make the second run; what goes on with the first one does not notice.
+    subroutine estimate(self, model, simulation, error)
+        class(error_watch_type), intent(inout) :: self
+        !> That of the run.
+        class(callback_model_type), intent(inout), target :: model
+        type(simulation_type), intent(in) :: simulation
+        !> invalid_option where the run was not watched or is not at the end yet; why the second one failed.
+        type(error_type), allocatable, intent(out) :: error
+        integer :: segment
+
+        if (.not. self%has_begun) then
+            call set_error(error, status_invalid_option, 'the run was not watched from its start on', &
+                'call tandem_watch_error or TDWERR there')
+            return
+        end if
+        segment = model%segment
+        call self%global_error%estimate(model, simulation%options, self%q, self%qd, error)
+        model%segment = segment
+        if (allocated(error)) self%failure = error
+    end subroutine estimate
+end module tandem_legacy_error_watch

@@ -1,0 +1,163 @@
+! SPDX-License-Identifier: MIT
+!> Events of a caller from another language: a coordinate, a velocity or a multiplier that reaches a value, or a function of the
+!> caller's that passes through zero. They are recorded or stop the run.
+module tandem_legacy_events
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_legacy_settings, only: lower_case
+    use tandem_model, only: label_length
+    use tandem_simulate_event, only: threshold_event_type
+    use tandem_simulation, only: simulation_type
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use, intrinsic :: iso_c_binding, only: c_associated, c_funptr, c_null_funptr
+    implicit none (type, external)
+    private
+
+    public :: event_list_type
+
+    !> What can be watched.
+    character(len=6), parameter :: quantities(3) = [character(len=6) :: 'q', 'qd', 'lambda']
+
+    !> A threshold, or a function where there is one.
+    type, extends(threshold_event_type) :: callback_event_type
+        class(callback_model_type), pointer :: model => null()
+        type(c_funptr) :: function_ = c_null_funptr
+    contains
+        procedure :: evaluate
+    end type callback_event_type
+
+    !> What was asked for, which counts from the next start on, and what the run watches, which does not move.
+    type :: event_list_type
+        type(callback_event_type), allocatable, private :: wanted(:)
+        type(callback_event_type), pointer, private :: watched(:) => null()
+    contains
+        procedure :: add
+        procedure :: clear
+        procedure :: watch
+        procedure :: release
+        procedure :: stopped_by
+    end type event_list_type
+
+contains
+
+    !> Ask for one more event: a quantity, its entry and a value, or a function.
+    subroutine add(self, model, name, direction, stops, error, quantity, index, value, function_)
+        class(event_list_type), intent(inout) :: self
+        class(callback_model_type), pointer, intent(in) :: model
+        !> Of its own.
+        character(len=*), intent(in) :: name
+        !> See `event_type`.
+        integer, intent(in) :: direction
+        logical, intent(in) :: stops
+        !> invalid_option where it cannot be.
+        type(error_type), allocatable, intent(out) :: error
+        !> See `threshold_event_type`; in either case.
+        character(len=*), intent(in), optional :: quantity
+        integer, intent(in), optional :: index
+        real(wp), intent(in), optional :: value
+        !> A procedure of time, position and velocity.
+        type(c_funptr), intent(in), optional :: function_
+        type(callback_event_type) :: event
+        integer :: n
+
+        if (.not. allocated(self%wanted)) allocate (self%wanted(0))
+        event%model => model
+        event%name = name
+        event%direction = direction
+        event%stops = stops
+        if (name == '') then
+            call refuse('the event has no name', 'give it one')
+        else if (len_trim(name) > label_length) then
+            call refuse('the name of the event "'//trim(name)//'" is too long', &
+                'use '//to_text(label_length)//' characters at most')
+        else if (any(self%wanted%name == event%name)) then
+            call refuse('"'//trim(name)//'" is the name of another event', 'give it another one')
+        else if (all(direction /= [-1, 0, 1])) then
+            call refuse('the direction '//to_text(direction)//' of the event "'//trim(name)//'" is unknown', &
+                'use 1 where it rises, -1 where it falls, 0 for both')
+        else if (present(function_)) then
+            event%function_ = function_
+            if (.not. c_associated(function_)) call refuse('the event "'//trim(name)//'" has no function', 'give it one')
+        else if (all(lower_case(quantity) /= quantities)) then
+            call refuse('the quantity "'//trim(quantity)//'" of the event "'//trim(name)//'" is unknown', 'use q, qd or lambda')
+        else
+            event%quantity = lower_case(quantity)
+            event%index = index
+            event%value = value
+            n = model%n
+            if (event%quantity == 'lambda') n = model%n_constraints()
+            if (index < 1 .or. index > n) then
+                call refuse('the event "'//trim(name)//'" watches an entry of '//trim(event%quantity)//' that there is not', &
+                    'it has '//to_text(n)//' entries')
+            else if (.not. ieee_is_finite(value)) then
+                call refuse('the value of the event "'//trim(name)//'" is not finite', 'give a finite number')
+            end if
+        end if
+        if (.not. allocated(error)) self%wanted = [self%wanted, event]
+    contains
+        subroutine refuse(message, advice)
+            character(len=*), intent(in) :: message, advice
+
+            call set_error(error, status_invalid_option, message, advice)
+        end subroutine refuse
+    end subroutine add
+
+    !> Ask for no events any more.
+    subroutine clear(self)
+        class(event_list_type), intent(inout) :: self
+
+        if (allocated(self%wanted)) deallocate (self%wanted)
+    end subroutine clear
+
+    !> Let a run that has just been started watch what is asked for; it and the run before watch nothing else any more.
+    subroutine watch(self, simulation)
+        class(event_list_type), intent(inout) :: self
+        type(simulation_type), intent(inout) :: simulation
+        integer :: i
+
+        call self%release()
+        if (.not. allocated(self%wanted)) return
+        allocate (self%watched, source=self%wanted)
+        do i = 1, size(self%watched)
+            call simulation%add_event(self%watched(i))
+        end do
+    end subroutine watch
+
+    !> Forget what a run watches that has ended.
+    subroutine release(self)
+        class(event_list_type), intent(inout) :: self
+
+        if (associated(self%watched)) deallocate (self%watched)
+        self%watched => null()
+    end subroutine release
+
+    !> The number of the event that has stopped the run; 0 where none has.
+    integer function stopped_by(self, simulation)
+        class(event_list_type), intent(in) :: self
+        type(simulation_type), intent(in) :: simulation
+
+        stopped_by = 0
+        if (.not. (simulation%is_stopped .and. associated(self%watched))) return
+        do stopped_by = size(self%watched), 1, -1
+            if (self%watched(stopped_by)%name == simulation%stopped_by) return
+        end do
+    end function stopped_by
+
+    !> The caller's function, or the quantity less the value.
+    subroutine evaluate(self, t, q, qd, lambda, value, stat)
+        class(callback_event_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+        real(wp) :: values(1)
+
+        if (c_associated(self%function_)) then
+            call self%model%take_function(self%function_, t, q, qd, values, stat)
+            value = values(1)
+        else
+            call self%threshold_event_type%evaluate(t, q, qd, lambda, value, stat)
+        end if
+    end subroutine evaluate
+end module tandem_legacy_events
