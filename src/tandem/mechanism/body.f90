@@ -9,7 +9,7 @@ module tandem_mechanism_body
     implicit none (type, external)
     private
 
-    public :: body_type, point_type, set_mass, add_gyroscopic, differentiate_inertia
+    public :: body_type, point_type, set_mass, add_gyroscopic, differentiate_inertia, kinetic_energy_of
 
     !> A rigid body, or a point mass where it does not turn. In the plane the third entries of vectors are the turn's.
     type :: body_type
@@ -58,6 +58,22 @@ contains
             end if
         end if
     end subroutine set_mass
+
+    !> The kinetic energy of a body; its pose has rates.
+    pure real(wp) function kinetic_energy_of(body, pose) result(energy)
+        type(body_type), intent(in) :: body
+        type(pose_type), intent(in) :: pose
+        real(wp) :: w(3)
+
+        energy = body%mass*(pose%r(1, 1)**2 + pose%r(2, 1)**2 + pose%r(3, 1)**2)
+        if (pose%n_turn == 1) then
+            energy = energy + body%inertia(3, 3)*pose%p(1, 1)**2
+        else if (pose%n_turn == 4) then
+            w = 2*g_product(pose%p(:, 0), pose%p(:, 1))
+            energy = energy + dot_product(w, times(body%inertia, w))
+        end if
+        energy = energy/2
+    end function kinetic_energy_of
 
     !> J x.
     pure function times(j, x) result(y)

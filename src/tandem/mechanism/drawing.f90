@@ -14,6 +14,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_joint, only: find_kind, joint_type, kind_names, kind_type, name_length
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
+    use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_vector, only: cross, frame_along
@@ -56,6 +57,7 @@ module tandem_mechanism_drawing
         type(load_type), allocatable :: loads(:)
         type(edge_type), allocatable :: edges(:)
         type(roller_type), allocatable :: rollers(:)
+        type(sensor_type), allocatable :: sensors(:)
         !> Names and units of the rows so far, at position level without those of Euler parameters, and at velocity level.
         character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:)
         !> The names of all elements.
@@ -71,6 +73,10 @@ module tandem_mechanism_drawing
         procedure :: add_knife_edge
         procedure :: add_rolling_disk
         procedure :: add_rolling_sphere
+        procedure :: add_point_sensor
+        procedure :: add_joint_sensor
+        procedure :: add_distance_sensor
+        procedure :: add_energy_sensor
         procedure :: clear
         procedure :: find_body
         procedure, private :: check_name
@@ -197,6 +203,42 @@ module tandem_mechanism_drawing
             real(wp), intent(in), optional :: normal(:), height
             logical, intent(in), optional :: open
         end subroutine add_rolling_sphere
+
+        !> A sensor of a point: where it is, with velocity and acceleration.
+        module subroutine add_point_sensor(self, name, on, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, by which files call it, and the body or the point of it.
+            character(len=*), intent(in) :: name, on
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_point_sensor
+
+        !> A sensor of a joint's coordinate: how far its second side has slid and turned, turns counted, and how fast.
+        module subroutine add_joint_sensor(self, name, joint, error, zero)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the joint's: revolute, prismatic, cylindrical or point_on_line.
+            character(len=*), intent(in) :: name, joint
+            type(error_type), allocatable, intent(out) :: error
+            !> What it shows in the drawing (rad or m, default 0).
+            real(wp), intent(in), optional :: zero
+        end subroutine add_joint_sensor
+
+        !> A sensor of the distance of two points, with its rate.
+        module subroutine add_distance_sensor(self, name, first, second, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_distance_sensor
+
+        !> A sensor of the kinetic and the potential energy of the whole mechanism.
+        module subroutine add_energy_sensor(self, name, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_energy_sensor
     end interface
 
 contains
@@ -219,6 +261,7 @@ contains
         self%loads = [load_type ::]
         self%edges = [edge_type ::]
         self%rollers = [roller_type ::]
+        self%sensors = [sensor_type ::]
         self%held_name = [character(len=label_length) ::]
         self%held_unit = [character(len=label_length) ::]
         self%rolling_name = [character(len=label_length) ::]

@@ -9,15 +9,16 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_loads, add_springs, add_torsions, differentiate_loads, differentiate_springs, &
         differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
+    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
-    use tandem_model, only: label_length, model_type
+    use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
@@ -78,7 +79,22 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        call list_quantities(self)
     end subroutine define
+
+    !> What the sensors give.
+    subroutine list_quantities(self)
+        class(mechanism_type), intent(inout) :: self
+        integer :: i
+
+        if (size(self%sensors) == 0) return
+        self%measure => measure
+        allocate (self%quantities(0))
+        do i = 1, size(self%sensors)
+            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
+        end do
+        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
+    end subroutine list_quantities
 
     !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
     subroutine number_coordinates(self)
@@ -355,6 +371,39 @@ contains
         end select
     end subroutine potential_energy
 
+    !> What the sensors show.
+    subroutine measure(self, t, q, qd, qdd, values, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: values(:)
+        integer, intent(out) :: stat
+        real(wp) :: energies(2)
+        integer :: i, n, width
+
+        stat = 0
+        energies = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            do i = 1, size(self%bodies)
+                call set_place(self%pose(i), q)
+                call set_rates(self%pose(i), qd)
+                call set_curve(self%pose(i), qdd)
+            end do
+            if (any(self%sensors%kind == sensed_energy)) then
+                do i = 1, size(self%bodies)
+                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+                end do
+                call potential_energy(self, t, q, energies(2), stat)
+            end if
+            n = 0
+            do i = 1, size(self%sensors)
+                width = width_of_sensor(self%sensors(i))
+                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
+                n = n + width
+            end do
+        end select
+    end subroutine measure
+
     !> The angles from which turns are counted.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
@@ -363,6 +412,9 @@ contains
 
         do i = 1, size(self%torsions)
             call pack%item(self%torsions(i)%last)
+        end do
+        do i = 1, size(self%sensors)
+            call pack_sensor(self%sensors(i), pack)
         end do
     end subroutine pack_state
 end module tandem_mechanism

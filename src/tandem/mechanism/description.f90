@@ -1,0 +1,594 @@
+! SPDX-License-Identifier: MIT
+!> From keys with values to a mechanism: the single place that knows the keys. Elements are built by the words of
+!> `tandem_mechanism_drawing`, in an order in which each finds what it is made of: bodies and points, joints and other rows, wheels,
+!> forces, sensors.
+module tandem_mechanism_description
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_joint, only: kind_names
+    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive, shown_type
+    use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_repetition, only: repeat_elements
+    use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
+    use tandem_mechanism_vector, only: in_space
+    implicit none (type, external)
+    private
+
+    public :: build_mechanism, mechanism_kinds, mechanism_singles
+
+    !> The kinds of elements with a name of their own, and those that there are once.
+    character(len=10), parameter :: mechanism_kinds(7) = [character(len=10) :: 'body', 'joint', 'constraint', 'wheel', 'force', &
+        'sensor', 'repeat']
+    character(len=10), parameter :: mechanism_singles(3) = [character(len=10) :: 'parameters', 'gravity', 'ground']
+
+contains
+
+    !> Build a mechanism from its keys, and define it. Where something is wrong, the message names key, element and what to do.
+    subroutine build_mechanism(entries, planar, may_be_open, mechanism, error, place, shown)
+        type(entries_type), intent(in) :: entries
+        !> Whether bodies move in the plane.
+        logical, intent(in) :: planar
+        !> Whether sides of joints need not meet in the drawing, since the start will be assembled.
+        logical, intent(in) :: may_be_open
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(out) :: error
+        !> The place of the entry that the error is about, 0 for none.
+        integer, intent(out) :: place
+        !> The complete mechanism, every default filled in.
+        type(shown_type), allocatable, intent(out) :: shown(:)
+        type(key_reader_type) :: reader
+        type(entries_type) :: rest, repeats, elements
+        integer :: i, n_points
+
+        call take_parameters(entries, reader, rest)
+        if (.not. reader%failed()) &
+            call repeat_elements(rest, reader%names, reader%values, elements, repeats, reader%error, reader%place)
+        if (.not. reader%failed()) call reader%take(elements, mechanism_kinds(:6), mechanism_singles(2:))
+        n_points = 0
+        if (.not. reader%failed()) then
+            mechanism%planar = planar
+            call mechanism%clear()
+            call show_repeats()
+            call read_gravity(reader, mechanism)
+            do i = 1, reader%n_of('body')
+                call read_body(reader, i, mechanism)
+            end do
+            call reader%open('ground', 1)
+            call read_points(reader, 'ground', mechanism)
+            call reader%close()
+            do i = 1, reader%n_of('joint')
+                call read_joint(reader, i, may_be_open, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('constraint')
+                call read_constraint(reader, i, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('wheel')
+                call read_wheel(reader, i, may_be_open, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('force')
+                call read_force(reader, i, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('sensor')
+                call read_sensor(reader, i, mechanism, n_points)
+            end do
+        end if
+        if (.not. reader%failed()) call mechanism%define(reader%error)
+        place = reader%place
+        if (reader%failed()) then
+            call move_alloc(reader%error, error)
+        else
+            allocate (shown(reader%n_shown))
+            shown = reader%shown(:reader%n_shown)
+        end if
+
+    contains
+
+        !> What the repetitions say of themselves, in the complete mechanism.
+        subroutine show_repeats()
+            integer :: k, dot
+
+            do k = 1, repeats%n
+                dot = index(repeats%list(k)%key, '.', back=.true.)
+                call reader%show(repeats%list(k)%key(:dot - 1), repeats%list(k)%key(dot + 1:), repeats%list(k)%value, &
+                    repeat_help(repeats%list(k)%key(dot + 1:)))
+            end do
+        end subroutine show_repeats
+    end subroutine build_mechanism
+
+    !> The meaning of the keys of a repetition.
+    pure function repeat_help(key) result(help)
+        character(len=*), intent(in) :: key
+        character(len=64) :: help
+
+        help = ''
+        if (key == 'count') help = 'of copies'
+        if (key == 'index') help = 'the name of their number, as {i} in names, i in expressions'
+        if (key == 'first') help = 'the number of the first one'
+    end function repeat_help
+
+    !> Resolve the parameters, and leave the other entries.
+    subroutine take_parameters(entries, reader, rest)
+        type(entries_type), intent(in) :: entries
+        type(key_reader_type), intent(inout) :: reader
+        type(entries_type), intent(out) :: rest
+        character(len=*), parameter :: head = 'parameters.'
+        character(len=4000), allocatable :: texts(:)
+        character(len=key_length), allocatable :: names(:)
+        character(len=24) :: number
+        character(len=:), allocatable :: name
+        integer :: i, k, n
+
+        allocate (names(entries%n), texts(entries%n))
+        n = 0
+        do i = 1, entries%n
+            associate (entry => entries%list(i))
+                if (index(entry%key, head) /= 1) then
+                    call rest%append(entry)
+                    cycle
+                end if
+                name = entry%key(len(head) + 1:)
+                reader%place = entry%place
+                if (entry%value%is_list .or. all(entry%value%atoms(1)%kind /= [is_number, is_text])) then
+                    call refuse_parameter(entry%key, 'is no number', 'give a number, or an expression of the others as text')
+                    return
+                else if (len(name) > key_length) then
+                    call refuse_parameter(entry%key, 'has a name that is too long', 'shorten it')
+                    return
+                end if
+                n = n + 1
+                names(n) = name
+                if (entry%value%atoms(1)%kind == is_text) then
+                    texts(n) = entry%value%atoms(1)%text
+                else
+                    write (number, '(es24.16e3)') entry%value%atoms(1)%number
+                    texts(n) = adjustl(number)
+                end if
+                call reader%show('parameters', name, entry%value, '')
+            end associate
+        end do
+        allocate (reader%values(n))
+        reader%names = names(:n)
+        call resolve_parameters(reader%names, texts(:n), reader%values, reader%error, head)
+        if (.not. allocated(reader%error)) return
+        ! The one that the message names.
+        do i = 1, entries%n
+            k = index(entries%list(i)%key, head)
+            if (k /= 1) cycle
+            name = entries%list(i)%key
+            if (index(reader%error%message, name//':') > 0 .or. index(reader%error%message, '"'//name(len(head) + 1:)//'"') > 0 &
+                .or. index(reader%error%message, ' '//name(len(head) + 1:)//' ->') > 0) then
+                reader%place = entries%list(i)%place
+                exit
+            end if
+        end do
+
+    contains
+
+        subroutine refuse_parameter(key, problem, advice)
+            character(len=*), intent(in) :: key, problem, advice
+
+            call reader%refuse(key//' '//problem, advice)
+        end subroutine refuse_parameter
+    end subroutine take_parameters
+
+    !> [gravity]
+    subroutine read_gravity(reader, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        type(mechanism_type), intent(inout) :: mechanism
+        real(wp), allocatable :: vector(:)
+
+        call reader%open('gravity', 1)
+        vector = [real(wp) :: 0.0_wp, 0.0_wp]
+        if (.not. mechanism%planar) vector = [vector, 0.0_wp]
+        call reader%get_numbers('vector', [size(vector)], vector, anything, 'm/s^2', 'acceleration due to gravity')
+        call reader%close()
+        if (.not. reader%failed()) mechanism%gravity = in_space(vector)
+    end subroutine read_gravity
+
+    !> [body.NAME]
+    subroutine read_body(reader, number, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        real(wp), allocatable :: mass, density, angle, inertia(:), position(:), rotation(:), p(:), velocity(:), omega(:), sizes(:)
+        character(len=key_length), allocatable :: shapes(:)
+        character(len=:), allocatable :: name, shape
+        type(error_type), allocatable :: error
+        integer :: n_place, i
+
+        call reader%open('body', number)
+        if (reader%failed()) return
+        n_place = merge(2, 3, mechanism%planar)
+        name = reader%name
+        call reader%keys_below('shape', shapes)
+        if (size(shapes) > 1) call reader%fail('shape.'//trim(shapes(2)), 'is one shape more', 'give one')
+        if (size(shapes) == 1) then
+            shape = trim(shapes(1))
+            i = findloc(shape_names, shape, dim=1)
+            if (i == 0) then
+                call reader%fail('shape.'//shape, 'is no shape', 'take bar, box, cylinder or sphere')
+            else
+                call reader%get_numbers('shape.'//shape, [shape_sizes(i)], sizes, positive, 'm', &
+                    'bar: length, width; box: three edges; cylinder: radius, length along z; sphere: radius')
+            end if
+        end if
+        call reader%get_number('mass', mass, not_negative, 'kg', '', required=.not. reader%gives('density'))
+        call reader%get_number('density', density, positive, merge('kg/m^2', 'kg/m^3', mechanism%planar), &
+            'with a shape, in the place of mass and inertia')
+        if (mechanism%planar) then
+            call reader%get_numbers('inertia', [1], inertia, not_negative, 'kg m^2', 'about the centre of mass; none: a point mass')
+        else
+            call reader%get_numbers('inertia', [3, 6], inertia, anything, 'kg m^2', &
+                'about the centre of mass: xx, yy, zz in the axes of the body, then xy, xz, yz; none: a point mass')
+        end if
+        if (reader%failed()) return
+        if (allocated(density) .and. .not. allocated(sizes)) then
+            call reader%fail('density', 'is given without a shape', 'add one, such as shape = { box = [1, 0.1, 0.1] }')
+        else if (allocated(density) .and. allocated(mass)) then
+            call reader%fail('density', 'is given beside the mass', 'leave out one of the two')
+        else if (allocated(sizes) .and. .not. allocated(inertia)) then
+            call set_mass_of_shape(shape, sizes, mechanism%planar, density, mass, inertia)
+            if (.not. allocated(inertia)) call reader%fail('shape.'//shape, 'has no inertia in '// &
+                trim(merge('the plane', 'space    ', mechanism%planar)), 'give the inertia, or another shape')
+        end if
+        call reader%get_numbers('position', [n_place], position, anything, 'm', 'of the centre of mass in the drawing', &
+            required=.true.)
+        velocity = [(0.0_wp, i=1, n_place)]
+        call reader%get_numbers('velocity', [n_place], velocity, anything, 'm/s', 'of the centre of mass at the start')
+        ! A point mass does not turn.
+        if (allocated(inertia)) then
+            if (mechanism%planar) then
+                angle = 0.0_wp
+                call reader%get_number('angle', angle, anything, 'rad', 'in the drawing')
+            else
+                call reader%get_numbers('rotation', [3], rotation, anything, 'rad', 'in the drawing: the axis times the angle')
+                call reader%get_numbers('euler_parameters', [4], p, anything, '', 'in the place of the rotation')
+                if (allocated(rotation) .and. allocated(p)) &
+                    call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
+                if (allocated(rotation)) p = turned_by(rotation)
+            end if
+            omega = [(0.0_wp, i=1, merge(1, 3, mechanism%planar))]
+            call reader%get_numbers('omega', [size(omega)], omega, anything, 'rad/s', &
+                'angular velocity at the start, in the axes of '// &
+                'the world')
+        end if
+        if (reader%failed()) return
+        call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
+        call reader%blame(error)
+        call read_points(reader, name, mechanism)
+        call reader%close()
+    end subroutine read_body
+
+    !> Euler parameters of a turn about an axis.
+    pure function turned_by(rotation) result(p)
+        real(wp), intent(in) :: rotation(3)
+        real(wp) :: p(4)
+        real(wp) :: angle
+
+        angle = norm2(rotation)
+        p = [cos(angle/2), rotation/2]
+        if (angle > 0.0_wp) p(2:) = sin(angle/2)*rotation/angle
+    end function turned_by
+
+    !> The points of a body or of the ground: all keys below `points`.
+    subroutine read_points(reader, body, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: body
+        type(mechanism_type), intent(inout) :: mechanism
+        character(len=key_length), allocatable :: names(:)
+        real(wp), allocatable :: place(:)
+        type(error_type), allocatable :: error
+        integer :: i
+
+        call reader%keys_below('points', names)
+        do i = 1, size(names)
+            call reader%get_numbers('points.'//trim(names(i)), [merge(2, 3, mechanism%planar)], place, anything, 'm', &
+                'in the body''s axes, from its centre of mass')
+            if (reader%failed()) return
+            call mechanism%add_point(body, trim(names(i)), place, error)
+            call reader%blame(error)
+            deallocate (place)
+        end do
+    end subroutine read_points
+
+    !> A point given by text: a body, `body.point`, or `body:[x, y]`, which becomes a point without a name of its own.
+    subroutine take_point(reader, key, text, mechanism, n_points, point)
+        type(key_reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: key, text
+        type(mechanism_type), intent(inout) :: mechanism
+        !> How many of these there are so far.
+        integer, intent(inout) :: n_points
+        character(len=key_length), intent(out) :: point
+        type(error_type), allocatable :: error
+        real(wp) :: place(3)
+        character(len=8) :: name
+        integer :: colon, from, to, n, n_place
+
+        point = text
+        colon = index(text, ':')
+        if (reader%failed() .or. colon == 0) return
+        n_place = merge(2, 3, mechanism%planar)
+        from = colon + index(text(colon + 1:), '[')
+        to = index(text, ']', back=.true.)
+        n = 0
+        if (from > colon .and. to == len_trim(text)) then
+            do while (from < to .and. n < 3)
+                associate (comma => index(text(from + 1:to - 1)//',', ','))
+                    n = n + 1
+                    call reader%evaluate_text(key, text(from + 1:from + comma - 1), place(n))
+                    from = from + comma
+                end associate
+            end do
+        end if
+        if (reader%failed()) return
+        if (n /= n_place .or. from < to) then
+            call reader%fail(key, '"'//trim(text)//'" is no point', 'write body, body.point or body:[x, y'// &
+                trim(merge(']   ', ', z]', mechanism%planar)))
+            return
+        end if
+        n_points = n_points + 1
+        write (name, '(":", i0)') n_points
+        call mechanism%add_point(text(:colon - 1), name, place(:n_place), error)
+        call reader%blame(error)
+        point = text(:colon - 1)//'.'//name
+    end subroutine take_point
+
+    !> Two points.
+    subroutine take_points(reader, key, mechanism, n_points, points, help, required)
+        type(key_reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: key
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=key_length), intent(out) :: points(2)
+        character(len=*), intent(in) :: help
+        logical, intent(in) :: required
+        character(len=key_length), allocatable :: texts(:)
+        integer :: i
+
+        points = ''
+        call reader%get_texts(key, 2, texts, help, required)
+        if (reader%failed() .or. .not. allocated(texts)) return
+        do i = 1, 2
+            call take_point(reader, key, trim(texts(i)), mechanism, n_points, points(i))
+        end do
+    end subroutine take_points
+
+    !> [joint.NAME]
+    subroutine read_joint(reader, number, may_be_open, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        logical, intent(in) :: may_be_open
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=key_length) :: sides(2), point
+        character(len=key_length), allocatable :: texts(:)
+        character(len=:), allocatable :: kind, name, at_point
+        real(wp), allocatable :: at(:), axis(:), across(:)
+        class(function_type), allocatable :: motion
+        type(error_type), allocatable :: error
+        integer :: n_place, i
+
+        call reader%open('joint', number)
+        if (reader%failed()) return
+        name = reader%name
+        n_place = merge(2, 3, mechanism%planar)
+        call reader%get_text('type', kind, trim(kind_names(mechanism%planar)), required=.true.)
+        call reader%get_texts('bodies', 2, texts, 'the two bodies, or points of them; "ground" is one', required=.true.)
+        if (reader%failed()) return
+        do i = 1, 2
+            call take_point(reader, 'bodies', trim(texts(i)), mechanism, n_points, sides(i))
+        end do
+        if (reader%is_text_at('at')) then
+            call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
+            call take_point(reader, 'at', at_point, mechanism, n_points, point)
+            i = findloc(sides, body_of(point), dim=1)
+            if (i == 0) then
+                call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
+                    'name one of them, or give the place in '// &
+                    'the drawing')
+            else
+                sides(i) = point
+            end if
+        else
+            call reader%get_numbers('at', [n_place], at, anything, 'm', &
+                'where it is in the drawing; or a point of one of the bodies')
+        end if
+        call reader%get_numbers('axis', [n_place], axis, anything, '', &
+            'of turning or sliding, along the line, normal to the plane; '// &
+            'in the drawing')
+        if (.not. mechanism%planar) call reader%get_numbers('across', [n_place], across, anything, '', &
+            'of a universal joint the axis on the second body')
+        call reader%get_function('motion', motion, 'rad or m', 'drives it: what its coordinate is, from the drawing')
+        call reader%close()
+        if (reader%failed()) return
+        call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open)
+        call reader%blame(error)
+    end subroutine read_joint
+
+    !> The body of a point.
+    pure function body_of(point) result(body)
+        character(len=*), intent(in) :: point
+        character(len=len(point)) :: body
+
+        body = point(:index(point//'.', '.') - 1)
+    end function body_of
+
+    !> [constraint.NAME]
+    subroutine read_constraint(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name
+        character(len=key_length) :: points(2)
+        real(wp), allocatable :: length
+        class(function_type), allocatable :: motion
+        type(error_type), allocatable :: error
+
+        call reader%open('constraint', number)
+        if (reader%failed()) return
+        name = reader%name
+        call reader%get_choice('type', kind, ['distance'], required=.true.)
+        call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
+        call reader%get_number('length', length, positive, 'm', 'that is held; that of the drawing where it is not given')
+        call reader%get_function('motion', motion, 'm', 'the length as a function of time')
+        call reader%close()
+        if (reader%failed()) return
+        if (allocated(length) .and. allocated(motion)) then
+            call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
+            return
+        end if
+        call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
+        call reader%blame(error)
+    end subroutine read_constraint
+
+    !> [wheel.NAME]
+    subroutine read_wheel(reader, number, may_be_open, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        logical, intent(in) :: may_be_open
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name, text
+        character(len=key_length) :: point
+        real(wp), allocatable :: across(:), axis(:), normal(:), radius, height
+        type(error_type), allocatable :: error
+        integer :: n_place
+
+        call reader%open('wheel', number)
+        if (reader%failed()) return
+        name = reader%name
+        n_place = merge(2, 3, mechanism%planar)
+        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere'], required=.true.)
+        call reader%get_text('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
+        if (reader%failed()) return
+        call take_point(reader, 'at', text, mechanism, n_points, point)
+        if (kind == 'knife_edge') then
+            call reader%get_numbers('across', [n_place], across, anything, '', &
+                'the direction in which it does not slip, in the '// &
+                'drawing', required=.true.)
+        else
+            call reader%get_number('radius', radius, positive, 'm', '', required=.true.)
+            if (kind == 'disk') call reader%get_numbers('axis', [3], axis, anything, '', 'of the disk, in the drawing', &
+                required=.true.)
+            normal = [0.0_wp, 0.0_wp, 1.0_wp]
+            call reader%get_numbers('normal', [3], normal, anything, '', 'of the plane, on the side of the wheel')
+            height = 0.0_wp
+            call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
+        end if
+        call reader%close()
+        if (reader%failed()) return
+        select case (kind)
+        case ('knife_edge')
+            call mechanism%add_knife_edge(name, trim(point), across, error)
+        case ('disk')
+            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open)
+        case default
+            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open)
+        end select
+        call reader%blame(error)
+    end subroutine read_wheel
+
+    !> [force.NAME]
+    subroutine read_force(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name, text
+        character(len=key_length) :: points(2), point
+        real(wp), allocatable :: stiffness, damping, length, angle, force(:), torque(:)
+        class(function_type), allocatable :: motion
+        type(error_type), allocatable :: error
+        logical :: in_body
+
+        call reader%open('force', number)
+        if (reader%failed()) return
+        name = reader%name
+        call reader%get_choice('type', kind, [character(len=10) :: 'spring', 'torsion', 'load'], required=.true.)
+        if (reader%failed()) return
+        stiffness = 0.0_wp
+        damping = 0.0_wp
+        select case (kind)
+        case ('spring')
+            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
+            call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
+            call reader%get_number('damping', damping, anything, 'N s/m', '')
+            call reader%get_number('length', length, not_negative, 'm', 'without force; that of the drawing where it is not given')
+            call reader%get_function('pull', motion, 'N', 'a force of traction beside it')
+        case ('torsion')
+            call reader%get_text('joint', text, 'a revolute or cylindrical one', required=.true.)
+            call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
+            call reader%get_number('damping', damping, anything, 'N m s/rad', '')
+            angle = 0.0_wp
+            call reader%get_number('angle', angle, anything, 'rad', 'from the drawing, without torque')
+            call reader%get_function('torque', motion, 'N m', 'a torque beside it, which turns the second body back')
+        case default
+            call reader%get_text('on', text, 'a body, or a point of it', required=.true.)
+            if (reader%failed()) return
+            call take_point(reader, 'on', text, mechanism, n_points, point)
+            call reader%get_numbers('force', [merge(2, 3, mechanism%planar)], force, anything, 'N', '')
+            call reader%get_numbers('torque', [merge(1, 3, mechanism%planar)], torque, anything, 'N m', '')
+            if (.not. (allocated(force) .or. allocated(torque))) &
+                call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
+            in_body = .false.
+            call reader%get_truth('in_body', in_body, 'whether they turn with the body')
+            call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')
+        end select
+        call reader%close()
+        if (reader%failed()) return
+        select case (kind)
+        case ('spring')
+            call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion)
+        case ('torsion')
+            call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion)
+        case default
+            call mechanism%add_load(name, trim(point), error, force, torque, in_body, motion)
+        end select
+        call reader%blame(error)
+    end subroutine read_force
+
+    !> [sensor.NAME]
+    subroutine read_sensor(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=*), parameter :: kinds(4) = [character(len=8) :: 'point', 'joint', 'distance', 'energy']
+        character(len=:), allocatable :: name, text
+        character(len=key_length) :: points(2), point
+        real(wp), allocatable :: zero
+        type(error_type), allocatable :: error
+        logical :: energy
+        integer :: i, n
+
+        call reader%open('sensor', number)
+        if (reader%failed()) return
+        name = reader%name
+        n = count([(reader%gives(trim(kinds(i))), i=1, 4)])
+        if (reader%gives('point')) then
+            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
+            if (reader%failed()) return
+            call take_point(reader, 'point', text, mechanism, n_points, point)
+            if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
+        else if (reader%gives('joint')) then
+            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
+            zero = 0.0_wp
+            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
+            if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
+        else if (reader%gives('distance')) then
+            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
+            if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
+        else if (reader%gives('energy')) then
+            energy = .true.
+            call reader%get_truth('energy', energy, 'kinetic, potential and total energy of the mechanism')
+            if (energy .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
+        end if
+        call reader%blame(error)
+        if (n /= 1) call reader%fail('', 'must measure one thing', 'give one of point, joint, distance, energy')
+        call reader%close()
+    end subroutine read_sensor
+end module tandem_mechanism_description
