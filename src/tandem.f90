@@ -5,7 +5,9 @@ module tandem
     use tandem_kinds, only: long, wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
-    use tandem_mechanism_function, only: constant_type, function_type, polynomial_type, ramp, sine_type
+    use tandem_mechanism_function, only: constant_type, expression_function, function_type, polynomial_type, ramp, sine_type, &
+        table_function
+    use tandem_mechanism_law, only: expression_law, law_type, table_law
     use tandem_mechanism_parameters, only: resolve_parameters
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_model, only: label_length, model_type
@@ -57,6 +59,7 @@ module tandem
     public :: pack_type
     public :: properties_type, new_stepper, stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
-    public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp
+    public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
+        law_type, expression_law, table_law
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem
