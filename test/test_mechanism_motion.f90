@@ -5,8 +5,8 @@
 module test_mechanism_motion
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_text
     use kkt, only: kkt_type
-    use runs, only: run
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, rolling_disk_type, simulation_type, wp
+    use mechanism_checks, only: go
+    use tandem, only: failure_type => error_type, mechanism_type, rolling_disk_type, simulation_type, wp
     use tandem_linalg_random, only: random_vector
     use tandem_mechanism_vector, only: cross
     use tandem_rigid_euler_parameters, only: b_product, e_transposed_product, g_product, rotation
@@ -34,28 +34,6 @@ contains
             new_unittest('disk-on-its-steady-circle', test_circle), &
             new_unittest('disk-as-derived-by-hand', test_disk)]
     end subroutine collect_mechanism_motion
-
-    !> Carry a mechanism from its drawing to a time, by dop853.
-    subroutine go(mechanism, rtol, t_end, simulation, error)
-        type(mechanism_type), intent(inout), target :: mechanism
-        real(wp), intent(in) :: rtol, t_end
-        type(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(inout) :: error
-        type(failure_type), allocatable :: failure
-        type(options_type) :: options
-        real(wp), allocatable :: q(:), qd(:)
-
-        if (allocated(error)) return
-        call mechanism%define(failure)
-        call check_no_failure(error, failure)
-        if (allocated(error)) return
-        allocate (q(mechanism%n), qd(mechanism%n))
-        call mechanism%start(q, qd)
-        options%stepper = 'dop853'
-        options%rtol = rtol
-        call run(simulation, mechanism, options, 0.0_wp, q, qd, t_end, failure)
-        call check_no_failure(error, failure)
-    end subroutine go
 
     !> From the horizontal at rest; theta = 2 asin(k cd(sqrt(g) t | k^2)), k = sin(pi/4), gives the place at t = 10. The tolerance
     !> of 1e-11 a step, and an error that grows with the square of the time as the period is a little off, leave 1e-9.

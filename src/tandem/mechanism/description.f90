@@ -6,6 +6,8 @@ module tandem_mechanism_description
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_sensor, read_wheel
+    use tandem_mechanism_described_points, only: read_points, take_point
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
@@ -27,12 +29,14 @@ module tandem_mechanism_description
 contains
 
     !> Build a mechanism from its keys, and define it. Where something is wrong, the message names key, element and what to do.
-    subroutine build_mechanism(entries, planar, may_be_open, mechanism, error, place, shown)
+    subroutine build_mechanism(entries, planar, may_be_open, times, mechanism, error, place, shown)
         type(entries_type), intent(in) :: entries
         !> Whether bodies move in the plane.
         logical, intent(in) :: planar
         !> Whether sides of joints need not meet in the drawing, since the start will be assembled.
         logical, intent(in) :: may_be_open
+        !> Start and end of the run, between which kinks of functions of time are looked for (s).
+        real(wp), intent(in) :: times(2)
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
         !> The place of the entry that the error is about, 0 for none.
@@ -50,6 +54,7 @@ contains
         n_points = 0
         if (.not. reader%failed()) then
             mechanism%planar = planar
+            mechanism%times = times
             call mechanism%clear()
             call show_repeats()
             call read_gravity(reader, mechanism)
@@ -273,89 +278,6 @@ contains
         if (angle > 0.0_wp) p(2:) = sin(angle/2)*rotation/angle
     end function turned_by
 
-    !> The points of a body or of the ground: all keys below `points`.
-    subroutine read_points(reader, body, mechanism)
-        type(key_reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: body
-        type(mechanism_type), intent(inout) :: mechanism
-        character(len=key_length), allocatable :: names(:)
-        real(wp), allocatable :: place(:)
-        type(error_type), allocatable :: error
-        integer :: i
-
-        call reader%keys_below('points', names)
-        do i = 1, size(names)
-            call reader%get_numbers('points.'//trim(names(i)), [merge(2, 3, mechanism%planar)], place, anything, 'm', &
-                'in the body''s axes, from its centre of mass')
-            if (reader%failed()) return
-            call mechanism%add_point(body, trim(names(i)), place, error)
-            call reader%blame(error)
-            deallocate (place)
-        end do
-    end subroutine read_points
-
-    !> A point given by text: a body, `body.point`, or `body:[x, y]`, which becomes a point without a name of its own.
-    subroutine take_point(reader, key, text, mechanism, n_points, point)
-        type(key_reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: key, text
-        type(mechanism_type), intent(inout) :: mechanism
-        !> How many of these there are so far.
-        integer, intent(inout) :: n_points
-        character(len=key_length), intent(out) :: point
-        type(error_type), allocatable :: error
-        real(wp) :: place(3)
-        character(len=8) :: name
-        integer :: colon, from, to, n, n_place
-
-        point = text
-        colon = index(text, ':')
-        if (reader%failed() .or. colon == 0) return
-        n_place = merge(2, 3, mechanism%planar)
-        from = colon + index(text(colon + 1:), '[')
-        to = index(text, ']', back=.true.)
-        n = 0
-        if (from > colon .and. to == len_trim(text)) then
-            do while (from < to .and. n < 3)
-                associate (comma => index(text(from + 1:to - 1)//',', ','))
-                    n = n + 1
-                    call reader%evaluate_text(key, text(from + 1:from + comma - 1), place(n))
-                    from = from + comma
-                end associate
-            end do
-        end if
-        if (reader%failed()) return
-        if (n /= n_place .or. from < to) then
-            call reader%fail(key, '"'//trim(text)//'" is no point', 'write body, body.point or body:[x, y'// &
-                trim(merge(']   ', ', z]', mechanism%planar)))
-            return
-        end if
-        n_points = n_points + 1
-        write (name, '(":", i0)') n_points
-        call mechanism%add_point(text(:colon - 1), name, place(:n_place), error)
-        call reader%blame(error)
-        point = text(:colon - 1)//'.'//name
-    end subroutine take_point
-
-    !> Two points.
-    subroutine take_points(reader, key, mechanism, n_points, points, help, required)
-        type(key_reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: key
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=key_length), intent(out) :: points(2)
-        character(len=*), intent(in) :: help
-        logical, intent(in) :: required
-        character(len=key_length), allocatable :: texts(:)
-        integer :: i
-
-        points = ''
-        call reader%get_texts(key, 2, texts, help, required)
-        if (reader%failed() .or. .not. allocated(texts)) return
-        do i = 1, 2
-            call take_point(reader, key, trim(texts(i)), mechanism, n_points, points(i))
-        end do
-    end subroutine take_points
-
     !> [joint.NAME]
     subroutine read_joint(reader, number, may_be_open, mechanism, n_points)
         type(key_reader_type), intent(inout) :: reader
@@ -366,7 +288,8 @@ contains
         character(len=key_length) :: sides(2), point
         character(len=key_length), allocatable :: texts(:)
         character(len=:), allocatable :: kind, name, at_point
-        real(wp), allocatable :: at(:), axis(:), across(:)
+        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
+        integer, allocatable :: hold(:), drive
         class(function_type), allocatable :: motion
         type(error_type), allocatable :: error
         integer :: n_place, i
@@ -402,9 +325,16 @@ contains
         if (.not. mechanism%planar) call reader%get_numbers('across', [n_place], across, anything, '', &
             'of a universal joint the axis on the second body')
         call reader%get_function('motion', motion, 'rad or m', 'drives it: what its coordinate is, from the drawing')
+        call reader%get_number('pitch', pitch, anything, 'm', 'of a screw: its way in a turn')
+        call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
+            'of a primitive: for each way and turn 0 free, 1 held at position level, 2 at velocity level')
+        call reader%get_number('drive', driven, anything, '', 'of a primitive: the place in hold that the motion drives')
         call reader%close()
         if (reader%failed()) return
-        call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open)
+        if (allocated(freedoms)) hold = nint(freedoms)
+        if (allocated(driven)) drive = nint(driven)
+        call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open, pitch, &
+            hold, drive)
         call reader%blame(error)
     end subroutine read_joint
 
@@ -416,179 +346,4 @@ contains
         body = point(:index(point//'.', '.') - 1)
     end function body_of
 
-    !> [constraint.NAME]
-    subroutine read_constraint(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name
-        character(len=key_length) :: points(2)
-        real(wp), allocatable :: length
-        class(function_type), allocatable :: motion
-        type(error_type), allocatable :: error
-
-        call reader%open('constraint', number)
-        if (reader%failed()) return
-        name = reader%name
-        call reader%get_choice('type', kind, ['distance'], required=.true.)
-        call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-        call reader%get_number('length', length, positive, 'm', 'that is held; that of the drawing where it is not given')
-        call reader%get_function('motion', motion, 'm', 'the length as a function of time')
-        call reader%close()
-        if (reader%failed()) return
-        if (allocated(length) .and. allocated(motion)) then
-            call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
-            return
-        end if
-        call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
-        call reader%blame(error)
-    end subroutine read_constraint
-
-    !> [wheel.NAME]
-    subroutine read_wheel(reader, number, may_be_open, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        logical, intent(in) :: may_be_open
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name, text
-        character(len=key_length) :: point
-        real(wp), allocatable :: across(:), axis(:), normal(:), radius, height
-        type(error_type), allocatable :: error
-        integer :: n_place
-
-        call reader%open('wheel', number)
-        if (reader%failed()) return
-        name = reader%name
-        n_place = merge(2, 3, mechanism%planar)
-        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere'], required=.true.)
-        call reader%get_text('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
-        if (reader%failed()) return
-        call take_point(reader, 'at', text, mechanism, n_points, point)
-        if (kind == 'knife_edge') then
-            call reader%get_numbers('across', [n_place], across, anything, '', &
-                'the direction in which it does not slip, in the '// &
-                'drawing', required=.true.)
-        else
-            call reader%get_number('radius', radius, positive, 'm', '', required=.true.)
-            if (kind == 'disk') call reader%get_numbers('axis', [3], axis, anything, '', 'of the disk, in the drawing', &
-                required=.true.)
-            normal = [0.0_wp, 0.0_wp, 1.0_wp]
-            call reader%get_numbers('normal', [3], normal, anything, '', 'of the plane, on the side of the wheel')
-            height = 0.0_wp
-            call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
-        end if
-        call reader%close()
-        if (reader%failed()) return
-        select case (kind)
-        case ('knife_edge')
-            call mechanism%add_knife_edge(name, trim(point), across, error)
-        case ('disk')
-            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open)
-        case default
-            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open)
-        end select
-        call reader%blame(error)
-    end subroutine read_wheel
-
-    !> [force.NAME]
-    subroutine read_force(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name, text
-        character(len=key_length) :: points(2), point
-        real(wp), allocatable :: stiffness, damping, length, angle, force(:), torque(:)
-        class(function_type), allocatable :: motion
-        type(error_type), allocatable :: error
-        logical :: in_body
-
-        call reader%open('force', number)
-        if (reader%failed()) return
-        name = reader%name
-        call reader%get_choice('type', kind, [character(len=10) :: 'spring', 'torsion', 'load'], required=.true.)
-        if (reader%failed()) return
-        stiffness = 0.0_wp
-        damping = 0.0_wp
-        select case (kind)
-        case ('spring')
-            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
-            call reader%get_number('damping', damping, anything, 'N s/m', '')
-            call reader%get_number('length', length, not_negative, 'm', 'without force; that of the drawing where it is not given')
-            call reader%get_function('pull', motion, 'N', 'a force of traction beside it')
-        case ('torsion')
-            call reader%get_text('joint', text, 'a revolute or cylindrical one', required=.true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
-            call reader%get_number('damping', damping, anything, 'N m s/rad', '')
-            angle = 0.0_wp
-            call reader%get_number('angle', angle, anything, 'rad', 'from the drawing, without torque')
-            call reader%get_function('torque', motion, 'N m', 'a torque beside it, which turns the second body back')
-        case default
-            call reader%get_text('on', text, 'a body, or a point of it', required=.true.)
-            if (reader%failed()) return
-            call take_point(reader, 'on', text, mechanism, n_points, point)
-            call reader%get_numbers('force', [merge(2, 3, mechanism%planar)], force, anything, 'N', '')
-            call reader%get_numbers('torque', [merge(1, 3, mechanism%planar)], torque, anything, 'N m', '')
-            if (.not. (allocated(force) .or. allocated(torque))) &
-                call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
-            in_body = .false.
-            call reader%get_truth('in_body', in_body, 'whether they turn with the body')
-            call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')
-        end select
-        call reader%close()
-        if (reader%failed()) return
-        select case (kind)
-        case ('spring')
-            call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion)
-        case ('torsion')
-            call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion)
-        case default
-            call mechanism%add_load(name, trim(point), error, force, torque, in_body, motion)
-        end select
-        call reader%blame(error)
-    end subroutine read_force
-
-    !> [sensor.NAME]
-    subroutine read_sensor(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=*), parameter :: kinds(4) = [character(len=8) :: 'point', 'joint', 'distance', 'energy']
-        character(len=:), allocatable :: name, text
-        character(len=key_length) :: points(2), point
-        real(wp), allocatable :: zero
-        type(error_type), allocatable :: error
-        logical :: energy
-        integer :: i, n
-
-        call reader%open('sensor', number)
-        if (reader%failed()) return
-        name = reader%name
-        n = count([(reader%gives(trim(kinds(i))), i=1, 4)])
-        if (reader%gives('point')) then
-            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
-            if (reader%failed()) return
-            call take_point(reader, 'point', text, mechanism, n_points, point)
-            if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
-        else if (reader%gives('joint')) then
-            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
-            zero = 0.0_wp
-            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
-            if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
-        else if (reader%gives('distance')) then
-            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
-            if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
-        else if (reader%gives('energy')) then
-            energy = .true.
-            call reader%get_truth('energy', energy, 'kinetic, potential and total energy of the mechanism')
-            if (energy .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
-        end if
-        call reader%blame(error)
-        if (n /= 1) call reader%fail('', 'must measure one thing', 'give one of point, joint, distance, energy')
-        call reader%close()
-    end subroutine read_sensor
 end module tandem_mechanism_description

@@ -142,19 +142,25 @@ contains
     end subroutine set_gamma
 
     !> a', a and d with their derivatives along the motion.
-    pure subroutine dot_curve(dot, pose, f, local, a, d)
+    pure subroutine dot_curve(dot, pose, last, f, local, a, d)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
+        !> The highest derivative that is wanted, 0 to 2.
+        integer, intent(in) :: last
         real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(out) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp), intent(out) :: local(3, 0:2)
+        real(wp), intent(inout) :: a(3, 0:2), d(3, 0:2)
         integer :: k, l
 
-        local = 0.0_wp
-        local(:, 0) = dot%a
-        if (dot%is_turning) call turn_with_time(dot, f(:, dot%motion), local)
-        a = 0.0_wp
-        do k = 0, 2
-            do l = 0, k
+        if (dot%is_turning) then
+            call turn_with_time(dot, f(:, dot%motion), local)
+        else
+            local = 0.0_wp
+            local(:, 0) = dot%a
+        end if
+        do k = 0, last
+            a(:, k) = turned(pose(dot%first), k, local(:, 0))
+            do l = 1, merge(k, 0, dot%is_turning)
                 a(:, k) = a(:, k) + binomial(l, k)*turned(pose(dot%first), k - l, local(:, l))
             end do
             d(:, k) = turned(pose(dot%second), k, dot%b)
@@ -163,15 +169,17 @@ contains
     end subroutine dot_curve
 
     !> The gradient of a.d with its derivatives along the motion.
-    pure subroutine dot_gradient(dot, pose, local, a, d, gradient)
+    pure subroutine dot_gradient(dot, pose, last, local, a, d, gradient)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
+        !> The highest derivative that is wanted, 0 to 2.
+        integer, intent(in) :: last
         real(wp), intent(in) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
-        real(wp), intent(out) :: gradient(n_local, 0:2)
+        real(wp), intent(inout) :: gradient(n_local, 0:2)
         integer :: k, l, m
 
-        gradient = 0.0_wp
-        do k = 0, 2
+        do k = 0, last
+            gradient(:, k) = 0.0_wp
             if (dot%is_point) then
                 gradient(place_1 + 1:place_1 + 3, k) = -a(:, k)
                 gradient(place_2 + 1:place_2 + 3, k) = a(:, k)
@@ -230,8 +238,8 @@ contains
         integer :: i
 
         do i = 1, size(dots)
-            call dot_curve(dots(i), pose, f, local, a, d)
-            call dot_gradient(dots(i), pose, local, a, d, gradient)
+            call dot_curve(dots(i), pose, 2, f, local, a, d)
+            call dot_gradient(dots(i), pose, 2, local, a, d, gradient)
             call dot_second(dots(i), pose, local, a, d, second)
             call put_holonomic(need, dots(i)%row, columns(pose(dots(i)%first), pose(dots(i)%second)), gradient, second, &
                 lambda(dots(i)%row), derivatives)

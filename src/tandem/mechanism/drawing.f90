@@ -8,11 +8,20 @@ module tandem_mechanism_drawing
     use tandem_error, only: error_type, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
+    use tandem_mechanism_coordinate, only: coordinate_type, is_angle, is_tilt, is_way
+    use tandem_mechanism_coupling, only: coupling_type, max_coupled
     use tandem_mechanism_dot, only: dot_type
-    use tandem_mechanism_force, only: load_type, spring_type, torsion_type
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
+    use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
+        is_velocity, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_glide, only: glide_type
+    use tandem_mechanism_law, only: law_item_type, law_type
+    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_joint, only: find_kind, joint_type, kind_names, kind_type, name_length
     use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
@@ -26,9 +35,12 @@ module tandem_mechanism_drawing
 
     public :: drawing_type, motion_type, angle_type
 
-    !> A function of time.
+    !> A function of time, and whether a row at position level is made of it, which must not jump with it.
     type :: motion_type
         class(function_type), allocatable :: f
+        logical :: is_held = .false.
+        !> The element, for messages.
+        character(len=name_length) :: name = ''
     end type motion_type
 
     !> In the plane an angle that is held: angle2 - angle1 = offset + f(t).
@@ -44,6 +56,8 @@ module tandem_mechanism_drawing
         logical :: planar = .false.
         !> Acceleration due to gravity (m/s^2).
         real(wp) :: gravity(3) = 0.0_wp
+        !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
+        real(wp) :: times(2) = 0.0_wp
         type(body_type), allocatable :: bodies(:)
         type(point_type), allocatable :: points(:)
         type(joint_type), allocatable :: joints(:)
@@ -54,12 +68,21 @@ module tandem_mechanism_drawing
         type(angle_type), allocatable :: angles(:)
         type(spring_type), allocatable :: springs(:)
         type(torsion_type), allocatable :: torsions(:)
+        type(bushing_type), allocatable :: bushings(:)
         type(load_type), allocatable :: loads(:)
+        !> What forces are made of: laws of springs, expressions of the state, coordinates of joints.
+        type(law_item_type), allocatable :: laws(:)
+        type(formula_type), allocatable :: formulas(:)
+        type(coordinate_type), allocatable :: coordinates(:)
+        type(coupling_type), allocatable :: couplings(:)
+        type(glide_type), allocatable :: glides(:)
+        type(rate_row_type), allocatable :: rate_rows(:)
         type(edge_type), allocatable :: edges(:)
         type(roller_type), allocatable :: rollers(:)
         type(sensor_type), allocatable :: sensors(:)
         !> Names and units of the rows so far, at position level without those of Euler parameters, and at velocity level.
-        character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:)
+        character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
+            rolling_unit(:)
         !> The names of all elements.
         character(len=name_length), allocatable, private :: names(:)
     contains
@@ -67,9 +90,13 @@ module tandem_mechanism_drawing
         procedure :: add_point
         procedure :: add_joint
         procedure :: add_distance
+        procedure :: add_coupling
+        procedure :: add_rate_row
         procedure :: add_spring
         procedure :: add_torsion
+        procedure :: add_bushing
         procedure :: add_load
+        procedure :: variable_names
         procedure :: add_knife_edge
         procedure :: add_rolling_disk
         procedure :: add_rolling_sphere
@@ -77,6 +104,7 @@ module tandem_mechanism_drawing
         procedure :: add_joint_sensor
         procedure :: add_distance_sensor
         procedure :: add_energy_sensor
+        procedure :: add_rolling_ellipsoid
         procedure :: clear
         procedure :: find_body
         procedure, private :: check_name
@@ -84,12 +112,18 @@ module tandem_mechanism_drawing
         procedure, private :: take_point
         procedure, private :: take_pair
         procedure, private :: take_motion
+        procedure, private :: take_law
+        procedure, private :: take_formula
+        procedure, private :: list_variables
+        procedure, private :: find_coordinate
         procedure, private :: frame_of
         procedure, private :: angle_of
         procedure, private :: drawn_length
         procedure, private :: take_direction
         procedure, private :: need_turning_body
         procedure, private :: new_row
+        procedure, private :: new_rolling_row
+        procedure, private :: place_joint
     end type drawing_type
 
     !> Two points of the drawing meet, and directions are perpendicular, up to this (m, of the sizes of the coordinates).
@@ -98,11 +132,11 @@ module tandem_mechanism_drawing
     interface
         !> A joint between two bodies. Where it is in the drawing is said by `at` or by points of the bodies; with one point, the
         !> other side is where that is.
-        module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open)
+        module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name and what it is: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, point_on_line,
-            !> point_on_plane; in the plane fixed, revolute, prismatic, point_on_line.
+            !> Its name and what it is: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
+            !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
             character(len=*), intent(in) :: name, kind
             !> The two sides: bodies, or points of them.
             character(len=*), intent(in) :: first, second
@@ -110,11 +144,62 @@ module tandem_mechanism_drawing
             !> In the world's frame: where it is (m); its axis (of turning, of sliding, along the line, normal to the plane; of a
             !> universal joint that on the first body); what x1 is nearest to (of a universal joint the axis on the second body).
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
-            !> Drives the freedom of a revolute or prismatic joint: angle (rad) or way (m) of the second body from the drawing.
+            !> Drives the freedom of a revolute or prismatic joint, or that of a primitive which `drive` says: angle (rad) or way
+            !> (m) of the second body from the drawing; at velocity level its rate drives the velocity.
             class(function_type), intent(in), optional :: motion
             !> Whether its sides need not meet in the drawing: they do after the start was assembled.
             logical, intent(in), optional :: open
+            !> Of a screw: how far the second body goes along the axis in a turn (m), negative for a left hand.
+            real(wp), intent(in), optional :: pitch
+            !> Of a primitive: for the ways along x1, y1, z1 and the turns about x, y, z (in the plane x1, y1 and the angle) 0 where
+            !> it is free, 1 where it is held at position level, 2 at velocity level. Held there is the velocity of the second
+            !> body's point, or its angular velocity, as seen from the first body, along an axis of the second.
+            integer, intent(in), optional :: hold(:)
+            !> Which of them the motion drives, as a place in `hold`, where it is not 0.
+            integer, intent(in), optional :: drive
         end subroutine add_joint
+
+        !> Where a joint or a bushing is: its bodies, and its frame on each.
+        module subroutine place_joint(self, label, joint, first, second, error, at, axis, across, open)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, first, second
+            !> Its kind is known.
+            type(joint_type), intent(inout) :: joint
+            type(error_type), allocatable, intent(out) :: error
+            real(wp), intent(in), optional :: at(:), axis(:), across(:)
+            logical, intent(in), optional :: open
+        end subroutine place_joint
+
+        !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
+        !> the drawing.
+        module subroutine add_coupling(self, name, joints, factors, error, motion)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            !> The joints, at most 4, `joint.angle` or `joint.way` where a joint has both; and their factors (the unit of the first
+            !> factor times that of its coordinate is that of the row).
+            character(len=*), intent(in) :: joints(:)
+            real(wp), intent(in) :: factors(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> f, which is 0 by default.
+            class(function_type), intent(in), optional :: motion
+        end subroutine add_coupling
+
+        !> A row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of places, angles
+        !> and Euler parameters.
+        module subroutine add_rate_row(self, name, velocities, coefficients, error, rhs)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            !> The velocities v_i, as `body.vx` or in the plane `body.omega`.
+            character(len=*), intent(in) :: velocities(:)
+            !> Parsed with `variable_names()` of the mechanism as it is.
+            type(expression_type), intent(in) :: coefficients(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> e, which is 0 by default.
+            type(expression_type), intent(in), optional :: rhs
+        end subroutine add_rate_row
 
         !> A distance between two points that is held, by default that of the drawing, or imposed.
         module subroutine add_distance(self, name, first, second, error, length, motion)
@@ -128,32 +213,50 @@ module tandem_mechanism_drawing
         end subroutine add_distance
 
         !> A spring and damper along the way between two points.
-        module subroutine add_spring(self, name, first, second, error, stiffness, damping, length, motion)
+        module subroutine add_spring(self, name, first, second, error, stiffness, damping, length, motion, law)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
             !> N/m, N s/m (default 0), and the length without force (m), by default that of the drawing.
             real(wp), intent(in), optional :: stiffness, damping, length
-            !> A force of traction (N) beside it.
+            !> Forces of traction (N) beside it: a function of time, and a law of time, length and its rate.
             class(function_type), intent(in), optional :: motion
+            class(law_type), intent(in), optional :: law
         end subroutine add_spring
 
-        !> A torsional spring and damper about the axis of a revolute or cylindrical joint.
-        module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion)
+        !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
+        module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion, law)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the joint's.
+            !> Its name, and the joint's: one with an axis to turn about or to slide along; `joint.angle` or `joint.way` where it
+            !> has both.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
-            !> N m, N m s (default 0), and the angle from the drawing without torque (rad, default 0).
+            !> N m, N m s (default 0), and the angle from the drawing without torque (rad, default 0); of a way N/m, N s/m, m.
             real(wp), intent(in), optional :: stiffness, damping, angle
-            !> A torque (N m) that turns the second body back.
+            !> Torques (N m) or forces (N) that turn or push the second body back: a function of time, and a law of time, angle (or
+            !> way) and its rate.
             class(function_type), intent(in), optional :: motion
+            class(law_type), intent(in), optional :: law
         end subroutine add_torsion
 
+        !> Forces and torques that hold two frames together, which are one in the drawing.
+        module subroutine add_bushing(self, name, first, second, error, stiffness, damping, at, axis, across)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name and the two sides: bodies, or points of them.
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+            !> Six entries (N/m, N m/rad) along and about x, y, z of the frame on the first body, or a symmetric matrix of 36, and
+            !> the same for rates (N s/m, N m s/rad). In the plane three (x, y, angle), or 9.
+            real(wp), intent(in), optional :: stiffness(:), damping(:)
+            !> Where it is (m), z of the frame, and what x is nearest to, in the world's frame (in the plane `axis` is x).
+            real(wp), intent(in), optional :: at(:), axis(:), across(:)
+        end subroutine add_bushing
+
         !> A force at a point of a body, and a torque on it.
-        module subroutine add_load(self, name, on, error, force, torque, in_body, motion)
+        module subroutine add_load(self, name, on, error, force, torque, in_body, motion, force_by, torque_by)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             !> Its name, and the body or the point of it.
@@ -165,6 +268,8 @@ module tandem_mechanism_drawing
             logical, intent(in), optional :: in_body
             !> A function of time that both are multiplied with.
             class(function_type), intent(in), optional :: motion
+            !> Expressions for their entries, which are added. They were parsed with `variable_names()` of the mechanism as it is.
+            type(expression_type), intent(in), optional :: force_by(:), torque_by(:)
         end subroutine add_load
 
         !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
@@ -178,8 +283,9 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_knife_edge
 
-        !> A disk with a sharp rim that rolls on a plane.
-        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open)
+        !> A disk that rolls on a plane, with a sharp rim or one that is round across.
+        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, turn, pivot, &
+            slide, along, crown)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             !> Its name, and its centre: a body, or a point of it.
@@ -187,21 +293,34 @@ module tandem_mechanism_drawing
             !> Radius (m), and the disk's axis in the world's frame of the drawing.
             real(wp), intent(in) :: radius, axis(:)
             type(error_type), allocatable, intent(out) :: error
-            !> The plane: its normal on the disk's side, by default z, and its distance from the origin along it (m, default 0).
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
             !> Whether it need not touch the plane in the drawing.
             logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
+            !> The radius of the rim's section, a torus whose middle line has `radius - crown` (m, default 0: a sharp rim).
+            real(wp), intent(in), optional :: crown
         end subroutine add_rolling_disk
 
         !> A sphere that rolls on a plane.
-        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open)
+        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name, centre
             real(wp), intent(in) :: radius
             type(error_type), allocatable, intent(out) :: error
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
+            !> Whether it need not touch the plane in the drawing.
             logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_sphere
 
         !> A sensor of a point: where it is, with velocity and acceleration.
@@ -239,6 +358,25 @@ module tandem_mechanism_drawing
             character(len=*), intent(in) :: name
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_energy_sensor
+
+        !> An ellipsoid that rolls on a plane.
+        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, centre
+            !> Along the axes of the body (m).
+            real(wp), intent(in) :: semi_axes(3)
+            type(error_type), allocatable, intent(out) :: error
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            real(wp), intent(in), optional :: normal(:), height
+            !> Whether it need not touch the plane in the drawing.
+            logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
+        end subroutine add_rolling_ellipsoid
     end interface
 
 contains
@@ -258,13 +396,23 @@ contains
         self%angles = [angle_type ::]
         self%springs = [spring_type ::]
         self%torsions = [torsion_type ::]
+        self%bushings = [bushing_type ::]
         self%loads = [load_type ::]
+        if (allocated(self%laws)) deallocate (self%laws)
+        if (allocated(self%formulas)) deallocate (self%formulas)
+        allocate (self%laws(0), self%formulas(0))
+        self%coordinates = [coordinate_type ::]
+        self%couplings = [coupling_type ::]
+        self%glides = [glide_type ::]
+        if (allocated(self%rate_rows)) deallocate (self%rate_rows)
+        allocate (self%rate_rows(0))
         self%edges = [edge_type ::]
         self%rollers = [roller_type ::]
         self%sensors = [sensor_type ::]
         self%held_name = [character(len=label_length) ::]
         self%held_unit = [character(len=label_length) ::]
         self%rolling_name = [character(len=label_length) ::]
+        self%rolling_unit = [character(len=label_length) ::]
         self%names = [character(len=name_length) ::]
     end subroutine clear
 
@@ -487,9 +635,13 @@ contains
     end subroutine take_pair
 
     !> Keep a function of time, and give its number.
-    subroutine take_motion(self, f, number)
+    subroutine take_motion(self, name, f, is_held, number)
         class(drawing_type), intent(inout) :: self
+        !> The element.
+        character(len=*), intent(in) :: name
         class(function_type), intent(in) :: f
+        !> Whether a row at position level is made of it.
+        logical, intent(in) :: is_held
         integer, intent(out) :: number
         type(motion_type), allocatable :: longer(:)
         integer :: i
@@ -498,10 +650,124 @@ contains
         allocate (longer(number))
         do i = 1, number - 1
             call move_alloc(self%motions(i)%f, longer(i)%f)
+            longer(i)%is_held = self%motions(i)%is_held
+            longer(i)%name = self%motions(i)%name
         end do
         allocate (longer(number)%f, source=f)
+        longer(number)%is_held = is_held
+        longer(number)%name = name
         call move_alloc(longer, self%motions)
     end subroutine take_motion
+
+    !> Keep a law, and give its number.
+    subroutine take_law(self, law, number)
+        class(drawing_type), intent(inout) :: self
+        class(law_type), intent(in) :: law
+        integer, intent(out) :: number
+        type(law_item_type), allocatable :: longer(:)
+        integer :: i
+
+        number = size(self%laws) + 1
+        allocate (longer(number))
+        do i = 1, number - 1
+            call move_alloc(self%laws(i)%law, longer(i)%law)
+        end do
+        allocate (longer(number)%law, source=law)
+        call move_alloc(longer, self%laws)
+    end subroutine take_law
+
+    !> Keep an expression of the state, and give its number.
+    subroutine take_formula(self, expression, number)
+        class(drawing_type), intent(inout) :: self
+        type(expression_type), intent(in) :: expression
+        integer, intent(out) :: number
+        type(formula_type), allocatable :: longer(:)
+
+        number = size(self%formulas) + 1
+        allocate (longer(number))
+        longer(:number - 1) = self%formulas
+        call longer(number)%initialize(expression, self%list_variables())
+        call move_alloc(longer, self%formulas)
+    end subroutine take_formula
+
+    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
+    !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
+    !> each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`, counted from the
+    !> drawing. Parse an expression with them after what it names was added, and add its element before another body or joint.
+    function variable_names(self) result(names)
+        class(drawing_type), intent(in) :: self
+        character(len=variable_name_length), allocatable :: names(:)
+        type(variable_type), allocatable :: variables(:)
+
+        variables = self%list_variables()
+        names = variables%name
+    end function variable_names
+
+    !> What they are.
+    function list_variables(self) result(variables)
+        class(drawing_type), intent(in) :: self
+        type(variable_type), allocatable :: variables(:)
+        character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
+        integer :: i, k, n
+
+        variables = [variable_type('t', is_time)]
+        if (.not. allocated(self%bodies)) return
+        n = merge(2, 3, self%planar)
+        do i = 1, size(self%bodies)
+            associate (name => trim(self%bodies(i)%name)//'.')
+                variables = [variables, (variable_type(name//axis(k), is_place, i, k), k=1, n), &
+                    (variable_type(name//'v'//axis(k), is_velocity, i, k), k=1, n)]
+                if (.not. self%bodies(i)%turns) cycle
+                if (self%planar) then
+                    variables = [variables, variable_type(name//'angle', is_turn, i, 1), &
+                        variable_type(name//'omega', is_turn_rate, i, 1)]
+                else
+                    variables = [variables, (variable_type(name//'e'//number(k), is_turn, i, k), k=1, 4), &
+                        (variable_type(name//'w'//axis(k), is_spin, i, k), k=1, 3)]
+                end if
+            end associate
+        end do
+        do i = 1, size(self%joints)
+            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
+                if (turn > 0) variables = [variables, variable_type(name//'angle', is_joint, turn, 1), &
+                    variable_type(name//'rate', is_joint_rate, turn, 1)]
+                if (way > 0) variables = [variables, variable_type(name//'way', is_joint, way, 1), &
+                    variable_type(name//'speed', is_joint_rate, way, 1)]
+            end associate
+        end do
+    end function list_variables
+
+    !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
+    subroutine find_coordinate(self, label, text, number, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label, text
+        integer, intent(out) :: number
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: i, k, dot
+
+        number = 0
+        dot = index(text, '.')
+        if (dot == 0) dot = len_trim(text) + 1
+        k = 0
+        do i = 1, size(self%joints)
+            if (self%joints(i)%name == text(:dot - 1)) k = i
+        end do
+        if (k == 0) then
+            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
+            return
+        end if
+        associate (turn => self%joints(k)%turn, way => self%joints(k)%way)
+            if (text(dot:) == '.angle') then
+                number = turn
+            else if (text(dot:) == '.way') then
+                number = way
+            else if (dot > len_trim(text)) then
+                number = merge(turn, way, turn > 0)
+            end if
+        end associate
+        if (number == 0) call refuse(label//': the joint '//text(:dot - 1)//' has no axis to turn about or to slide along', &
+            'take a joint that has one, and its .angle or .way', error)
+    end subroutine find_coordinate
 
     !> Where a body is in the drawing.
     pure subroutine frame_of(self, body, r, a)
@@ -552,6 +818,15 @@ contains
         self%held_name = [character(len=label_length) :: self%held_name, name]
         self%held_unit = [character(len=label_length) :: self%held_unit, unit]
     end subroutine new_row
+
+    !> One row more at velocity level.
+    pure subroutine new_rolling_row(self, name, unit)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, unit
+
+        self%rolling_name = [character(len=label_length) :: self%rolling_name, name]
+        self%rolling_unit = [character(len=label_length) :: self%rolling_unit, unit]
+    end subroutine new_rolling_row
 
     !> A unit vector along what is given.
     subroutine take_direction(self, label, what, given, vector, error)

@@ -35,8 +35,8 @@ contains
             return
         end if
         associate (its => self%joints(k))
-            sensor%slides = any(its%kind%name == [character(len=16) :: 'prismatic', 'cylindrical', 'point_on_line'])
-            sensor%turns = any(its%kind%name == [character(len=16) :: 'revolute', 'cylindrical'])
+            sensor%slides = its%way > 0
+            sensor%turns = its%turn > 0
             if (.not. (sensor%slides .or. sensor%turns)) then
                 call refuse('sensor '//trim(name)//': the joint '//trim(joint)//' is '//trim(its%kind%name)// &
                     ', which has no coordinate of its own', &

@@ -1,60 +1,59 @@
 ! SPDX-License-Identifier: MIT
-!> Forces: spring-dampers between two points, torsional ones about an axis, and given forces and torques on a body.
+!> Forces along coordinates: spring-dampers between two points, those along the coordinate of a joint, and bushings along six.
 !>
-!> The first two act along a scalar coordinate x (length, angle) with f = k (x - x0) + c xd + u(t), as the generalised force -f x_q.
+!> The first two act along a scalar coordinate x (length, angle) with f = k (x - x0) + c xd + u(t) + g(t, x, xd), as the generalised
+!> force -f x_q.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
-    use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
-    use tandem_mechanism_pair, only: add_outer, columns, n_local, put_force
-    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_mechanism_law, only: law_item_type
+    use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, put_force
+    use tandem_mechanism_pose, only: gradient_of, pose_type
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
-    use tandem_model_derivatives, only: derivatives_type, need_dynamics_q
-    use tandem_rigid_euler_parameters, only: e_transposed_gradient, e_transposed_product, g_transposed_product, t_matrix
-    use tandem_mechanism_vector, only: cross
+    use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
     implicit none (type, external)
     private
 
     public :: spring_type, add_springs, differentiate_springs, spring_energy
-    public :: torsion_type, add_torsions, differentiate_torsions, torsion_energy, torsion_angle
-    public :: load_type, add_loads, differentiate_loads
+    public :: torsion_type, add_torsions, differentiate_torsions, torsion_energy
+    public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
 
-    !> k (N/m), c (N s/m), the length without force (m), and the number of the function u, 0 for none.
+    !> k (N/m), c (N s/m), the length without force (m), and the numbers of the function u and of the law g, 0 for none.
     type :: spring_type
         type(span_type) :: span
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
-        integer :: motion = 0
+        integer :: motion = 0, law = 0
     end type spring_type
 
-    !> k (N m), c (N m s), the angle without torque (rad). In space the angle is that from x1 to x2 about the common axis z,
-    !> of x1.x2 and y1.x2; it is counted over any number of turns from what it was last.
+    !> The same along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) without torque or force.
     type :: torsion_type
-        type(dot_type) :: cosine, sine
+        type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
-        integer :: motion = 0
-        !> The angle at the last point that was looked at.
-        real(wp) :: last = 0.0_wp
+        integer :: motion = 0, law = 0
     end type torsion_type
 
-    !> A force (N) at a point of a body and a torque (N m), in the world's axes or the body's, times a function of time.
-    type :: load_type
-        integer :: body = 0
-        real(wp) :: point(3) = 0.0_wp, force(3) = 0.0_wp, torque(3) = 0.0_wp
-        logical :: in_body = .false.
-        integer :: motion = 0
-    end type load_type
-
-    real(wp), parameter :: pi = acos(-1.0_wp)
+    !> Forces f = K x + C xd along the ways and small turns between two frames, which are one in the drawing: three ways and three
+    !> turns in space, two ways and the angle in the plane.
+    type :: bushing_type
+        integer :: n = 0
+        type(coordinate_type) :: coordinates(6)
+        !> N/m, N, N m/rad; N s/m, N s, N m s/rad.
+        real(wp) :: stiffness(6, 6) = 0.0_wp, damping(6, 6) = 0.0_wp
+    end type bushing_type
 
 contains
 
     !> force := force - f l_q for every spring. A length of zero has no direction: stat > 0.
-    pure subroutine add_springs(springs, pose, f, force, stat)
+    pure subroutine add_springs(springs, t, pose, f, laws, force, stat)
         type(spring_type), intent(in) :: springs(:)
+        real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
         real(wp), intent(inout) :: force(:)
         integer, intent(inout) :: stat
-        real(wp) :: d(3), d1(3), u(3), length, pull
+        real(wp) :: d(3), d1(3), u(3), g(0:2), length, rate, pull
         integer :: i
 
         do i = 1, size(springs)
@@ -67,8 +66,13 @@ contains
                     return
                 end if
                 u = d/length
-                pull = spring%stiffness*(length - spring%length) + spring%damping*(u(1)*d1(1) + u(2)*d1(2) + u(3)*d1(3))
+                rate = u(1)*d1(1) + u(2)*d1(2) + u(3)*d1(3)
+                pull = spring%stiffness*(length - spring%length) + spring%damping*rate
                 if (spring%motion > 0) pull = pull + f(0, spring%motion)
+                if (spring%law > 0) then
+                    call laws(spring%law)%law%evaluate(t, length, rate, g)
+                    pull = pull + g(0)
+                end if
                 u = pull*u
                 call add_force(pose(spring%span%first), spring%span%s1, u, force)
                 u = -u
@@ -95,13 +99,15 @@ contains
         end do
     end subroutine add_force
 
-    pure subroutine differentiate_springs(springs, need, pose, f, derivatives)
+    pure subroutine differentiate_springs(springs, need, t, pose, f, laws, derivatives)
         type(spring_type), intent(in) :: springs(:)
         integer, intent(in) :: need
+        real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, pull
+        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, pull(0:2), g(0:2)
         integer :: i
 
         do i = 1, size(springs)
@@ -117,10 +123,14 @@ contains
                 gradient(:, 1) = (gradient(:, 1) - rate*gradient(:, 0))/length
                 call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
                 second = second/length
-                pull = spring%stiffness*(length - spring%length) + spring%damping*rate
-                if (spring%motion > 0) pull = pull + f(0, spring%motion)
-                call put_force(need, columns(pose(spring%span%first), pose(spring%span%second)), gradient, second, &
-                    [pull, spring%stiffness, spring%damping], derivatives)
+                pull = [spring%stiffness*(length - spring%length) + spring%damping*rate, spring%stiffness, spring%damping]
+                if (spring%motion > 0) pull(0) = pull(0) + f(0, spring%motion)
+                if (spring%law > 0) then
+                    call laws(spring%law)%law%evaluate(t, length, rate, g)
+                    pull = pull + g
+                end if
+                call put_force(need, columns(pose(spring%span%first), pose(spring%span%second)), gradient, second, pull, &
+                    derivatives)
             end associate
         end do
     end subroutine differentiate_springs
@@ -133,180 +143,147 @@ contains
         spring_energy = spring%stiffness*(norm2(span_way(spring%span, pose, 0)) - spring%length)**2/2
     end function spring_energy
 
-    !> The angle, nearest to the last one.
-    pure real(wp) function torsion_angle(torsion, pose)
-        type(torsion_type), intent(in) :: torsion
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp) :: a(3), x(3)
-
-        if (pose(torsion%cosine%first)%n_turn == 1 .or. pose(torsion%cosine%second)%n_turn == 1) then
-            torsion_angle = pose(torsion%cosine%second)%p(1, 0) - pose(torsion%cosine%first)%p(1, 0)
-            return
-        end if
-        x = turned(pose(torsion%cosine%second), 0, torsion%cosine%b)
-        a = turned(pose(torsion%cosine%first), 0, torsion%cosine%a)
-        torsion_angle = dot_product(a, x)
-        a = turned(pose(torsion%cosine%first), 0, torsion%sine%a)
-        torsion_angle = atan2(dot_product(a, x), torsion_angle)
-        torsion_angle = torsion_angle + 2*pi*anint((torsion%last - torsion_angle)/(2*pi))
-    end function torsion_angle
-
-    !> The angle's gradient with its first derivative along the motion, the rate, and if wanted the second gradient. With
-    !> z = cosine + i sine the angle is Im ln z, and so (ln z)_qq = z_qq/z - (ln z)_q (ln z)_q'.
-    pure subroutine differentiate_angle(torsion, pose, f, rate, gradient, second)
-        type(torsion_type), intent(in) :: torsion
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(out) :: rate, gradient(n_local, 0:1)
-        real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), logarithm(n_local)
-        real(wp) :: c(0:1), s(0:1), square, square_rate, c_qq(n_local, n_local)
-
-        call dot_curve(torsion%cosine, pose, f, local, a, d)
-        c = [sum(a(:, 0)*d(:, 0)), sum(a(:, 1)*d(:, 0)) + sum(a(:, 0)*d(:, 1))]
-        call dot_gradient(torsion%cosine, pose, local, a, d, c_q)
-        if (present(second)) call dot_second(torsion%cosine, pose, local, a, d, c_qq)
-        call dot_curve(torsion%sine, pose, f, local, a, d)
-        s = [sum(a(:, 0)*d(:, 0)), sum(a(:, 1)*d(:, 0)) + sum(a(:, 0)*d(:, 1))]
-        call dot_gradient(torsion%sine, pose, local, a, d, s_q)
-        square = c(0)**2 + s(0)**2
-        square_rate = 2*(c(0)*c(1) + s(0)*s(1))
-        rate = (c(0)*s(1) - s(0)*c(1))/square
-        gradient(:, 0) = (c(0)*s_q(:, 0) - s(0)*c_q(:, 0))/square
-        gradient(:, 1) = (c(1)*s_q(:, 0) + c(0)*s_q(:, 1) - s(1)*c_q(:, 0) - s(0)*c_q(:, 1) - square_rate*gradient(:, 0))/square
-        if (.not. present(second)) return
-        logarithm = (c(0)*c_q(:, 0) + s(0)*s_q(:, 0))/square
-        call dot_second(torsion%sine, pose, local, a, d, second)
-        second = (c(0)*second - s(0)*c_qq)/square
-        call add_outer(-1.0_wp, gradient(:, 0), logarithm, second)
-        call add_outer(-1.0_wp, logarithm, gradient(:, 0), second)
-    end subroutine differentiate_angle
-
-    !> force := force - f x_q for every torsional spring.
-    pure subroutine add_torsions(torsions, pose, f, force)
+    !> force := force - f x_q for every spring along the coordinate of a joint.
+    pure subroutine add_torsions(torsions, t, pose, f, laws, force)
         type(torsion_type), intent(inout) :: torsions(:)
+        real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
         real(wp), intent(inout) :: force(:)
-        real(wp) :: gradient(n_local, 0:1), rate, torque
-        integer :: i, k, c(n_local)
-
-        do i = 1, size(torsions)
-            associate (torsion => torsions(i))
-                torsion%last = torsion_angle(torsion, pose)
-                call differentiate_angle(torsion, pose, f, rate, gradient)
-                torque = torsion%stiffness*(torsion%last - torsion%angle) + torsion%damping*rate
-                if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
-                c = columns(pose(torsion%cosine%first), pose(torsion%cosine%second))
-                do k = 1, n_local
-                    if (c(k) > 0) force(c(k)) = force(c(k)) - torque*gradient(k, 0)
-                end do
-            end associate
-        end do
-    end subroutine add_torsions
-
-    pure subroutine differentiate_torsions(torsions, need, pose, f, derivatives)
-        type(torsion_type), intent(in) :: torsions(:)
-        integer, intent(in) :: need
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
-        type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: gradient(n_local, 0:1), second(n_local, n_local), rate, torque
+        real(wp) :: x(0:2), gradient(n_local, 0:2), torque, g(0:2)
         integer :: i
 
         do i = 1, size(torsions)
             associate (torsion => torsions(i))
-                call differentiate_angle(torsion, pose, f, rate, gradient, second)
-                torque = torsion%stiffness*(torsion_angle(torsion, pose) - torsion%angle) + torsion%damping*rate
+                call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+                torque = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
                 if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
-                call put_force(need, columns(pose(torsion%cosine%first), pose(torsion%cosine%second)), gradient, second, &
-                    [torque, torsion%stiffness, torsion%damping], derivatives)
+                if (torsion%law > 0) then
+                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                    torque = torque + g(0)
+                end if
+                call take_off(torsion%coordinate, pose, torque, gradient(:, 0), force)
+            end associate
+        end do
+    end subroutine add_torsions
+
+    !> force := force - f x_q.
+    pure subroutine take_off(coordinate, pose, f, gradient, force)
+        type(coordinate_type), intent(in) :: coordinate
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: f, gradient(n_local)
+        real(wp), intent(inout) :: force(:)
+        integer :: k, c(n_local)
+
+        c = columns(pose(coordinate%first), pose(coordinate%second))
+        do k = 1, n_local
+            if (c(k) > 0) force(c(k)) = force(c(k)) - f*gradient(k)
+        end do
+    end subroutine take_off
+
+    pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, derivatives)
+        type(torsion_type), intent(inout) :: torsions(:)
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), torque(0:2), g(0:2)
+        integer :: i
+
+        do i = 1, size(torsions)
+            associate (torsion => torsions(i))
+                call differentiate_coordinate(torsion%coordinate, pose, 1, 1, x, gradient, second)
+                torque = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
+                if (torsion%motion > 0) torque(0) = torque(0) + f(0, torsion%motion)
+                if (torsion%law > 0) then
+                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                    torque = torque + g
+                end if
+                call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &
+                    gradient(:, 0:1), second, torque, derivatives)
             end associate
         end do
     end subroutine differentiate_torsions
 
     !> k (x - x0)^2/2.
-    pure real(wp) function torsion_energy(torsion, pose)
-        type(torsion_type), intent(in) :: torsion
+    pure subroutine torsion_energy(torsion, pose, energy)
+        type(torsion_type), intent(inout) :: torsion
         type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(out) :: energy
+        real(wp) :: x
 
-        torsion_energy = torsion%stiffness*(torsion_angle(torsion, pose) - torsion%angle)**2/2
-    end function torsion_energy
+        call measure(torsion%coordinate, pose, x)
+        energy = torsion%stiffness*(x - torsion%angle)**2/2
+    end subroutine torsion_energy
 
-    !> Given forces and torques. In the body's axes a force F at s has the part 2 G' (s x F) of p, and a torque T 2 G' T.
-    pure subroutine add_loads(loads, pose, f, force)
-        type(load_type), intent(in) :: loads(:)
+    !> force := force - sum of f_i x_i,q for every bushing.
+    pure subroutine add_bushings(bushings, pose, force)
+        type(bushing_type), intent(inout) :: bushings(:)
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(inout) :: force(:)
-        real(wp) :: factor, along(3), moment(3), row(4)
+        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), f
         integer :: i, k
 
-        do i = 1, size(loads)
-            associate (load => loads(i), body => pose(loads(i)%body))
-                factor = 1.0_wp
-                if (load%motion > 0) factor = f(0, load%motion)
-                along = factor*load%force
-                if (load%in_body) along = turned(body, 0, along)
-                do k = 1, body%n_place
-                    force(body%place + k - 1) = force(body%place + k - 1) + along(k)
+        do i = 1, size(bushings)
+            associate (it => bushings(i), n => bushings(i)%n)
+                do k = 1, n
+                    call differentiate_coordinate(it%coordinates(k), pose, 1, 0, x(:, k), gradient(:, :, k))
                 end do
-                row = 0.0_wp
-                if (body%n_turn == 1) then
-                    moment = factor*load%torque
-                    row = gradient_of(body, 0, load%point, along)
-                    row(1) = row(1) + moment(3)
-                else if (body%n_turn == 4) then
-                    if (load%in_body) then
-                        moment = factor*(load%torque + cross(load%point, load%force))
-                        row = 2*g_transposed_product(body%p(:, 0), moment)
-                    else
-                        row = gradient_of(body, 0, load%point, along)
-                        row = row + 2*e_transposed_product(body%p(:, 0), factor*load%torque)
-                    end if
-                end if
-                do k = 1, body%n_turn
-                    force(body%turn + k - 1) = force(body%turn + k - 1) + row(k)
+                do k = 1, n
+                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
+                    call take_off(it%coordinates(k), pose, f, gradient(:, 0, k), force)
                 end do
             end associate
         end do
-    end subroutine add_loads
+    end subroutine add_bushings
 
-    pure subroutine differentiate_loads(loads, need, pose, f, derivatives)
-        type(load_type), intent(in) :: loads(:)
+    pure subroutine differentiate_bushings(bushings, need, pose, derivatives)
+        type(bushing_type), intent(inout) :: bushings(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: factor, h(4, 4), b(3, 4), moment(3)
-        integer :: i, j, k
+        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), second(n_local, n_local, 6), by_q(n_local, n_local), &
+            by_qd(n_local, n_local), f
+        integer :: i, j, k, c(n_local)
 
-        if (iand(need, need_dynamics_q) == 0) return
-        do i = 1, size(loads)
-            associate (load => loads(i), body => pose(loads(i)%body), d => derivatives%dynamics_q)
-                factor = 1.0_wp
-                if (load%motion > 0) factor = f(0, load%motion)
-                if (load%in_body) then
-                    b = gradient_matrix(body, 0, factor*load%force)
-                    do j = 1, body%n_turn
-                        do k = 1, body%n_place
-                            d(body%place + k - 1, body%turn + j - 1) = d(body%place + k - 1, body%turn + j - 1) - b(k, j)
-                        end do
-                    end do
-                    ! In the plane the moment of a force that turns with the body is constant.
-                    h = 0.0_wp
-                    moment = factor*(load%torque + cross(load%point, load%force))
-                    if (body%n_turn == 4) h = 2*t_matrix(moment)
-                else
-                    h = second_gradient(body, load%point, factor*load%force)
-                    if (body%n_turn == 4) h = h + 2*e_transposed_gradient(factor*load%torque)
-                end if
-                do j = 1, body%n_turn
-                    do k = 1, body%n_turn
-                        d(body%turn + k - 1, body%turn + j - 1) = d(body%turn + k - 1, body%turn + j - 1) - h(k, j)
+        do i = 1, size(bushings)
+            associate (it => bushings(i), n => bushings(i)%n)
+                do k = 1, n
+                    call differentiate_coordinate(it%coordinates(k), pose, 1, 1, x(:, k), gradient(:, :, k), second(:, :, k))
+                end do
+                by_q = 0.0_wp
+                by_qd = 0.0_wp
+                do k = 1, n
+                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
+                    by_q = by_q + f*second(:, :, k)
+                    do j = 1, n
+                        call add_outer(it%stiffness(k, j), gradient(:, 0, k), gradient(:, 0, j), by_q)
+                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 1, j), by_q)
+                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 0, j), by_qd)
                     end do
                 end do
+                c = columns(pose(it%coordinates(1)%first), pose(it%coordinates(1)%second))
+                if (iand(need, need_dynamics_q) /= 0) call add_block(c, 1.0_wp, by_q, derivatives%dynamics_q)
+                if (iand(need, need_dynamics_qd) /= 0) call add_block(c, 1.0_wp, by_qd, derivatives%dynamics_qd)
             end associate
         end do
-    end subroutine differentiate_loads
+    end subroutine differentiate_bushings
+
+    !> x' K x/2.
+    pure subroutine bushing_energy(bushing, pose, energy)
+        type(bushing_type), intent(inout) :: bushing
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(out) :: energy
+        real(wp) :: x(6)
+        integer :: k
+
+        x = 0.0_wp
+        do k = 1, bushing%n
+            call measure(bushing%coordinates(k), pose, x(k))
+        end do
+        energy = dot_product(x, matmul(bushing%stiffness, x))/2
+    end subroutine bushing_energy
 end module tandem_mechanism_force

@@ -35,26 +35,33 @@ module tandem_mechanism_joint
         !> The bodies, 0 for the ground, and the joint's frame on each in that body's own: point, and axes in columns.
         integer :: first = 0, second = 0
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp, axes2(3, 3) = 0.0_wp
-        !> Its rows of C.
+        !> The freedoms that are held at velocity level.
+        logical :: glides(6) = .false.
+        !> Its rows of C at position level.
         integer :: row = 0, n_rows = 0
+        !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
+        integer :: turn = 0, way = 0
     end type joint_type
 
     logical, parameter :: o = .true.
-    type(kind_type), parameter :: in_space(9) = [ &
+    type(kind_type), parameter :: in_space(11) = [ &
         kind_type('fixed', [o, o, o, o, o, o], 0, .false.), &
         kind_type('revolute', [o, o, o, o, o, free], 6, .true.), &
         kind_type('prismatic', [o, o, free, o, o, o], 3, .true.), &
         kind_type('cylindrical', [o, o, free, o, o, free], 0, .true.), &
         kind_type('spherical', [o, o, o, free, free, free], 0, .false.), &
         kind_type('universal', [o, o, o, free, free, o], 0, .true.), &
+        kind_type('screw', [o, o, free, o, o, free], 0, .true.), &
+        kind_type('primitive', free, 0, .false.), &
         kind_type('planar', [free, free, o, o, o, free], 0, .true.), &
         kind_type('point_on_line', [o, o, free, free, free, free], 3, .true.), &
         kind_type('point_on_plane', [free, free, o, free, free, free], 0, .true.)]
-    type(kind_type), parameter :: in_plane(4) = [ &
+    type(kind_type), parameter :: in_plane(5) = [ &
         kind_type('fixed', [o, o, o, free, free, free], 0, .false.), &
         kind_type('revolute', [o, o, free, free, free, free], 3, .false.), &
         kind_type('prismatic', [free, o, o, free, free, free], 1, .true.), &
-        kind_type('point_on_line', [free, o, free, free, free, free], 1, .true.)]
+        kind_type('point_on_line', [free, o, free, free, free, free], 1, .true.), &
+        kind_type('primitive', free, 0, .false.)]
 
 contains
 
@@ -80,7 +87,7 @@ contains
     !> The names that there are, for messages.
     pure function kind_names(planar) result(names)
         logical, intent(in) :: planar
-        character(len=128) :: names
+        character(len=160) :: names
         integer :: i
 
         names = ''

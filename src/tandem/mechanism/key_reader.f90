@@ -9,8 +9,8 @@ module tandem_mechanism_key_reader
     use tandem_mechanism_entries, only: atom_type, entries_type, entry_type, is_number, is_text, is_truth, number_value, &
         text_value, value_type
     use tandem_mechanism_expression, only: expression_type, parse_expression
-    use tandem_mechanism_function, only: constant_type, function_type
-    use tandem_mechanism_function_expression, only: expression_of_time_type
+    use tandem_mechanism_function, only: constant_type, expression_function, function_type
+    use tandem_mechanism_law, only: expression_law, law_type
     use tandem_names, only: question
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -76,6 +76,8 @@ module tandem_mechanism_key_reader
         procedure :: get_texts
         procedure :: get_truth
         procedure :: get_function
+        procedure :: get_law
+        procedure :: get_expressions
         procedure :: evaluate_text
         procedure :: show
         procedure, private :: evaluate
@@ -531,8 +533,8 @@ contains
         !> Not allocated where the key is not given.
         class(function_type), allocatable, intent(out) :: f
         character(len=*), intent(in), optional :: unit, help
-        type(expression_of_time_type), allocatable :: of_time
-        type(constant_type), allocatable :: constant
+        type(expression_type) :: expression
+        type(constant_type) :: constant
         character(len=key_length), allocatable :: names(:)
         real(wp), allocatable :: values(:)
         integer :: k
@@ -545,28 +547,81 @@ contains
                 return
             end if
             if (given%atoms(1)%kind == is_number) then
-                allocate (constant)
                 constant%value = given%atoms(1)%number
-                call move_alloc(constant, f)
+                allocate (f, source=constant)
             else
-                allocate (of_time)
                 call self%constants(k, names, values)
-                call parse_expression(of_time%expression, given%atoms(1)%text, ['t'], self%error, names, values, &
-                    self%entries%list(k)%key)
+                call parse_expression(expression, given%atoms(1)%text, ['t'], self%error, names, values, self%entries%list(k)%key)
                 if (self%failed()) then
                     self%place = self%entries%list(k)%place
                     return
                 end if
-                if (of_time%expression%n_kinks() > 0) then
-                    call self%fail(key, 'has kinks, where the run could not hold its errors', &
-                        'take a smooth function: leave out abs, sign, step, ramp, min, max and smooth_step')
-                    return
-                end if
-                call move_alloc(of_time, f)
+                allocate (f, source=expression_function(expression))
             end if
             call self%remember(key, k, given, unit, help)
         end associate
     end subroutine get_function
+
+    !> A law of time, a coordinate and its rate.
+    subroutine get_law(self, key, coordinate, law, unit, help)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> What the coordinate is called.
+        character(len=*), intent(in) :: coordinate
+        !> Not allocated where the key is not given.
+        class(law_type), allocatable, intent(out) :: law
+        character(len=*), intent(in), optional :: unit, help
+        type(expression_type), allocatable :: expressions(:)
+
+        call self%get_expressions(key, [1], [character(len=key_length) :: 't', coordinate, 'rate'], expressions, unit, help)
+        if (allocated(expressions)) allocate (law, source=expression_law(expressions(1)))
+    end subroutine get_law
+
+    !> A list of numbers or expressions of variables, of one of some lengths.
+    subroutine get_expressions(self, key, lengths, variables, expressions, unit, help, required)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> How many there may be; a single one will do where that is 1.
+        integer, intent(in) :: lengths(:)
+        character(len=*), intent(in) :: variables(:)
+        !> Not allocated where the key is not given.
+        type(expression_type), allocatable, intent(out) :: expressions(:)
+        character(len=*), intent(in), optional :: unit, help
+        logical, intent(in), optional :: required
+        character(len=key_length), allocatable :: names(:)
+        character(len=32) :: number
+        real(wp), allocatable :: values(:)
+        integer :: k, i
+
+        k = self%index_of(key, required)
+        if (k == 0) return
+        call self%constants(k, names, values)
+        associate (given => self%entries%list(k)%value)
+            if (.not. any(lengths == size(given%atoms))) then
+                call self%fail(key, 'has '//to_text(size(given%atoms))//merge(' entry  ', ' entries', size(given%atoms) == 1), &
+                    'give '//to_text(lengths(1)))
+                return
+            end if
+            allocate (expressions(size(given%atoms)))
+            do i = 1, size(expressions)
+                select case (given%atoms(i)%kind)
+                case (is_number)
+                    write (number, '(es25.16e3)') given%atoms(i)%number
+                    call parse_expression(expressions(i), number, variables, self%error)
+                case (is_text)
+                    call parse_expression(expressions(i), given%atoms(i)%text, variables, self%error, names, values, &
+                        self%entries%list(k)%key)
+                case default
+                    call self%fail(key, 'is true or false', 'give a number, or an expression as text')
+                end select
+                if (.not. self%failed()) cycle
+                self%place = self%entries%list(k)%place
+                deallocate (expressions)
+                return
+            end do
+            call self%remember(key, k, given, unit, help)
+        end associate
+    end subroutine get_expressions
 
     !> The number that an atom is, or that its expression gives.
     subroutine evaluate(self, entry, atom, number)

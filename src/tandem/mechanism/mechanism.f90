@@ -10,11 +10,15 @@ module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
-    use tandem_mechanism_force, only: add_loads, add_springs, add_torsions, differentiate_loads, differentiate_springs, &
-        differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
+        differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
+    use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
+    use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
@@ -42,6 +46,8 @@ module tandem_mechanism
         integer, allocatable, private :: turning(:)
         !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
         logical, private :: is_defined = .false.
+        !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
+        integer, private :: held_segment = 0
     contains
         procedure :: define
         procedure :: start
@@ -65,6 +71,8 @@ contains
             call set_error(error, status_invalid_model, 'the mechanism was defined before', 'define it once, after all was added')
             return
         end if
+        call find_breakpoints(self, error)
+        if (allocated(error)) return
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
@@ -75,7 +83,9 @@ contains
         self%provides = need_mass + need_force
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
-        if (any([self%dots%motion, self%angles%motion, self%distances%motion] > 0)) self%provides = self%provides + need_nu
+        if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
+            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%rate_rows%rhs] > 0)) &
+            self%provides = self%provides + need_nu
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
@@ -95,6 +105,84 @@ contains
         end do
         self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
     end subroutine list_quantities
+
+    !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
+    subroutine find_breakpoints(self, error)
+        class(mechanism_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: places(:), kinks(:)
+        integer, allocatable :: orders(:)
+        logical, allocatable :: jumps(:)
+        real(wp) :: first
+        integer :: i, k, n
+
+        allocate (kinks(0), jumps(0))
+        do i = 1, size(self%motions)
+            associate (motion => self%motions(i))
+                call motion%f%find_kinks(self%times(1), self%times(2), places, orders, error)
+                if (allocated(error)) return
+                if (motion%is_held .and. any(orders == 0)) then
+                    call set_error(error, status_invalid_model, 'the motion of '//trim(motion%name)//' jumps at t = '// &
+                        to_text(places(findloc(orders, 0, dim=1))), 'let it be continuous: a smooth_step does what a step does')
+                    return
+                end if
+                kinks = [kinks, places]
+                jumps = [jumps, motion%is_held .and. orders == 1]
+            end associate
+        end do
+        do i = 1, size(self%laws)
+            call self%laws(i)%law%find_kinks(self%times(1), self%times(2), places, orders, error)
+            if (allocated(error)) return
+            kinks = [kinks, places]
+            jumps = [jumps, spread(.false., 1, size(places))]
+        end do
+        do i = 1, size(self%formulas)
+            call self%formulas(i)%pieces%find_kinks(self%times(1), self%times(2), places, orders, error)
+            if (allocated(error)) return
+            kinks = [kinks, places]
+            jumps = [jumps, spread(.false., 1, size(places))]
+        end do
+        if (size(kinks) == 0) return
+
+        ! In their order; those that differ by rounding alone are one.
+        allocate (self%breakpoints(size(kinks)), self%nu_jumps(size(kinks)))
+        n = 0
+        do while (any(kinks < huge(first)))
+            k = minloc(kinks, dim=1)
+            first = kinks(k)
+            n = n + 1
+            self%breakpoints(n) = first
+            associate (same => kinks - first <= 1.0e-12_wp*max(abs(first), self%times(2) - self%times(1)))
+                self%nu_jumps(n) = any(same .and. jumps)
+                where (same) kinks = huge(first)
+            end associate
+        end do
+        self%breakpoints = self%breakpoints(:n)
+        self%nu_jumps = self%nu_jumps(:n)
+    end subroutine find_breakpoints
+
+    !> Let the functions hold the smooth pieces of the current segment.
+    pure subroutine hold_segment(self)
+        class(mechanism_type), intent(inout) :: self
+        real(wp) :: ends(2), t
+        integer :: i
+
+        self%held_segment = self%segment
+        if (.not. allocated(self%breakpoints)) return
+        ends = self%times
+        if (self%segment > 1) ends(1) = self%breakpoints(self%segment - 1)
+        if (self%segment <= size(self%breakpoints)) ends(2) = self%breakpoints(self%segment)
+        t = sum(ends)/2
+        do i = 1, size(self%motions)
+            call self%motions(i)%f%hold(t)
+        end do
+        do i = 1, size(self%laws)
+            call self%laws(i)%law%hold(t)
+        end do
+        do i = 1, size(self%formulas)
+            call self%formulas(i)%pieces%hold(t)
+        end do
+    end subroutine hold_segment
 
     !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
     subroutine number_coordinates(self)
@@ -164,7 +252,9 @@ contains
             (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
         self%nonholonomic_name = self%rolling_name
         self%multiplier_unit = [character(len=label_length) :: self%held_unit, ('J', i=1, size(self%turning)), &
-            ('N', i=1, self%n_nonholonomic)]
+            self%rolling_unit]
+        self%glides%row = self%glides%row + self%n_holonomic
+        self%rate_rows%row = self%rate_rows%row + self%n_holonomic
         self%edges%row = self%edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
     end subroutine name_rows
@@ -214,6 +304,7 @@ contains
         integer, intent(inout) :: stat
         integer :: i, k
 
+        if (self%segment /= self%held_segment) call hold_segment(self)
         do i = 1, size(self%bodies)
             call set_place(self%pose(i), q)
         end do
@@ -232,8 +323,12 @@ contains
             if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, terms)
-            if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, terms, stat)
+            if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
+            if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
+            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
+                self%coordinates, terms)
             do i = 1, size(self%turning)
                 k = self%before_norms + i
                 associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
@@ -256,9 +351,10 @@ contains
         do i = 1, size(self%turning)
             call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
         end do
-        if (size(self%springs) > 0) call add_springs(self%springs, self%pose, self%f, terms%force, stat)
-        if (size(self%torsions) > 0) call add_torsions(self%torsions, self%pose, self%f, terms%force)
-        if (size(self%loads) > 0) call add_loads(self%loads, self%pose, self%f, terms%force)
+        if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
+        if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%pose, self%f, self%laws, terms%force)
+        if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)
+        if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
     end subroutine evaluate_mechanism
 
     !> Angles in the plane: linear rows.
@@ -311,6 +407,7 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         integer :: i, j, k
 
+        if (self%segment /= self%held_segment) call hold_segment(self)
         do i = 1, size(self%bodies)
             call set_place(self%pose(i), q)
             call set_rates(self%pose(i), qd)
@@ -322,8 +419,12 @@ contains
         call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
         call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
+        call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
         call differentiate_edges(self%edges, need, self%pose, lambda, derivatives)
-        call differentiate_rollers(self%rollers, need, self%pose, lambda, derivatives)
+        call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
+        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
+            derivatives)
         do i = 1, size(self%turning)
             k = self%before_norms + i
             associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
@@ -341,17 +442,19 @@ contains
         do i = 1, size(self%turning)
             call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
         end do
-        call differentiate_springs(self%springs, need, self%pose, self%f, derivatives)
-        call differentiate_torsions(self%torsions, need, self%pose, self%f, derivatives)
-        call differentiate_loads(self%loads, need, self%pose, self%f, derivatives)
+        call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_bushings(self%bushings, need, self%pose, derivatives)
+        call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
     end subroutine differentiate_mechanism
 
-    !> V of gravity and springs.
+    !> V of gravity, and of what springs and bushings have by numbers; laws have none.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         real(wp), intent(out) :: value
         integer, intent(out) :: stat
+        real(wp) :: energy
         integer :: i
 
         stat = 0
@@ -366,7 +469,12 @@ contains
                 value = value + spring_energy(self%springs(i), self%pose)
             end do
             do i = 1, size(self%torsions)
-                value = value + torsion_energy(self%torsions(i), self%pose)
+                call torsion_energy(self%torsions(i), self%pose, energy)
+                value = value + energy
+            end do
+            do i = 1, size(self%bushings)
+                call bushing_energy(self%bushings(i), self%pose, energy)
+                value = value + energy
             end do
         end select
     end subroutine potential_energy
@@ -408,10 +516,18 @@ contains
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        integer :: i
+        integer :: i, k
 
         do i = 1, size(self%torsions)
-            call pack%item(self%torsions(i)%last)
+            call pack%item(self%torsions(i)%coordinate%last)
+        end do
+        do i = 1, size(self%coordinates)
+            call pack%item(self%coordinates(i)%last)
+        end do
+        do i = 1, size(self%couplings)
+            do k = 1, self%couplings(i)%n
+                call pack%item(self%couplings(i)%coordinates(k)%last)
+            end do
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)

@@ -13,7 +13,8 @@ module tandem_mechanism_pair
     implicit none (type, external)
     private
 
-    public :: n_local, place_1, turn_1, place_2, turn_2, columns, add_outer, add_block, put_row, put_holonomic, put_force
+    public :: n_local, place_1, turn_1, place_2, turn_2, columns, add_outer, add_block, put_row, add_row, put_holonomic, &
+        add_holonomic, put_force
 
     !> Entries of a gradient, and before which one the parts of it begin.
     integer, parameter :: n_local = 14, place_1 = 0, turn_1 = 3, place_2 = 7, turn_2 = 10
@@ -53,6 +54,19 @@ contains
             if (c(i) > 0) matrix(row, c(i)) = gradient(i)
         end do
     end subroutine put_row
+
+    !> Add the entries of a gradient to a row, where several elements share columns of it.
+    pure subroutine add_row(c, weight, gradient, row, matrix)
+        integer, intent(in) :: c(n_local)
+        real(wp), intent(in) :: weight, gradient(n_local)
+        integer, intent(in) :: row
+        real(wp), intent(inout) :: matrix(:, :)
+        integer :: i
+
+        do i = 1, n_local
+            if (c(i) > 0) matrix(row, c(i)) = matrix(row, c(i)) + weight*gradient(i)
+        end do
+    end subroutine add_row
 
     !> matrix := matrix + weight block.
     pure subroutine add_block(c, weight, block, matrix)
@@ -94,6 +108,19 @@ contains
         if (iand(need, need_acceleration_qd) /= 0) call put_row(c, 2*gradient(:, 1), row, derivatives%acceleration_qd)
         if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda, second, derivatives%dynamics_q)
     end subroutine put_holonomic
+
+    !> The part of a holonomic row that is a weighted scalar function, where the row is a sum of them.
+    pure subroutine add_holonomic(need, row, c, weight, gradient, second, lambda, derivatives)
+        integer, intent(in) :: need, row, c(n_local)
+        real(wp), intent(in) :: weight, gradient(n_local, 0:2), second(n_local, n_local)
+        real(wp), intent(in) :: lambda
+        type(derivatives_type), intent(inout) :: derivatives
+
+        if (iand(need, need_velocity_q) /= 0) call add_row(c, weight, gradient(:, 1), row, derivatives%velocity_q)
+        if (iand(need, need_acceleration_q) /= 0) call add_row(c, weight, gradient(:, 2), row, derivatives%acceleration_q)
+        if (iand(need, need_acceleration_qd) /= 0) call add_row(c, 2*weight, gradient(:, 1), row, derivatives%acceleration_qd)
+        if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda*weight, second, derivatives%dynamics_q)
+    end subroutine add_holonomic
 
     !> All that a force -f(x, xd) x_q has in the gradient blocks, for a scalar coordinate x.
     pure subroutine put_force(need, c, gradient, second, f, derivatives)

@@ -1,27 +1,28 @@
 ! SPDX-License-Identifier: MIT
-!> Nonholonomic elements: a knife edge (a wheel that does not slip sideways), and a disk with a sharp rim or a sphere that
-!> rolls on a fixed plane.
+!> Nonholonomic elements: a knife edge (a wheel that does not slip sideways), and a disk with a sharp or a round rim, a sphere or an
+!> ellipsoid that rolls on a plane, which may rise, turn about its normal, and slide within itself with time.
 !>
 !> A row is V = E qd - e = 0. With V_q and the derivatives of E and V_q along the motion it gives all gradient blocks:
 !> (C qd - nu)_q = V_q, (C qdd + gamma)_q = d/dt V_q, gamma_qd = V_q + d/dt E (section 15 of doc/theory.md).
 !>
 !> The disk of radius R, centre A s, axis a: with sigma = a.n and g = sqrt(1 - sigma^2) the way from r to the contact point is
 !> y = A s - R (n/g - a sigma/g), the height n.r + n.A s - R g. The sphere has no axis: sigma = 0, g = 1. The point of the body in
-!> contact is at rest: t.(rd + w x y) = 0 for the two tangents t of the plane, w = 2 E(p) pd.
+!> contact moves with the plane: t.(rd + w x y) = e for the two tangents t of the plane, w = 2 E(p) pd. A round rim of radius c adds
+!> -c n to y. The ellipsoid with semi-axes A has its contact at A^2 m/|A m| from its centre, m the normal downwards in the body.
 module tandem_mechanism_rolling
     use tandem_kinds, only: wp
-    use tandem_mechanism_pair, only: columns, n_local, put_holonomic, put_row, place_1, turn_1
+    use tandem_mechanism_glide, only: put_nonholonomic, spin_of, spinning_part, turning_part
+    use tandem_mechanism_pair, only: columns, n_local, put_holonomic, place_1, turn_1
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
     use tandem_mechanism_vector, only: cross
-    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_dynamics_q, &
-        need_velocity_q
-    use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
-    use tandem_rigid_euler_parameters, only: e_product, e_transposed_gradient, e_transposed_product, g_transposed_product, t_matrix
+    use tandem_model_derivatives, only: derivatives_type, need_dynamics_q
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
+    use tandem_rigid_euler_parameters, only: c_matrix, e_product, e_transposed_gradient, e_transposed_product, t_matrix
     implicit none (type, external)
     private
 
     public :: edge_type, evaluate_edges, differentiate_edges
-    public :: roller_type, evaluate_rollers, differentiate_rollers
+    public :: roller_type, find_contact, evaluate_rollers, differentiate_rollers
 
     !> The velocity of a point of a body along a direction of it (across the edge, along a wheel's axle) is zero.
     type :: edge_type
@@ -32,17 +33,24 @@ module tandem_mechanism_rolling
         real(wp) :: point(3) = 0.0_wp, across(3) = 0.0_wp, moment(3) = 0.0_wp
     end type edge_type
 
-    !> A disk, or where `axis` is zero a sphere.
+    !> A disk, or where `axis` is zero a sphere, or an ellipsoid.
     type :: roller_type
         integer :: body = 0
         !> The row of the height, and the first of the two rows without slip.
         integer :: height_row = 0, row = 0
-        real(wp) :: radius = 1.0_wp
+        !> Of a disk that of the middle line of the rim, and the radius of the rim's section; of an ellipsoid the squares of its
+        !> semi-axes.
+        real(wp) :: radius = 1.0_wp, crown = 0.0_wp, squares(3) = 1.0_wp
+        logical :: is_ellipsoid = .false.
         !> Centre and unit axis in the body's frame.
         real(wp) :: centre(3) = 0.0_wp, axis(3) = 0.0_wp
         !> Unit normal of the plane, two tangents, and the plane's distance from the origin along n.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         real(wp) :: tangent(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp], [3, 2])
+        !> The numbers of the functions by which the plane rises, turns and slides, 0 for none; what it turns about, and along what
+        !> it slides.
+        integer :: rise = 0, turn = 0, slide = 0
+        real(wp) :: pivot(3) = 0.0_wp, along(3) = 0.0_wp
     end type roller_type
 
     !> A disk whose g is smaller lies flat on the plane, and has no contact point.
@@ -79,21 +87,6 @@ contains
             end associate
         end do
     end subroutine evaluate_edges
-
-    !> The k-th derivative along the motion of what a moment in the body's frame multiplies in the rates of the rotation.
-    pure function turning_part(body, k, moment) result(part)
-        type(pose_type), intent(in) :: body
-        integer, intent(in) :: k
-        real(wp), intent(in) :: moment(3)
-        real(wp) :: part(4)
-
-        part = 0.0_wp
-        if (body%n_turn == 4) then
-            part = 2*g_transposed_product(body%p(:, k), moment)
-        else if (k == 0) then
-            part(1) = moment(3)
-        end if
-    end function turning_part
 
     pure subroutine differentiate_edges(edges, need, pose, lambda, derivatives)
         type(edge_type), intent(in) :: edges(:)
@@ -137,58 +130,70 @@ contains
         end do
     end subroutine differentiate_edges
 
-    !> The parts of a row in the three blocks of the constraints.
-    pure subroutine put_nonholonomic(need, row, c, v_q, v_q_rate, e_rate, derivatives)
-        integer, intent(in) :: need, row, c(n_local)
-        real(wp), intent(in) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)
-        type(derivatives_type), intent(inout) :: derivatives
+    !> The way from a body's centre of mass to the point of contact, at a pose of which place and rotation are known.
+    pure subroutine find_contact(roller, body, y)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        real(wp), intent(out) :: y(3)
+        real(wp) :: a(3), m(3), sigma, g
 
-        if (iand(need, need_velocity_q) /= 0) call put_row(c, v_q, row, derivatives%velocity_q)
-        if (iand(need, need_acceleration_q) /= 0) call put_row(c, v_q_rate, row, derivatives%acceleration_q)
-        if (iand(need, need_acceleration_qd) /= 0) call put_row(c, v_q + e_rate, row, derivatives%acceleration_qd)
-    end subroutine put_nonholonomic
+        if (roller%is_ellipsoid) then
+            m = down(roller, body, 0)
+            y = turned(body, 0, roller%centre + roller%squares*m/sqrt(sum(roller%squares*m**2)))
+        else
+            a = turned(body, 0, roller%axis)
+            sigma = sum(a*roller%normal)
+            g = sqrt(1 - sigma**2)
+            y = turned(body, 0, roller%centre) - roller%radius/g*(roller%normal - sigma*a) - roller%crown*roller%normal
+        end if
+    end subroutine find_contact
+
+    !> The plane's normal downwards in the body's frame, or its k-th derivative along the motion.
+    pure function down(roller, body, k) result(m)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: k
+        real(wp) :: m(3)
+        integer :: i
+
+        do i = 1, 3
+            m(i) = -(body%a(1, i, k)*roller%normal(1) + body%a(2, i, k)*roller%normal(2) + body%a(3, i, k)*roller%normal(3))
+        end do
+    end function down
 
     !> The height and the two rows without slip.
-    pure subroutine evaluate_rollers(rollers, need, pose, terms, stat)
+    pure subroutine evaluate_rollers(rollers, need, pose, f, terms, stat)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
         !> 1 for a disk that lies flat.
         integer, intent(inout) :: stat
-        real(wp) :: a(3), s(3), n(3), y(3), a1(3), s1(3), y1(3), w(3), row(4), z(3)
-        real(wp) :: sigma, sigma1, g, over, square, u
+        real(wp) :: y(3), y1(3), lever(3), lift, w(3), row(4), z(3)
         integer :: i, k
 
         do i = 1, size(rollers)
-            associate (roller => rollers(i), body => pose(rollers(i)%body), radius => rollers(i)%radius)
-                n = roller%normal
-                a = turned(body, 0, roller%axis)
-                s = turned(body, 0, roller%centre)
-                sigma = a(1)*n(1) + a(2)*n(2) + a(3)*n(3)
-                square = 1 - sigma**2
-                if (.not. square > flat**2) then
-                    stat = 1
-                    return
+            associate (roller => rollers(i), body => pose(rollers(i)%body), n => rollers(i)%normal)
+                if (roller%is_ellipsoid) then
+                    call contact_of_ellipsoid(roller, body, need, y, y1, lever, lift)
+                else
+                    call contact_of_disk(roller, body, need, y, y1, lever, lift, stat)
+                    if (stat > 0) return
                 end if
-                g = sqrt(square)
-                over = 1/g
-                u = sigma*over
                 if (iand(need, need_phi) /= 0) then
-                    y = body%r(:, 0) + s
-                    terms%phi(roller%height_row) = n(1)*y(1) + n(2)*y(2) + n(3)*y(3) - radius*g - roller%height
+                    z = body%r(:, 0) + y
+                    terms%phi(roller%height_row) = n(1)*z(1) + n(2)*z(2) + n(3)*z(3) - roller%height
                 end if
-                if (iand(need, need_jacobian + need_gamma) == 0) cycle
-                y = s - radius*(over*n - u*a)
                 if (iand(need, need_jacobian) /= 0) then
                     do k = 1, 3
                         terms%jacobian(roller%height_row, body%place + k - 1) = n(k)
                         terms%jacobian(roller%row, body%place + k - 1) = roller%tangent(k, 1)
                         terms%jacobian(roller%row + 1, body%place + k - 1) = roller%tangent(k, 2)
                     end do
-                    ! n'B(p, s) + R u n'B(p, a), B being linear in what it turns.
-                    z = roller%centre + radius*u*roller%axis
-                    row = gradient_of(body, 0, z, n)
+                    ! The contact's place on the body changes along the plane: it counts as fixed to the body.
+                    row = gradient_of(body, 0, lever, n)
                     do k = 1, 4
                         terms%jacobian(roller%height_row, body%turn + k - 1) = row(k)
                     end do
@@ -202,96 +207,172 @@ contains
                     end do
                 end if
                 if (iand(need, need_gamma) /= 0) then
-                    a1 = turned(body, 1, roller%axis)
-                    s1 = turned(body, 1, roller%centre)
-                    sigma1 = a1(1)*n(1) + a1(2)*n(2) + a1(3)*n(3)
-                    ! (1/g)_t = sigma sigma_t/g^3, (sigma/g)_t = sigma_t/g^3; 2 E(pd) pd = 0.
-                    y1 = s1 - radius*(sigma1*over**3*(sigma*n - a) - u*a1)
+                    ! 2 E(pd) pd = 0.
                     w = 2*e_product(body%p(:, 0), body%p(:, 1))
                     z = cross(w, y1)
                     terms%gamma(roller%row) = sum(z*roller%tangent(:, 1))
                     terms%gamma(roller%row + 1) = sum(z*roller%tangent(:, 2))
-                    z = turned(body, 2, roller%centre + radius*u*roller%axis)
-                    terms%gamma(roller%height_row) = z(1)*n(1) + z(2)*n(2) + z(3)*n(3) + radius*sigma1**2*over**3
+                    terms%gamma(roller%height_row) = lift
                 end if
+                if (roller%rise + roller%turn + roller%slide > 0) call add_plane(roller, need, body, f, y, y1, terms)
             end associate
         end do
     end subroutine evaluate_rollers
 
-    pure subroutine differentiate_rollers(rollers, need, pose, lambda, derivatives)
+    !> The contact of a disk or a sphere.
+    pure subroutine contact_of_disk(roller, body, need, y, y1, lever, lift, stat)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: need
+        !> The way from the centre of mass to it, and its rate, in the world's frame; the vector in the body's frame that has the
+        !> gradient of the height; the second derivative of the height without qdd. What gamma alone needs is left alone without it.
+        real(wp), intent(out) :: y(3)
+        real(wp), intent(inout) :: y1(3), lever(3), lift
+        integer, intent(inout) :: stat
+        real(wp) :: a(3), a1(3), z(3), sigma, sigma1, over, square, u
+
+        associate (n => roller%normal, radius => roller%radius)
+            a = turned(body, 0, roller%axis)
+            sigma = a(1)*n(1) + a(2)*n(2) + a(3)*n(3)
+            square = 1 - sigma**2
+            if (.not. square > flat**2) then
+                stat = 1
+                y = 0.0_wp
+                return
+            end if
+            over = 1/sqrt(square)
+            u = sigma*over
+            y = turned(body, 0, roller%centre) - radius*(over*n - u*a) - roller%crown*n
+            lever = roller%centre + radius*u*roller%axis
+            if (iand(need, need_gamma) == 0) return
+            a1 = turned(body, 1, roller%axis)
+            sigma1 = a1(1)*n(1) + a1(2)*n(2) + a1(3)*n(3)
+            ! (1/g)_t = sigma sigma_t/g^3, (sigma/g)_t = sigma_t/g^3.
+            y1 = turned(body, 1, roller%centre) - radius*(sigma1*over**3*(sigma*n - a) - u*a1)
+            z = turned(body, 2, lever)
+            lift = z(1)*n(1) + z(2)*n(2) + z(3)*n(3) + radius*sigma1**2*over**3
+        end associate
+    end subroutine contact_of_disk
+
+    !> The contact of an ellipsoid: with the normal m downwards in the body's frame and g = |A m|, A the semi-axes, at A^2 m/g.
+    pure subroutine contact_of_ellipsoid(roller, body, need, y, y1, lever, lift)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: need
+        real(wp), intent(out) :: y(3)
+        real(wp), intent(inout) :: y1(3), lever(3), lift
+        real(wp) :: m(3), m1(3), m2(3), s(3), g, g1, z(3)
+
+        associate (n => roller%normal, squares => roller%squares)
+            m = down(roller, body, 0)
+            g = sqrt(squares(1)*m(1)**2 + squares(2)*m(2)**2 + squares(3)*m(3)**2)
+            s = squares*m/g
+            lever = roller%centre + s
+            y = turned(body, 0, lever)
+            if (iand(need, need_gamma) == 0) return
+            m1 = down(roller, body, 1)
+            m2 = down(roller, body, 2)
+            g1 = s(1)*m1(1) + s(2)*m1(2) + s(3)*m1(3)
+            y1 = turned(body, 1, lever) + turned(body, 0, (squares*m1 - g1*s)/g)
+            ! The height is n.A s - g.
+            z = turned(body, 2, roller%centre)
+            lift = n(1)*z(1) + n(2)*z(2) + n(3)*z(3) - (sum(squares*m1**2) - g1**2)/g - sum(s*m2)
+        end associate
+    end subroutine contact_of_ellipsoid
+
+    !> What a plane that moves adds: the plane's point in contact has the velocity e along the tangents.
+    pure subroutine add_plane(roller, need, body, f, y, y1, terms)
+        type(roller_type), intent(in) :: roller
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: body
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(in) :: y(3), y1(3)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: rise(0:2), turn(0:2), slide(0:2), way(3), way1(3), across(3)
+        integer :: j
+
+        call plane_motion(roller, f, rise, turn, slide)
+        if (iand(need, need_phi) /= 0) terms%phi(roller%height_row) = terms%phi(roller%height_row) - rise(0)
+        if (iand(need, need_nu) /= 0) terms%nu(roller%height_row) = rise(1)
+        if (iand(need, need_gamma) /= 0) terms%gamma(roller%height_row) = terms%gamma(roller%height_row) - rise(2)
+        way = body%r(:, 0) + y - roller%pivot - slide(0)*roller%along
+        do j = 1, 2
+            associate (t => roller%tangent(:, j), row => roller%row + j - 1)
+                across = cross(t, roller%normal)
+                if (iand(need, need_nu) /= 0) terms%nu(row) = turn(1)*sum(across*way) + slide(1)*sum(t*roller%along)
+                if (iand(need, need_gamma) /= 0) then
+                    way1 = body%r(:, 1) + y1 - slide(1)*roller%along
+                    terms%gamma(row) = terms%gamma(row) - turn(2)*sum(across*way) - turn(1)*sum(across*way1) - &
+                        slide(2)*sum(t*roller%along)
+                end if
+            end associate
+        end do
+    end subroutine add_plane
+
+    !> How the plane has risen, turned and slid, with derivatives.
+    pure subroutine plane_motion(roller, f, rise, turn, slide)
+        type(roller_type), intent(in) :: roller
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(out) :: rise(0:2), turn(0:2), slide(0:2)
+
+        rise = 0.0_wp
+        turn = 0.0_wp
+        slide = 0.0_wp
+        if (roller%rise > 0) rise = f(:, roller%rise)
+        if (roller%turn > 0) turn = f(:, roller%turn)
+        if (roller%slide > 0) slide = f(:, roller%slide)
+    end subroutine plane_motion
+
+    !> The gradient blocks. With y and its gradient y_p the rows V = t.rd + w.(y x t) - e have, with z = y x t and q = t x w,
+    !> V_p = -2 E(pd)'z + y_p'q, and what the plane's motion adds.
+    pure subroutine differentiate_rollers(rollers, need, pose, f, lambda, derivatives)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: n(3), a(3, 0:2), s(3, 0:1), y(3, 0:1), w(3, 0:1), q(3, 0:1), z(3, 0:1), b(4, 0:2)
-        real(wp) :: b_a(3, 4), b_s(3, 4), y_p(3, 4)
-        real(wp) :: sigma(0:2), u(0:2), v(0:1), u_s(0:1), v_s(0:1), kappa(0:1), over
+        real(wp) :: y(3, 0:1), y_p(3, 4, 0:1), w(3, 0:1), q(3, 0:1), z(3, 0:1), across(3), height_p(4, 0:2)
         real(wp) :: gradient(n_local, 0:2), second(n_local, n_local), h(4, 4)
-        real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)
+        real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local), rise(0:2), turn(0:2), slide(0:2)
         integer :: i, j, k, c(n_local)
 
         do i = 1, size(rollers)
-            associate (roller => rollers(i), body => pose(rollers(i)%body), radius => rollers(i)%radius)
-                n = roller%normal
+            associate (roller => rollers(i), body => pose(rollers(i)%body))
                 c = columns(body, pose(0))
-                do k = 0, 2
-                    a(:, k) = turned(body, k, roller%axis)
-                    sigma(k) = dot_product(a(:, k), n)
-                    b(:, k) = gradient_of(body, k, roller%axis, n)
-                end do
-                do k = 0, 1
-                    s(:, k) = turned(body, k, roller%centre)
-                end do
-                ! u = sigma/g and v = 1/g, their derivatives with respect to sigma, and along the motion.
-                over = 1/sqrt(1 - sigma(0)**2)
-                u_s = [over**3, 3*sigma(0)*sigma(1)*over**5]
-                v_s = [sigma(0)*over**3, sigma(1)*over**3 + 3*sigma(0)**2*sigma(1)*over**5]
-                u = [sigma(0)*over, u_s(0)*sigma(1), u_s(0)*sigma(2) + u_s(1)*sigma(1)]
-                v = [over, v_s(0)*sigma(1)]
-                y(:, 0) = s(:, 0) - radius*(v(0)*n - u(0)*a(:, 0))
-                y(:, 1) = s(:, 1) - radius*(v(1)*n - u(1)*a(:, 0) - u(0)*a(:, 1))
-                w(:, 0) = 2*e_product(body%p(:, 0), body%p(:, 1))
-                w(:, 1) = 2*e_product(body%p(:, 0), body%p(:, 2))
-
                 gradient = 0.0_wp
-                gradient(place_1 + 1:place_1 + 3, 0) = n
-                do k = 0, 2
-                    gradient(turn_1 + 1:turn_1 + 4, k) = gradient_of(body, k, roller%centre, n) + radius*u(0)*b(:, k)
-                end do
-                gradient(turn_1 + 1:turn_1 + 4, 1) = gradient(turn_1 + 1:turn_1 + 4, 1) + radius*u(1)*b(:, 0)
-                gradient(turn_1 + 1:turn_1 + 4, 2) = gradient(turn_1 + 1:turn_1 + 4, 2) + radius*(2*u(1)*b(:, 1) + u(2)*b(:, 0))
+                gradient(place_1 + 1:place_1 + 3, 0) = roller%normal
                 second = 0.0_wp
-                h = second_gradient(body, roller%centre + radius*u(0)*roller%axis, n)
-                do j = 1, 4
-                    h(:, j) = h(:, j) + radius*u_s(0)*b(j, 0)*b(:, 0)
-                end do
+                if (roller%is_ellipsoid) then
+                    call differentiate_ellipsoid(roller, body, y, y_p, height_p, h)
+                else
+                    call differentiate_disk(roller, body, y, y_p, height_p, h)
+                end if
+                gradient(turn_1 + 1:turn_1 + 4, :) = height_p
                 second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = h
                 call put_holonomic(need, roller%height_row, c, gradient, second, lambda(roller%height_row), derivatives)
-
+                call plane_motion(roller, f, rise, turn, slide)
+                do k = 0, 1
+                    w(:, k) = spin_of(body, k)
+                end do
                 do j = 1, 2
                     associate (t => roller%tangent(:, j))
                         do k = 0, 1
                             z(:, k) = cross(y(:, k), t)
                             q(:, k) = cross(t, w(:, k))
                         end do
-                        ! V = t.rd + w.(y x t), q = t x w: V_p = -2 E(pd)'z + q'y_p.
-                        kappa(0) = v_s(0)*dot_product(q(:, 0), n) - u_s(0)*dot_product(q(:, 0), a(:, 0))
-                        kappa(1) = v_s(1)*dot_product(q(:, 0), n) + v_s(0)*dot_product(q(:, 1), n) - &
-                            u_s(1)*dot_product(q(:, 0), a(:, 0)) - &
-                            u_s(0)*(dot_product(q(:, 1), a(:, 0)) + dot_product(q(:, 0), a(:, 1)))
+                        across = cross(t, roller%normal)
                         v_q = 0.0_wp
                         v_q_rate = 0.0_wp
                         e_rate = 0.0_wp
-                        v_q(turn_1 + 1:turn_1 + 4) = -2*e_transposed_product(body%p(:, 1), z(:, 0)) - radius*kappa(0)*b(:, 0) + &
-                            gradient_of(body, 0, roller%centre + radius*u(0)*roller%axis, q(:, 0))
-                        v_q_rate(turn_1 + 1:turn_1 + 4) = -2*e_transposed_product(body%p(:, 2), z(:, 0)) - &
-                            2*e_transposed_product(body%p(:, 1), z(:, 1)) - radius*(kappa(1)*b(:, 0) + kappa(0)*b(:, 1)) + &
-                            gradient_of(body, 0, roller%centre + radius*u(0)*roller%axis, q(:, 1)) + &
-                            gradient_of(body, 1, roller%centre + radius*u(0)*roller%axis, q(:, 0)) + &
-                            gradient_of(body, 0, radius*u(1)*roller%axis, q(:, 0))
-                        e_rate(turn_1 + 1:turn_1 + 4) = 2*e_transposed_product(body%p(:, 1), z(:, 0)) + &
-                            2*e_transposed_product(body%p(:, 0), z(:, 1))
+                        v_q(place_1 + 1:place_1 + 3) = -turn(1)*across
+                        v_q_rate(place_1 + 1:place_1 + 3) = -turn(2)*across
+                        q(:, 0) = q(:, 0) - turn(1)*across
+                        q(:, 1) = q(:, 1) - turn(2)*across
+                        v_q(turn_1 + 1:turn_1 + 4) = -spinning_part(body, 1, z(:, 0)) + matmul(q(:, 0), y_p(:, :, 0))
+                        v_q_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(body, 2, z(:, 0)) - spinning_part(body, 1, z(:, 1)) + &
+                            matmul(q(:, 1), y_p(:, :, 0)) + matmul(q(:, 0), y_p(:, :, 1))
+                        e_rate(turn_1 + 1:turn_1 + 4) = spinning_part(body, 1, z(:, 0)) + spinning_part(body, 0, z(:, 1))
                     end associate
                     call put_nonholonomic(need, roller%row + j - 1, c, v_q, v_q_rate, e_rate, derivatives)
                 end do
@@ -299,12 +380,9 @@ contains
 
                 ! (2 E(p)' (y x t))_p with t of both rows.
                 associate (t => lambda(roller%row)*roller%tangent(:, 1) + lambda(roller%row + 1)*roller%tangent(:, 2))
-                    b_a = gradient_matrix(body, 0, roller%axis)
-                    b_s = gradient_matrix(body, 0, roller%centre)
                     h = 2*e_transposed_gradient(cross(y(:, 0), t))
                     do k = 1, 4
-                        y_p(:, k) = b_s(:, k) - radius*((v_s(0)*n - u_s(0)*a(:, 0))*b(k, 0) - u(0)*b_a(:, k))
-                        h(:, k) = h(:, k) + 2*e_transposed_product(body%p(:, 0), cross(y_p(:, k), t))
+                        h(:, k) = h(:, k) + spinning_part(body, 0, cross(y_p(:, k, 0), t))
                     end do
                 end associate
                 do k = 1, 4
@@ -316,4 +394,93 @@ contains
             end associate
         end do
     end subroutine differentiate_rollers
+
+    !> The contact of a disk or a sphere.
+    pure subroutine differentiate_disk(roller, body, y, y_p, gradient, second)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        !> The way to it and its gradient, with derivatives along the motion.
+        real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1)
+        !> The gradient of the height by p with derivatives along the motion, and its second gradient.
+        real(wp), intent(out) :: gradient(4, 0:2), second(4, 4)
+        real(wp) :: a(3, 0:2), b(4, 0:2), b_a(3, 4, 0:1), b_s(3, 4, 0:1), sigma(0:2), u(0:2), v(0:1), u_s(0:1), v_s(0:1), over
+        integer :: k
+
+        associate (n => roller%normal, radius => roller%radius)
+            do k = 0, 2
+                a(:, k) = turned(body, k, roller%axis)
+                sigma(k) = sum(a(:, k)*n)
+                b(:, k) = gradient_of(body, k, roller%axis, n)
+            end do
+            ! u = sigma/g and v = 1/g, their derivatives with respect to sigma, and along the motion.
+            over = 1/sqrt(1 - sigma(0)**2)
+            u_s = [over**3, 3*sigma(0)*sigma(1)*over**5]
+            v_s = [sigma(0)*over**3, sigma(1)*over**3 + 3*sigma(0)**2*sigma(1)*over**5]
+            u = [sigma(0)*over, u_s(0)*sigma(1), u_s(0)*sigma(2) + u_s(1)*sigma(1)]
+            v = [over, v_s(0)*sigma(1)]
+            y(:, 0) = turned(body, 0, roller%centre) - radius*(v(0)*n - u(0)*a(:, 0)) - roller%crown*n
+            y(:, 1) = turned(body, 1, roller%centre) - radius*(v(1)*n - u(1)*a(:, 0) - u(0)*a(:, 1))
+            do k = 0, 1
+                b_a(:, :, k) = gradient_matrix(body, k, roller%axis)
+                b_s(:, :, k) = gradient_matrix(body, k, roller%centre)
+            end do
+            do k = 1, 4
+                y_p(:, k, 0) = b_s(:, k, 0) - radius*((v_s(0)*n - u_s(0)*a(:, 0))*b(k, 0) - u(0)*b_a(:, k, 0))
+                y_p(:, k, 1) = b_s(:, k, 1) - radius*((v_s(1)*n - u_s(1)*a(:, 0) - u_s(0)*a(:, 1))*b(k, 0) + &
+                    (v_s(0)*n - u_s(0)*a(:, 0))*b(k, 1) - u(1)*b_a(:, k, 0) - u(0)*b_a(:, k, 1))
+            end do
+            do k = 0, 2
+                gradient(:, k) = gradient_of(body, k, roller%centre, n) + radius*u(0)*b(:, k)
+            end do
+            gradient(:, 1) = gradient(:, 1) + radius*u(1)*b(:, 0)
+            gradient(:, 2) = gradient(:, 2) + radius*(2*u(1)*b(:, 1) + u(2)*b(:, 0))
+            second = second_gradient(body, roller%centre + radius*u(0)*roller%axis, n)
+            do k = 1, 4
+                second(:, k) = second(:, k) + radius*u_s(0)*b(k, 0)*b(:, 0)
+            end do
+        end associate
+    end subroutine differentiate_disk
+
+    !> The contact of an ellipsoid. The height has the gradient C'x with x = s + A^2 m/g and C = (A(p)'n)_p, as if x were constant.
+    pure subroutine differentiate_ellipsoid(roller, body, y, y_p, gradient, second)
+        type(roller_type), intent(in) :: roller
+        type(pose_type), intent(in) :: body
+        real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1)
+        real(wp), intent(out) :: gradient(4, 0:2), second(4, 4)
+        real(wp) :: m(3, 0:2), c(3, 4, 0:2), s(3, 0:2), x(3), s_p(3, 4, 0:1), g(0:2), g_p(4, 0:1)
+        integer :: k
+
+        associate (squares => roller%squares, n => roller%normal)
+            do k = 0, 2
+                m(:, k) = down(roller, body, k)
+                c(:, :, k) = c_matrix(body%p(:, k), n)
+            end do
+            g(0) = sqrt(sum(squares*m(:, 0)**2))
+            g(1) = sum(squares*m(:, 0)*m(:, 1))/g(0)
+            g(2) = (sum(squares*m(:, 1)**2) + sum(squares*m(:, 0)*m(:, 2)) - g(1)**2)/g(0)
+            ! From g s = A^2 m, and m_p = -C.
+            s(:, 0) = squares*m(:, 0)/g(0)
+            s(:, 1) = (squares*m(:, 1) - g(1)*s(:, 0))/g(0)
+            s(:, 2) = (squares*m(:, 2) - 2*g(1)*s(:, 1) - g(2)*s(:, 0))/g(0)
+            g_p(:, 0) = -matmul(s(:, 0), c(:, :, 0))
+            g_p(:, 1) = -matmul(s(:, 1), c(:, :, 0)) - matmul(s(:, 0), c(:, :, 1))
+            do k = 1, 4
+                s_p(:, k, 0) = (-squares*c(:, k, 0) - g_p(k, 0)*s(:, 0))/g(0)
+                s_p(:, k, 1) = (-squares*c(:, k, 1) - g_p(k, 1)*s(:, 0) - g_p(k, 0)*s(:, 1) - g(1)*s_p(:, k, 0))/g(0)
+            end do
+            x = roller%centre + s(:, 0)
+            y(:, 0) = turned(body, 0, x)
+            y(:, 1) = turned(body, 1, x) + turned(body, 0, s(:, 1))
+            y_p(:, :, 0) = gradient_matrix(body, 0, x)
+            y_p(:, :, 1) = gradient_matrix(body, 1, x) + gradient_matrix(body, 0, s(:, 1))
+            do k = 1, 4
+                y_p(:, k, 0) = y_p(:, k, 0) + turned(body, 0, s_p(:, k, 0))
+                y_p(:, k, 1) = y_p(:, k, 1) + turned(body, 1, s_p(:, k, 0)) + turned(body, 0, s_p(:, k, 1))
+            end do
+            gradient(:, 0) = matmul(x, c(:, :, 0))
+            gradient(:, 1) = matmul(x, c(:, :, 1)) + matmul(s(:, 1), c(:, :, 0))
+            gradient(:, 2) = matmul(x, c(:, :, 2)) + 2*matmul(s(:, 1), c(:, :, 1)) + matmul(s(:, 2), c(:, :, 0))
+            second = second_gradient(body, x, n) + matmul(transpose(c(:, :, 0)), s_p(:, :, 0))
+        end associate
+    end subroutine differentiate_ellipsoid
 end module tandem_mechanism_rolling

@@ -26,6 +26,7 @@ contains
         type(shown_type), allocatable :: shown(:)
         type(error_type), allocatable :: error
         logical :: planar
+        real(wp) :: times(2)
         integer :: i, place
 
         planar = .false.
@@ -35,7 +36,9 @@ contains
         call reader%flatten(mechanism_tables, entries)
         if (reader%failed()) return
         allocate (mechanism)
-        call build_mechanism(entries, planar, reader%says_true('initial', 'assemble'), mechanism, error, place, shown)
+        ! What the tables that are read later say of it.
+        times = [reader%says_number('time', 'start'), reader%says_number('time', 'end')]
+        call build_mechanism(entries, planar, reader%says_true('initial', 'assemble'), times, mechanism, error, place, shown)
         if (allocated(error)) then
             call reader%refuse_place(place, error%message(index(error%message, ': ') + 2:))
             return

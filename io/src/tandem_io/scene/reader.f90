@@ -48,6 +48,7 @@ module tandem_io_scene_reader
         procedure :: refuse
         procedure :: flatten => flatten_tables
         procedure :: says_true
+        procedure :: says_number
         procedure :: refuse_place
         procedure :: refuse_tables
         procedure :: show
@@ -268,6 +269,20 @@ contains
         call self%find(key, found, source)
         if (associated(found)) call convert(self%sources(source), found, truth, problem)
     end function says_true
+
+    !> The number that a key gives, or 0.
+    real(wp) function says_number(self, table, key) result(number)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table, key
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        number = 0.0_wp
+        call self%open_table(table)
+        call self%find(key, found, source)
+        if (associated(found)) call convert(self%sources(source), found, number, problem)
+    end function says_number
 
     !> An error about an entry, which is shown where it was given; 0 for the whole.
     subroutine refuse_place(self, place, problem)
