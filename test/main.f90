@@ -40,6 +40,7 @@ program main
     use test_mechanism_elements, only: collect_mechanism_elements
     use test_mechanism_laws, only: collect_mechanism_laws
     use test_mechanism_motion, only: collect_mechanism_motion
+    use test_mechanism_references, only: collect_mechanism_references
     use test_mechanism_rows, only: collect_mechanism_rows
     use test_mechanisms, only: collect_mechanisms
     use test_model_check, only: collect_model_check
@@ -136,6 +137,7 @@ program main
         new_testsuite('mechanism_rows', collect_mechanism_rows), &
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
+        new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

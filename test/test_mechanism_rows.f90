@@ -183,6 +183,15 @@ contains
         real(wp), parameter :: normal(3) = [0.1_wp, 0.9_wp, -0.4_wp], along(3) = [4.0_wp, 0.0_wp, 1.0_wp]
 
         law%coefficient = [0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        call draw(mechanism, .true.)
+        call mechanism%add_knife_edge('wheel', 'first.tip', [0.3_wp, 1.0_wp], failure, steer=law)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'steered wheel in the plane', error)
+        call draw(mechanism, .false.)
+        call mechanism%add_knife_edge('wheel', 'first.tip', [0.3_wp, 1.0_wp, 0.0_wp], failure, steer=law, &
+            about=[1.0_wp, -0.3_wp, 2.0_wp])
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'steered wheel in space', error)
         call draw(mechanism, .false.)
         call mechanism%add_rolling_ellipsoid('egg', 'first', [0.8_wp, 0.5_wp, 0.3_wp], failure, open=.true.)
         call check_no_failure(error, failure)

@@ -35,10 +35,11 @@ module tandem_mechanism_drawing
 
     public :: drawing_type, motion_type, angle_type
 
-    !> A function of time, and whether a row at position level is made of it, which must not jump with it.
+    !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it, 0
+    !> where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
     type :: motion_type
         class(function_type), allocatable :: f
-        logical :: is_held = .false.
+        integer :: jump_order = -1
         !> The element, for messages.
         character(len=name_length) :: name = ''
     end type motion_type
@@ -273,7 +274,7 @@ module tandem_mechanism_drawing
         end subroutine add_load
 
         !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
-        module subroutine add_knife_edge(self, name, on, across, error)
+        module subroutine add_knife_edge(self, name, on, across, error, steer, about)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             !> Its name, and the point of a body where it stands.
@@ -281,6 +282,10 @@ module tandem_mechanism_drawing
             !> The direction across it, along the wheel's axle, in the world's frame of the drawing; it turns with the body.
             real(wp), intent(in) :: across(:)
             type(error_type), allocatable, intent(out) :: error
+            !> It is steered: the angle (rad) by which `across` turns in the body, and in space what it turns about, a direction
+            !> perpendicular to it in the world's frame of the drawing.
+            class(function_type), intent(in), optional :: steer
+            real(wp), intent(in), optional :: about(:)
         end subroutine add_knife_edge
 
         !> A disk that rolls on a plane, with a sharp rim or one that is round across.
@@ -635,13 +640,13 @@ contains
     end subroutine take_pair
 
     !> Keep a function of time, and give its number.
-    subroutine take_motion(self, name, f, is_held, number)
+    subroutine take_motion(self, name, f, jump_order, number)
         class(drawing_type), intent(inout) :: self
         !> The element.
         character(len=*), intent(in) :: name
         class(function_type), intent(in) :: f
-        !> Whether a row at position level is made of it.
-        logical, intent(in) :: is_held
+        !> See `motion_type`.
+        integer, intent(in) :: jump_order
         integer, intent(out) :: number
         type(motion_type), allocatable :: longer(:)
         integer :: i
@@ -650,11 +655,11 @@ contains
         allocate (longer(number))
         do i = 1, number - 1
             call move_alloc(self%motions(i)%f, longer(i)%f)
-            longer(i)%is_held = self%motions(i)%is_held
+            longer(i)%jump_order = self%motions(i)%jump_order
             longer(i)%name = self%motions(i)%name
         end do
         allocate (longer(number)%f, source=f)
-        longer(number)%is_held = is_held
+        longer(number)%jump_order = jump_order
         longer(number)%name = name
         call move_alloc(longer, self%motions)
     end subroutine take_motion

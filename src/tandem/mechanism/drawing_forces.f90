@@ -26,7 +26,7 @@ contains
         if (present(stiffness)) spring%stiffness = stiffness
         if (present(damping)) spring%damping = damping
         if (present(length)) spring%length = length
-        if (present(motion)) call self%take_motion(name, motion, .false., spring%motion)
+        if (present(motion)) call self%take_motion(name, motion, -1, spring%motion)
         if (present(law)) call self%take_law(law, spring%law)
         self%springs = [self%springs, spring]
         call self%keep_name(name)
@@ -47,7 +47,7 @@ contains
         if (present(angle)) torsion%angle = angle
         if (present(stiffness)) torsion%stiffness = stiffness
         if (present(damping)) torsion%damping = damping
-        if (present(motion)) call self%take_motion(name, motion, .false., torsion%motion)
+        if (present(motion)) call self%take_motion(name, motion, -1, torsion%motion)
         if (present(law)) call self%take_law(law, torsion%law)
         self%torsions = [self%torsions, torsion]
         call self%keep_name(name)
@@ -177,7 +177,7 @@ contains
                 call self%take_formula(torque_by(k), load%formula(6 - size(torque_by) + k))
             end do
         end if
-        if (present(motion)) call self%take_motion(name, motion, .false., load%motion)
+        if (present(motion)) call self%take_motion(name, motion, -1, load%motion)
         self%loads = [self%loads, load]
         call self%keep_name(name)
     end procedure add_load

@@ -229,7 +229,7 @@ contains
         n = merge(2, 3, self%planar)
         driven = drive
         number = 0
-        if (present(motion)) call self%take_motion(joint%name, motion, .true., number)
+        if (present(motion)) call self%take_motion(joint%name, motion, 1, number)
         if (any(joint%glides)) then
             call add_glides(self, joint, driven, number)
             ! Freedoms are driven at one level.
@@ -344,7 +344,7 @@ contains
             if (allocated(error)) return
         end do
         motion_number = 0
-        if (present(motion)) call self%take_motion(name, motion, .true., motion_number)
+        if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
             merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
         call self%keep_name(name)
@@ -441,7 +441,7 @@ contains
         span%length = drawn
         if (present(length)) span%length = length
         if (present(motion)) then
-            call self%take_motion(name, motion, .true., span%motion)
+            call self%take_motion(name, motion, 1, span%motion)
             call motion%evaluate(0.0_wp, f)
             span%length = f(0)
         end if

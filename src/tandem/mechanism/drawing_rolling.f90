@@ -9,7 +9,7 @@ contains
     !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
     module procedure add_knife_edge
         type(edge_type) :: edge
-        real(wp) :: r(3), a(3, 3)
+        real(wp) :: r(3), a(3, 3), pivot(3)
         character(len=:), allocatable :: label
         logical :: is_point
 
@@ -20,7 +20,18 @@ contains
         if (.not. allocated(error)) call self%take_direction(label, 'across', across, edge%across, error)
         if (.not. allocated(error)) call self%need_turning_body(label, edge%body, error)
         if (allocated(error)) return
+        pivot = [0.0_wp, 0.0_wp, 1.0_wp]
+        if (.not. self%planar .and. (present(steer) .neqv. present(about))) then
+            call refuse(label//' is steered without saying about what, or the other way round', 'give steer and about', error)
+        else if (present(about)) then
+            call self%take_direction(label, 'about', about, pivot, error)
+            if (.not. allocated(error) .and. (self%planar .or. abs(dot_product(pivot, edge%across)) > tolerance)) &
+                call refuse(label//': about is not perpendicular to across, or is given in the plane', 'correct it', error)
+        end if
+        if (allocated(error)) return
+        if (present(steer)) call self%take_motion(name, steer, 0, edge%steer)
         call self%frame_of(edge%body, r, a)
+        edge%towards = matmul(cross(pivot, edge%across), a)
         edge%across = matmul(edge%across, a)
         edge%moment = cross(edge%point, edge%across)
         call self%new_rolling_row(name, 'N')
@@ -133,9 +144,9 @@ contains
                 'move the body, or say that it is open and let the start be assembled', error)
             return
         end if
-        if (present(rise)) call self%take_motion(name, rise, .true., roller%rise)
-        if (present(turn)) call self%take_motion(name, turn, .true., roller%turn)
-        if (present(slide)) call self%take_motion(name, slide, .true., roller%slide)
+        if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)
+        if (present(turn)) call self%take_motion(name, turn, 1, roller%turn)
+        if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
         call self%new_row(trim(name)//' height', 'N')
         roller%height_row = size(self%held_name)
         do k = 1, 2

@@ -121,13 +121,13 @@ contains
             associate (motion => self%motions(i))
                 call motion%f%find_kinks(self%times(1), self%times(2), places, orders, error)
                 if (allocated(error)) return
-                if (motion%is_held .and. any(orders == 0)) then
+                if (any(orders < motion%jump_order)) then
                     call set_error(error, status_invalid_model, 'the motion of '//trim(motion%name)//' jumps at t = '// &
                         to_text(places(findloc(orders, 0, dim=1))), 'let it be continuous: a smooth_step does what a step does')
                     return
                 end if
                 kinks = [kinks, places]
-                jumps = [jumps, motion%is_held .and. orders == 1]
+                jumps = [jumps, orders == motion%jump_order]
             end associate
         end do
         do i = 1, size(self%laws)
@@ -324,7 +324,7 @@ contains
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
             if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
-            if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, terms)
+            if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
@@ -420,7 +420,7 @@ contains
         call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
         call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
-        call differentiate_edges(self%edges, need, self%pose, lambda, derivatives)
+        call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
         call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
         call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
         call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &

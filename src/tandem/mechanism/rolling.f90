@@ -31,6 +31,9 @@ module tandem_mechanism_rolling
         integer :: row = 0
         !> Point and direction in the body's frame, and their product s' x a'.
         real(wp) :: point(3) = 0.0_wp, across(3) = 0.0_wp, moment(3) = 0.0_wp
+        !> The number of the function by which the direction turns in the body, 0 for none, and the one that it turns towards.
+        integer :: steer = 0
+        real(wp) :: towards(3) = 0.0_wp
     end type edge_type
 
     !> A disk, or where `axis` is zero a sphere, or an ellipsoid.
@@ -59,65 +62,99 @@ module tandem_mechanism_rolling
 contains
 
     !> V = a.rd + 2 (s' x a').G(p) pd, in the plane a.rd + (s' x a')_z times the angle's rate.
-    pure subroutine evaluate_edges(edges, need, pose, terms)
+    pure subroutine evaluate_edges(edges, need, pose, f, terms)
         type(edge_type), intent(in) :: edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: a(3), e_p(4)
+        real(wp) :: a(3), e_p(4), across(3), moment(3), across_t(3), moment_t(3)
         integer :: i, k
 
         do i = 1, size(edges)
             associate (edge => edges(i), body => pose(edges(i)%body))
+                across = edge%across
+                moment = edge%moment
+                if (edge%steer > 0) call steer(edge, f, across, moment, across_t, moment_t)
                 if (iand(need, need_jacobian) /= 0) then
-                    a = turned(body, 0, edge%across)
+                    a = turned(body, 0, across)
                     do k = 1, body%n_place
                         terms%jacobian(edge%row, body%place + k - 1) = a(k)
                     end do
-                    e_p = turning_part(body, 0, edge%moment)
+                    e_p = turning_part(body, 0, moment)
                     do k = 1, body%n_turn
                         terms%jacobian(edge%row, body%turn + k - 1) = e_p(k)
                     end do
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     ! G(pd) pd = 0.
-                    a = turned(body, 1, edge%across)
+                    a = turned(body, 1, across)
+                    if (edge%steer > 0) a = a + turned(body, 0, across_t)
                     terms%gamma(edge%row) = a(1)*body%r(1, 1) + a(2)*body%r(2, 1) + a(3)*body%r(3, 1)
+                    if (edge%steer == 0) cycle
+                    e_p = turning_part(body, 0, moment_t)
+                    do k = 1, body%n_turn
+                        terms%gamma(edge%row) = terms%gamma(edge%row) + e_p(k)*body%p(k, 1)
+                    end do
                 end if
             end associate
         end do
     end subroutine evaluate_edges
 
-    pure subroutine differentiate_edges(edges, need, pose, lambda, derivatives)
+    !> a' and s' x a' of an edge that is steered, with their derivatives by time.
+    pure subroutine steer(edge, f, across, moment, across_t, moment_t)
+        type(edge_type), intent(in) :: edge
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(out) :: across(3), moment(3), across_t(3), moment_t(3)
+        real(wp) :: c, s
+
+        c = cos(f(0, edge%steer))
+        s = sin(f(0, edge%steer))
+        across = c*edge%across + s*edge%towards
+        across_t = f(1, edge%steer)*(c*edge%towards - s*edge%across)
+        moment = cross(edge%point, across)
+        moment_t = cross(edge%point, across_t)
+    end subroutine steer
+
+    pure subroutine differentiate_edges(edges, need, pose, f, lambda, derivatives)
         type(edge_type), intent(in) :: edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local), b(3, 4), h(4, 4)
+        real(wp) :: across(3), moment(3), across_t(3), moment_t(3)
         integer :: c(n_local), i, j, k
 
         do i = 1, size(edges)
             associate (edge => edges(i), body => pose(edges(i)%body), d => derivatives%dynamics_q)
+                across = edge%across
+                moment = edge%moment
+                across_t = 0.0_wp
+                moment_t = 0.0_wp
+                if (edge%steer > 0) call steer(edge, f, across, moment, across_t, moment_t)
                 c = columns(body, pose(0))
                 v_q = 0.0_wp
                 v_q_rate = 0.0_wp
                 e_rate = 0.0_wp
-                e_rate(place_1 + 1:place_1 + 3) = turned(body, 1, edge%across)
-                e_rate(turn_1 + 1:turn_1 + 4) = turning_part(body, 1, edge%moment)
+                e_rate(place_1 + 1:place_1 + 3) = turned(body, 1, across) + turned(body, 0, across_t)
+                e_rate(turn_1 + 1:turn_1 + 4) = turning_part(body, 1, moment) + turning_part(body, 0, moment_t)
                 associate (v_p => v_q(turn_1 + 1:turn_1 + 4), v_p_rate => v_q_rate(turn_1 + 1:turn_1 + 4))
-                    v_p = gradient_of(body, 0, edge%across, body%r(:, 1))
-                    v_p_rate = gradient_of(body, 1, edge%across, body%r(:, 1)) + gradient_of(body, 0, edge%across, body%r(:, 2))
+                    v_p = gradient_of(body, 0, across, body%r(:, 1))
+                    v_p_rate = gradient_of(body, 1, across, body%r(:, 1)) + gradient_of(body, 0, across, body%r(:, 2)) + &
+                        gradient_of(body, 0, across_t, body%r(:, 1))
                     if (body%n_turn == 4) then
-                        v_p = v_p - turning_part(body, 1, edge%moment)
-                        v_p_rate = v_p_rate - turning_part(body, 2, edge%moment)
+                        v_p = v_p - turning_part(body, 1, moment)
+                        v_p_rate = v_p_rate - turning_part(body, 2, moment) - turning_part(body, 1, moment_t)
                     end if
                 end associate
                 call put_nonholonomic(need, edge%row, c, v_q, v_q_rate, e_rate, derivatives)
                 if (iand(need, need_dynamics_q) == 0) cycle
-                b = lambda(edge%row)*gradient_matrix(body, 0, edge%across)
+                b = lambda(edge%row)*gradient_matrix(body, 0, across)
                 h = 0.0_wp
-                if (body%n_turn == 4) h = 2*lambda(edge%row)*t_matrix(edge%moment)
+                if (body%n_turn == 4) h = 2*lambda(edge%row)*t_matrix(moment)
                 do j = 1, body%n_turn
                     do k = 1, body%n_place
                         d(body%place + k - 1, body%turn + j - 1) = d(body%place + k - 1, body%turn + j - 1) + b(k, j)
