@@ -84,7 +84,8 @@ contains
         character(len=:), allocatable :: kind, name, text
         character(len=key_length) :: point
         real(wp), allocatable :: across(:), axis(:), normal(:), radius, height, crown, axes(:), pivot(:), along(:)
-        class(function_type), allocatable :: rise, turn, slide
+        real(wp), allocatable :: about(:)
+        class(function_type), allocatable :: rise, turn, slide, steer
         type(error_type), allocatable :: error
         integer :: n_place
 
@@ -99,6 +100,8 @@ contains
         if (kind == 'knife_edge') then
             call reader%get_numbers('across', [n_place], across, anything, '', &
                 'the direction in which it does not slip, in the drawing', required=.true.)
+            call reader%get_function('steer', steer, 'rad', 'the angle by which it is steered, a function of time')
+            if (.not. mechanism%planar) call reader%get_numbers('about', [3], about, anything, '', 'what it is steered about')
         else
             if (kind == 'ellipsoid') then
                 call reader%get_numbers('semi_axes', [3], axes, positive, 'm', 'along the axes of the body', required=.true.)
@@ -124,7 +127,7 @@ contains
         if (reader%failed()) return
         select case (kind)
         case ('knife_edge')
-            call mechanism%add_knife_edge(name, trim(point), across, error)
+            call mechanism%add_knife_edge(name, trim(point), across, error, steer, about)
         case ('disk')
             call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, turn, &
                 pivot, slide, along, crown)

@@ -16,6 +16,7 @@ module tandem_mechanism_description
     use tandem_mechanism_repetition, only: repeat_elements
     use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
     use tandem_mechanism_vector, only: in_space
+    use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
     private
 
@@ -198,7 +199,8 @@ contains
         type(key_reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
-        real(wp), allocatable :: mass, density, angle, inertia(:), position(:), rotation(:), p(:), velocity(:), omega(:), sizes(:)
+        real(wp), allocatable :: mass, density, angle, inertia(:), position(:), rotation(:), p(:), velocity(:), omega(:), spin(:), &
+            sizes(:)
         character(len=key_length), allocatable :: shapes(:)
         character(len=:), allocatable :: name, shape
         type(error_type), allocatable :: error
@@ -257,8 +259,15 @@ contains
             end if
             omega = [(0.0_wp, i=1, merge(1, 3, mechanism%planar))]
             call reader%get_numbers('omega', [size(omega)], omega, anything, 'rad/s', &
-                'angular velocity at the start, in the axes of '// &
-                'the world')
+                'angular velocity at the start, in the axes of the world')
+            if (.not. mechanism%planar) then
+                call reader%get_numbers('omega_body', [3], spin, anything, 'rad/s', &
+                    'in the place of omega: in the axes of the body')
+                if (allocated(spin) .and. reader%gives('omega')) &
+                    call reader%fail('omega_body', 'is given beside omega', 'leave out one of the two')
+                if (allocated(spin) .and. .not. allocated(p)) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+                if (allocated(spin) .and. .not. reader%failed()) omega = matmul(rotation_of(p), spin)
+            end if
         end if
         if (reader%failed()) return
         call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
@@ -266,6 +275,14 @@ contains
         call read_points(reader, name, mechanism)
         call reader%close()
     end subroutine read_body
+
+    !> The rotation of Euler parameters, which may have any length but zero.
+    pure function rotation_of(p) result(a)
+        real(wp), intent(in) :: p(4)
+        real(wp) :: a(3, 3)
+
+        a = rotation(p/max(norm2(p), tiny(1.0_wp)))
+    end function rotation_of
 
     !> Euler parameters of a turn about an axis.
     pure function turned_by(rotation) result(p)
