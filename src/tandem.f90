@@ -4,6 +4,7 @@ module tandem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
     use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_census, only: census_type, element_count_type, take_census
     use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
     use tandem_mechanism_description, only: build_mechanism, mechanism_kinds, mechanism_singles
     use tandem_mechanism_entries, only: atom_type, entries_type, is_number, is_text, is_truth, value_type
@@ -63,7 +64,7 @@ module tandem
     public :: properties_type, new_stepper, stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: entries_type, value_type, atom_type, is_number, is_text, is_truth, build_mechanism, shown_type
-    public :: mechanism_kinds, mechanism_singles
+    public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
     public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
         law_type, expression_law, table_law
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type

@@ -26,8 +26,8 @@ module tandem_io_scene
     type :: scene_type
         !> The scene's name, which may be a file's.
         character(len=:), allocatable :: name
-        !> One line on what it is.
-        character(len=:), allocatable :: description
+        !> One line on what it is, and with which others it is listed.
+        character(len=:), allocatable :: description, list_group
         !> The name of its model.
         character(len=key_length) :: model_name = ''
         !> The model with its parameters, defined.
@@ -126,6 +126,8 @@ contains
             call reader%refuse('name', 'must be letters, digits, _, - and dots, since it names files')
         end if
         call reader%get('description', scene%description, 'for tandem list')
+        scene%list_group = 'scenes'
+        call reader%get('group', scene%list_group, 'of scenes, under which tandem list shows it')
         call reader%get('model', scene%model_name, model_names, required=.true.)
     end subroutine read_names
 
