@@ -45,6 +45,7 @@ contains
         !> The complete mechanism, every default filled in.
         type(shown_type), allocatable, intent(out) :: shown(:)
         type(key_reader_type) :: reader
+        type(error_type), allocatable :: its_error
         type(entries_type) :: rest, repeats, elements
         integer :: i, n_points
 
@@ -81,13 +82,13 @@ contains
                 call read_sensor(reader, i, mechanism, n_points)
             end do
         end if
-        if (.not. reader%failed()) call mechanism%define(reader%error)
+        if (.not. reader%failed()) call mechanism%define(its_error)
+        call reader%blame_named(its_error)
         place = reader%place
         if (reader%failed()) then
             call move_alloc(reader%error, error)
         else
-            allocate (shown(reader%n_shown))
-            shown = reader%shown(:reader%n_shown)
+            call order_as_given(entries, reader%shown(:reader%n_shown), shown)
         end if
 
     contains
@@ -103,6 +104,47 @@ contains
             end do
         end subroutine show_repeats
     end subroutine build_mechanism
+
+    !> The lines of the complete mechanism with their tables in the order in which they were given, so that elements and
+    !> coordinates keep theirs.
+    subroutine order_as_given(entries, lines, shown)
+        type(entries_type), intent(in) :: entries
+        type(shown_type), intent(in) :: lines(:)
+        type(shown_type), allocatable, intent(out) :: shown(:)
+        character(len=key_length) :: tables(size(mechanism_kinds) + size(mechanism_singles))
+        integer :: i, k, n, m
+
+        tables = ''
+        n = 0
+        do i = 1, entries%n
+            call add_table(entries%list(i)%key)
+        end do
+        do i = 1, size(lines)
+            call add_table(lines(i)%table)
+        end do
+        allocate (shown(size(lines)))
+        m = 0
+        do k = 1, n
+            do i = 1, size(lines)
+                if (index(lines(i)%table//'.', trim(tables(k))//'.') /= 1) cycle
+                m = m + 1
+                shown(m) = lines(i)
+            end do
+        end do
+
+    contains
+
+        !> The first part of a key.
+        subroutine add_table(key)
+            character(len=*), intent(in) :: key
+
+            associate (first => key(:index(key//'.', '.') - 1))
+                if (any(tables(:n) == first)) return
+                n = n + 1
+                tables(n) = first
+            end associate
+        end subroutine add_table
+    end subroutine order_as_given
 
     !> The meaning of the keys of a repetition.
     pure function repeat_help(key) result(help)
@@ -125,7 +167,7 @@ contains
         character(len=key_length), allocatable :: names(:)
         character(len=24) :: number
         character(len=:), allocatable :: name
-        integer :: i, k, n
+        integer :: i, n
 
         allocate (names(entries%n), texts(entries%n))
         n = 0
@@ -159,16 +201,16 @@ contains
         reader%names = names(:n)
         call resolve_parameters(reader%names, texts(:n), reader%values, reader%error, head)
         if (.not. allocated(reader%error)) return
-        ! The one that the message names.
-        do i = 1, entries%n
-            k = index(entries%list(i)%key, head)
-            if (k /= 1) cycle
-            name = entries%list(i)%key
-            if (index(reader%error%message, name//':') > 0 .or. index(reader%error%message, '"'//name(len(head) + 1:)//'"') > 0 &
-                .or. index(reader%error%message, ' '//name(len(head) + 1:)//' ->') > 0) then
+        ! The one that the message names, by its key or as part of a circle.
+        do i = entries%n, 1, -1
+            if (index(entries%list(i)%key, head) /= 1) cycle
+            name = entries%list(i)%key(len(head) + 1:)
+            if (index(reader%error%message, head//name//':') > 0) then
                 reader%place = entries%list(i)%place
                 exit
             end if
+            if (index(reader%error%message, ' '//name//' ->') > 0 .or. index(reader%error%message, ' "'//name//'" ') > 0) &
+                reader%place = entries%list(i)%place
         end do
 
     contains
@@ -257,16 +299,16 @@ contains
                     call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
                 if (allocated(rotation)) p = turned_by(rotation)
             end if
-            omega = [(0.0_wp, i=1, merge(1, 3, mechanism%planar))]
-            call reader%get_numbers('omega', [size(omega)], omega, anything, 'rad/s', &
-                'angular velocity at the start, in the axes of the world')
-            if (.not. mechanism%planar) then
+            if (reader%gives('omega_body') .and. .not. mechanism%planar) then
+                if (reader%gives('omega')) call reader%fail('omega_body', 'is given beside omega', 'leave out one of the two')
                 call reader%get_numbers('omega_body', [3], spin, anything, 'rad/s', &
-                    'in the place of omega: in the axes of the body')
-                if (allocated(spin) .and. reader%gives('omega')) &
-                    call reader%fail('omega_body', 'is given beside omega', 'leave out one of the two')
-                if (allocated(spin) .and. .not. allocated(p)) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
-                if (allocated(spin) .and. .not. reader%failed()) omega = matmul(rotation_of(p), spin)
+                    'angular velocity at the start, in the axes of the body')
+                if (.not. allocated(p)) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+                if (.not. reader%failed()) omega = matmul(rotation_of(p), spin)
+            else
+                omega = [(0.0_wp, i=1, merge(1, 3, mechanism%planar))]
+                call reader%get_numbers('omega', [size(omega)], omega, anything, 'rad/s', &
+                    'angular velocity at the start, in the axes of the world; or omega_body')
             end if
         end if
         if (reader%failed()) return

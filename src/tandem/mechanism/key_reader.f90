@@ -63,6 +63,8 @@ module tandem_mechanism_key_reader
         procedure :: open
         procedure :: close
         procedure :: blame
+        procedure :: blame_named
+        procedure, private :: place_in
         procedure :: failed
         procedure :: fail
         procedure :: refuse
@@ -248,29 +250,69 @@ contains
         call self%fail_at(0, problem, advice)
     end subroutine refuse
 
-    !> Keep the error of a word, which names the element: its place is that of the key that it is about.
+    !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
     subroutine blame(self, error)
         class(key_reader_type), intent(inout) :: self
         type(error_type), allocatable, intent(inout) :: error
-        integer :: i, first
 
         if (.not. allocated(error) .or. self%failed()) return
         call move_alloc(error, self%error)
-        associate (element => self%elements(self%current))
-            if (element%n == 0) return
-            first = element%entries(1)
-            do i = element%n, 1, -1
-                if (says(self%error%message, key_of(self%entries%list(element%entries(i)), element))) first = element%entries(i)
-            end do
-            self%place = self%entries%list(first)%place
-        end associate
+        self%place = self%place_in(self%elements(self%current))
     end subroutine blame
+
+    !> Keep the error of what is made of all elements: its place is in the one that the message names.
+    subroutine blame_named(self, error)
+        class(key_reader_type), intent(inout) :: self
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: k
+
+        if (.not. allocated(error) .or. self%failed()) return
+        call move_alloc(error, self%error)
+        self%place = 0
+        do k = 1, self%n_elements
+            if (self%elements(k)%name == '') cycle
+            if (says(self%error%message, trim(self%elements(k)%name))) self%place = self%place_in(self%elements(k))
+            if (self%place > 0) return
+        end do
+    end subroutine blame_named
+
+    !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
+    pure integer function place_in(self, element) result(place)
+        class(key_reader_type), intent(in) :: self
+        type(element_type), intent(in) :: element
+        integer :: i, j, k
+
+        place = 0
+        if (element%n > 0) place = self%entries%list(element%entries(1))%place
+        do i = element%n, 1, -1
+            k = element%entries(i)
+            associate (atoms => self%entries%list(k)%value%atoms)
+                do j = 1, size(atoms)
+                    if (atoms(j)%kind /= is_text) cycle
+                    if (says(self%error%message, up_to_dot(atoms(j)%text))) place = self%entries%list(k)%place
+                end do
+            end associate
+        end do
+        do i = element%n, 1, -1
+            k = element%entries(i)
+            if (says(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
+        end do
+    end function place_in
 
     !> Whether a message has a word.
     pure logical function says(message, word)
         character(len=*), intent(in) :: message, word
 
-        says = index(' '//message, ' '//word//' ') > 0 .or. index(message, ' '//word//':') > 0
+        says = scan_word(' ') .or. scan_word(':') .or. scan_word(';') .or. scan_word(',')
+
+    contains
+
+        !> Whether it stands before a sign.
+        pure logical function scan_word(sign)
+            character(len=1), intent(in) :: sign
+
+            scan_word = index(' '//message, ' '//word//sign) > 0
+        end function scan_word
     end function says
 
     !> An error about an entry, 0 for none.
@@ -384,7 +426,7 @@ contains
                 do i = 2, size(lengths)
                     allowed = allowed//' or '//to_text(lengths(i))
                 end do
-                call self%fail(key, 'has '//to_text(n)//merge(' entry  ', ' entries', n == 1), 'give '//allowed)
+                call self%fail(key, 'has '//to_text(n)//trim(merge(' entry  ', ' entries', n == 1)), 'give '//allowed)
                 return
             end if
             if (allocated(values)) deallocate (values)
@@ -598,7 +640,8 @@ contains
         call self%constants(k, names, values)
         associate (given => self%entries%list(k)%value)
             if (.not. any(lengths == size(given%atoms))) then
-                call self%fail(key, 'has '//to_text(size(given%atoms))//merge(' entry  ', ' entries', size(given%atoms) == 1), &
+                call self%fail(key, 'has '//to_text(size(given%atoms))//trim(merge(' entry  ', ' entries', &
+                    size(given%atoms) == 1)), &
                     'give '//to_text(lengths(1)))
                 return
             end if
