@@ -169,6 +169,38 @@ PLANAR = ROD.format(planar="planar = true", z="", inertia="0.2", zero="", axis="
 SPATIAL = ROD.format(planar="", z="0, ", inertia="[0.01, 0.2, 0.2]", zero=", 0", axis="axis = [0, 1, 0]")
 
 
+class Tutorial(Mechanism):
+    def test_files_of_the_document(self):
+        """Every file of doc/mechanism.md is right and runs."""
+        files = [block for block in re.findall(r"```toml\n(.*?)```", (ROOT / "doc" / "mechanism.md").read_text(), re.S) if "[scene]" in block]
+        self.assertGreaterEqual(len(files), 6)
+        for text in files:
+            with self.subTest(text):
+                checked = json.loads(self.tandem("check", self.scene(text), "--json").stdout)
+                self.assertTrue(checked["start"]["passed"])
+                with self.went("scene.toml") as file:
+                    self.assertEqual(file.attrs["status"], "complete")
+
+
+    def test_every_key_is_in_the_document(self):
+        """What shipped scenes and the document's own files show, key by key."""
+        text = (ROOT / "doc" / "mechanism.md").read_text()
+        known = set(re.findall(r"`(\w+)(?: = [^`]*)?`", text[text.index("## Elements, key by key"):]))
+        common = {"scene", "initial", "time", "solver", "output", "parameters", "event"}
+        for name in MECHANISMS:
+            scene = tomllib.loads(self.tandem("show", name).stdout)
+            tables = [({"repeat": scene["repeat"][key]}, key) for key in scene.get("repeat", {})]
+            for kind, content in scene.items():
+                if kind in common | {"repeat"}:
+                    continue
+                for element in [content] if kind in ("gravity", "ground") else content.values():
+                    for key in element:
+                        self.assertIn(key, known, f"{name}: {kind}")
+            for table, key in tables:
+                for kind in table["repeat"]:
+                    self.assertTrue(kind in known or f"[{kind}." in text, kind)
+
+
 class Sensors(Mechanism):
     def test_plane_and_space(self):
         """The same pendulum in the plane and in space, in a plane of its own, shows the same."""

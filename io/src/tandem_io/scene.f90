@@ -126,9 +126,9 @@ contains
             call reader%refuse('name', 'must be letters, digits, _, - and dots, since it names files')
         end if
         call reader%get('description', scene%description, 'for tandem list')
+        call reader%get('model', scene%model_name, model_names, required=.true.)
         scene%list_group = 'scenes'
         call reader%get('group', scene%list_group, 'of scenes, under which tandem list shows it')
-        call reader%get('model', scene%model_name, model_names, required=.true.)
     end subroutine read_names
 
     !> [initial], which the model's builder has begun: the model's own keys, or q and qd in their stead.

@@ -41,8 +41,9 @@ contains
             call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
             call reader%get_number('length', length, positive, 'm', 'that is held; that of the drawing where it is not given')
             call reader%get_function('motion', motion, 'm', 'the length as a function of time')
-            if (allocated(length) .and. allocated(motion)) &
-                call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
+            if (allocated(length) .and. allocated(motion)) then
+              call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
+            end if
         case ('coupling')
             call reader%get_texts('joints', 0, texts, 'sum of factors times their coordinates is 0, or the motion', required=.true.)
             if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
@@ -204,8 +205,9 @@ contains
             call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', 'the same')
             call take_constants(by_force, force)
             call take_constants(by_torque, torque)
-            if (.not. (reader%gives('force') .or. reader%gives('torque'))) &
-                call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
+            if (.not. (reader%gives('force') .or. reader%gives('torque'))) then
+              call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
+            end if
             in_body = .false.
             call reader%get_truth('in_body', in_body, 'whether they turn with the body')
             call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')

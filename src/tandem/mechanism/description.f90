@@ -50,8 +50,9 @@ contains
         integer :: i, n_points
 
         call take_parameters(entries, reader, rest)
-        if (.not. reader%failed()) &
-            call repeat_elements(rest, reader%names, reader%values, elements, repeats, reader%error, reader%place)
+        if (.not. reader%failed()) then
+          call repeat_elements(rest, reader%names, reader%values, elements, repeats, reader%error, reader%place)
+        end if
         if (.not. reader%failed()) call reader%take(elements, mechanism_kinds(:6), mechanism_singles(2:))
         n_points = 0
         if (.not. reader%failed()) then
@@ -209,8 +210,9 @@ contains
                 reader%place = entries%list(i)%place
                 exit
             end if
-            if (index(reader%error%message, ' '//name//' ->') > 0 .or. index(reader%error%message, ' "'//name//'" ') > 0) &
-                reader%place = entries%list(i)%place
+            if (index(reader%error%message, ' '//name//' ->') > 0 .or. index(reader%error%message, ' "'//name//'" ') > 0) then
+              reader%place = entries%list(i)%place
+            end if
         end do
 
     contains
@@ -295,8 +297,9 @@ contains
             else
                 call reader%get_numbers('rotation', [3], rotation, anything, 'rad', 'in the drawing: the axis times the angle')
                 call reader%get_numbers('euler_parameters', [4], p, anything, '', 'in the place of the rotation')
-                if (allocated(rotation) .and. allocated(p)) &
-                    call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
+                if (allocated(rotation) .and. allocated(p)) then
+                  call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
+                end if
                 if (allocated(rotation)) p = turned_by(rotation)
             end if
             if (reader%gives('omega_body') .and. .not. mechanism%planar) then

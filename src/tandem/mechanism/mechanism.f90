@@ -84,8 +84,9 @@ contains
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
         if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
-            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%rate_rows%rhs] > 0)) &
-            self%provides = self%provides + need_nu
+            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%rate_rows%rhs] > 0)) then
+          self%provides = self%provides + need_nu
+        end if
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy

@@ -152,8 +152,9 @@ contains
         if (count > 0) return
         ! What has no copies is shown all the same.
         do k = 1, entries%n
-            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) &
-                call repeats%append(entries%list(k))
+            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
+              call repeats%append(entries%list(k))
+            end if
         end do
 
     contains
@@ -211,8 +212,9 @@ contains
                 return
             end if
             whole = nint(number)
-            if (abs(number - whole) > 1.0e-9_wp) &
-                call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+            if (abs(number - whole) > 1.0e-9_wp) then
+              call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+            end if
         end subroutine round
 
         !> The integer that an expression gives.

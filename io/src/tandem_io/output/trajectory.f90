@@ -358,8 +358,9 @@ contains
             is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
                 mod(simulation%grid_steps, int(self%every, long)) == 0
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
-            if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) &
-                call self%measure(simulation, error)
+            if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) then
+              call self%measure(simulation, error)
+            end if
             if (allocated(error)) return
         end select
         if (is_due) then
