@@ -366,6 +366,7 @@ contains
         do i = 1, 2
             call take_point(reader, 'bodies', trim(texts(i)), mechanism, n_points, sides(i))
         end do
+        if (reader%failed()) return
         if (reader%is_text_at('at')) then
             call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
             call take_point(reader, 'at', at_point, mechanism, n_points, point)

@@ -326,21 +326,12 @@ contains
         if (entry > 0) self%place = self%entries%list(entry)%place
     end subroutine fail_at
 
-    !> Whether a key of the element is given, or keys below it.
+    !> Whether a key of the element is given.
     pure logical function gives(self, key)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
-        character(len=:), allocatable :: its
-        integer :: i
 
-        gives = .false.
-        associate (element => self%elements(self%current))
-            do i = 1, element%n
-                its = key_of(self%entries%list(element%entries(i)), element)
-                gives = its == key .or. index(its, key//'.') == 1
-                if (gives) return
-            end do
-        end associate
+        gives = self%find(key) > 0
     end function gives
 
     !> Whether a key of the element is given by one text.

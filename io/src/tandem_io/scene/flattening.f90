@@ -72,6 +72,11 @@ contains
             end if
             select type (found)
             type is (toml_table)
+                if (index(path, '.') == 0 .and. is_empty(found)) then
+                    call set_input_error(error, source%describe(path//'.'//names(i)%key//' is empty', place_of(found), &
+                        'give it keys, or leave it out'))
+                    return
+                end if
                 call add_table(source, number, path//'.'//names(i)%key, found, entries, places, error)
             class default
                 call convert_value(source, found, value, problem)
@@ -86,6 +91,15 @@ contains
             if (allocated(error)) return
         end do
     end subroutine add_table
+
+    !> Whether a table has no keys.
+    logical function is_empty(table)
+        type(toml_table), intent(inout) :: table
+        type(toml_key), allocatable :: names(:)
+
+        call table%get_keys(names)
+        is_empty = size(names) == 0
+    end function is_empty
 
     subroutine add_place(place, places)
         type(place_type), intent(in) :: place

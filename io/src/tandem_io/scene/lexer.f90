@@ -23,22 +23,24 @@ module tandem_io_scene_lexer
         !> since
         !> what stands before the dot is a value.
         integer :: nested = 0
-        logical :: is_below_value = .false.
+        logical :: is_below_value = .false., is_doubled = .false.
         !> Brackets and braces that are open.
         integer, private :: depth = 0
         !> Whether nothing but blanks has come since the end of a line, whether the line is a heading, and whether the sign that
         !> begins a value has come.
         logical, private :: is_at_start = .true., is_heading = .false., is_in_value = .false.
-        !> The current heading, the keys of the line so far, and the values of a mechanism: the first `n_values`.
+        !> The current heading, the keys of the line so far, and of a mechanism the values and headings: the first `n_values` and
+        !> `n_headings`.
         character(len=:), allocatable, private :: heading, keys
-        type(path_type), allocatable, private :: values(:)
-        integer, private :: n_values = 0
+        type(path_type), allocatable, private :: values(:), headings(:)
+        integer, private :: n_values = 0, n_headings = 0
     contains
         procedure :: next
         procedure :: extract_datetime
         procedure, private :: take_key
         procedure, private :: keep_value
         procedure, private :: may_go_on
+        procedure, private :: is_known
     end type scene_lexer_type
 
     !> What ends a key in a path; no scene holds it.
@@ -55,7 +57,7 @@ contains
         if (.not. allocated(lexer%keys)) then
             lexer%heading = ''
             lexer%keys = ''
-            allocate (lexer%values(64))
+            allocate (lexer%values(64), lexer%headings(64))
         end if
         select case (token%kind)
         case (token_kind%whitespace)
@@ -73,7 +75,17 @@ contains
             lexer%depth = lexer%depth + 1
         case (token_kind%rbracket, token_kind%rbrace)
             lexer%depth = lexer%depth - 1
-            if (lexer%is_heading .and. lexer%depth == 0) lexer%heading = lexer%keys
+            if (lexer%is_heading .and. lexer%depth == 0) then
+                lexer%heading = lexer%keys
+                ! The parser takes one that follows tables within it any number of times.
+                if (lexer%is_known(lexer%headings, lexer%n_headings) .and. index(lexer%keys, behind) > 0) then
+                    lexer%is_doubled = .true.
+                    lexer%nested = token%first
+                    token%kind = token_kind%invalid
+                else if (is_of_mechanism(lexer%keys)) then
+                    call add_path(lexer%keys, lexer%headings, lexer%n_headings)
+                end if
+            end if
         case (token_kind%keypath, token_kind%string, token_kind%literal)
             if (lexer%is_heading .or. (lexer%depth == 0 .and. .not. lexer%is_in_value)) call lexer%take_key(token)
         case (token_kind%equal)
@@ -105,33 +117,48 @@ contains
     !> The keys of the line lead to a value.
     subroutine keep_value(lexer)
         class(scene_lexer_type), intent(inout) :: lexer
+
+        if (is_of_mechanism(lexer%heading//lexer%keys)) call add_path(lexer%heading//lexer%keys, lexer%values, lexer%n_values)
+    end subroutine keep_value
+
+    !> One path more in a list.
+    pure subroutine add_path(path, list, n)
+        character(len=*), intent(in) :: path
+        type(path_type), allocatable, intent(inout) :: list(:)
+        integer, intent(inout) :: n
         type(path_type), allocatable :: more(:)
 
-        associate (path => lexer%heading//lexer%keys)
-            if (.not. is_of_mechanism(path)) return
-            if (lexer%n_values == size(lexer%values)) then
-                allocate (more(2*lexer%n_values))
-                more(:lexer%n_values) = lexer%values
-                call move_alloc(more, lexer%values)
-            end if
-            lexer%n_values = lexer%n_values + 1
-            lexer%values(lexer%n_values)%text = path
-        end associate
-    end subroutine keep_value
+        if (n == size(list)) then
+            allocate (more(2*n))
+            more(:n) = list
+            call move_alloc(more, list)
+        end if
+        n = n + 1
+        list(n)%text = path
+    end subroutine add_path
+
+    !> Whether the keys of the line are in a list.
+    pure logical function is_known(lexer, list, n)
+        class(scene_lexer_type), intent(in) :: lexer
+        type(path_type), intent(in) :: list(:)
+        integer, intent(in) :: n
+        integer :: i
+
+        is_known = .true.
+        do i = 1, n
+            if (len(list(i)%text) /= len(lexer%keys)) cycle
+            if (list(i)%text == lexer%keys) return
+        end do
+        is_known = .false.
+    end function is_known
 
     !> Whether a heading may go on behind what stands of it so far.
     logical function may_go_on(lexer)
         class(scene_lexer_type), intent(inout) :: lexer
-        integer :: i
 
         may_go_on = lexer%depth == 1 .and. is_of_mechanism(lexer%keys)
-        if (.not. may_go_on) return
-        do i = 1, lexer%n_values
-            if (len(lexer%values(i)%text) /= len(lexer%keys)) cycle
-            if (lexer%values(i)%text /= lexer%keys) cycle
-            may_go_on = .false.
-            lexer%is_below_value = .true.
-        end do
+        if (may_go_on) lexer%is_below_value = lexer%is_known(lexer%values, lexer%n_values)
+        if (lexer%is_below_value) may_go_on = .false.
     end function may_go_on
 
     !> Whether a path begins with a table that has tables within it.

@@ -170,7 +170,8 @@ contains
                 call table%get(names(j)%key, found)
                 call set_input_error(self%error, self%sources(i)%describe('unknown key "'//names(j)%key//'" in '// &
                     heading(self%table, self%element), found%origin, meant(names(j)%key, known))//new_line('a')// &
-                    'the keys of '//heading(self%table, self%element)//': '//listed(known))
+                    'the keys of '//heading(self%table, self%element)//': '//listed(known)//trim(merge('none', '    ', &
+                        size(known) == 0)))
                 return
             end do
         end do
@@ -296,7 +297,8 @@ contains
                 call set_input_error(self%error, self%sources(where%source)%describe(problem, where%origin, 'here'))
             end associate
         else
-            call set_input_error(self%error, problem//new_line('a')//' --> '//self%sources(0)%context%filename)
+            call set_input_error(self%error, problem//new_line('a')//' --> '//heading('scene', 0)//' of '// &
+                self%sources(0)%context%filename)
         end if
     end subroutine refuse_place
 

@@ -325,7 +325,9 @@ contains
             place%filename = name
             place%source = lexer%chunk
             call place%push_back(toml_token(first=lexer%nested, last=lexer%nested))
-            if (lexer%is_below_value) then
+            if (lexer%is_doubled) then
+                parse_error%message = place%report('the table is there twice', 1, 'put the keys of both into one')
+            else if (lexer%is_below_value) then
                 parse_error%message = place%report('what stands before the dot is a value, no table', 1, &
                     'there can be no table in it')
             else
