@@ -3,10 +3,18 @@
 module tandem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_census, only: census_type, element_count_type, take_census
     use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
+    use tandem_mechanism_description, only: build_mechanism, mechanism_kinds, mechanism_singles
+    use tandem_mechanism_entries, only: atom_type, entries_type, is_number, is_text, is_truth, value_type
+    use tandem_mechanism_key_reader, only: shown_type
+    use tandem_mechanism_function, only: constant_type, expression_function, function_type, polynomial_type, ramp, sine_type, &
+        table_function
+    use tandem_mechanism_law, only: expression_law, law_type, table_law
     use tandem_mechanism_parameters, only: resolve_parameters
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
-    use tandem_model, only: label_length, model_type
+    use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_derivatives, only: derivative_name, derivatives_type, n_derivatives, need_acceleration_q, &
         need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, &
@@ -39,7 +47,7 @@ module tandem
 
     public :: wp, long
     public :: error_type, set_error, to_text, is_input_error, status_name, status_ok, status_output_failed
-    public :: model_type, label_length, terms_type, n_terms, term_name
+    public :: model_type, quantity_type, label_length, terms_type, n_terms, term_name
     public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
     public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
@@ -56,5 +64,9 @@ module tandem
     public :: pack_type
     public :: properties_type, new_stepper, stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
+    public :: entries_type, value_type, atom_type, is_number, is_text, is_truth, build_mechanism, shown_type
+    public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
+    public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
+        law_type, expression_law, table_law
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

@@ -38,6 +38,11 @@ program main
     use test_linalg_singular, only: collect_linalg_singular
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mass_blocks, only: collect_mass_blocks
+    use test_mechanism_elements, only: collect_mechanism_elements
+    use test_mechanism_laws, only: collect_mechanism_laws
+    use test_mechanism_motion, only: collect_mechanism_motion
+    use test_mechanism_references, only: collect_mechanism_references
+    use test_mechanism_rows, only: collect_mechanism_rows
     use test_mechanisms, only: collect_mechanisms
     use test_model_check, only: collect_model_check
     use test_models, only: collect_models
@@ -130,6 +135,11 @@ program main
         new_testsuite('pack', collect_pack), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
+        new_testsuite('mechanism_elements', collect_mechanism_elements), &
+        new_testsuite('mechanism_rows', collect_mechanism_rows), &
+        new_testsuite('mechanism_laws', collect_mechanism_laws), &
+        new_testsuite('mechanism_motion', collect_mechanism_motion), &
+        new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

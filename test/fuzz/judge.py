@@ -59,6 +59,8 @@ RANGES = {
     "output": {"every": positive, "interval": not_negative},
 }
 SINGLE = ["scene", "model", "initial", "time", "solver", "output"]
+# Those of mechanisms, which have tables within them.
+SINGLE += "parameters gravity ground body joint constraint wheel force sensor repeat".split()
 # A message may show a line, mark the part of it, and name it.
 LONGEST_MESSAGE = 100000
 # More steps or rows than these are refused.
@@ -175,7 +177,7 @@ def wrong_values(document, settings, shown):
             if table not in [*SINGLE, "event"]:
                 return f"{table!r} was accepted, and is no table of a scene"
             if table != "event":
-                given.setdefault(table, {}).update(content)
+                merge(given.setdefault(table, {}), content)
             elif isinstance(content, list):
                 events = [dict(event) for event in content]
             else:
@@ -185,7 +187,7 @@ def wrong_values(document, settings, shown):
                     events[int(number) - 1 : int(number)] = [(events[int(number) - 1 : int(number)] or [{}])[0] | event]
     for table, content in given.items():
         for key, value in content.items():
-            if key not in shown[table]:
+            if key not in shown.get(table, {}):
                 if table == "initial" and "q" in given["initial"]:
                     continue
                 return f"{key!r} in [{table}] was accepted, and left out"
@@ -201,8 +203,19 @@ def wrong_values(document, settings, shown):
     return None
 
 
+def merge(tables, more):
+    """Later values replace earlier ones, key by key in tables within tables."""
+    for key, value in more.items():
+        if isinstance(value, dict) and isinstance(tables.get(key), dict):
+            merge(tables[key], value)
+        else:
+            tables[key] = value
+
+
 def same(value, shown):
     """Whether a value is the one that is shown: numbers to the last bit, blanks at the ends of texts left alone."""
+    if isinstance(value, dict):
+        return isinstance(shown, dict) and all(key in shown and same(one, shown[key]) for key, one in value.items())
     if isinstance(shown, list) and not isinstance(value, (list, dict)):
         return len(shown) > 0 and all(same(value, one) for one in shown)
     if isinstance(value, list):
@@ -233,7 +246,7 @@ def wrong_ranges(shown):
         return "the complete scene has numbers that are not finite"
     for table, ranges in RANGES.items():
         for key, is_right in ranges.items():
-            for number in numbers(shown[table].get(key, [])):
+            for number in numbers(shown.get(table, {}).get(key, [])):
                 if not is_right(number):
                     return f"{key} = {number} in [{table}] was accepted"
     if not shown["time"]["end"] > shown["time"]["start"]:

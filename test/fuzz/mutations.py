@@ -124,6 +124,8 @@ VALUES = [
 
 TABLE_OF = {"description": "scene", "mass": "model", "omega": "initial", "q": "initial", "fields": "output"}
 TABLES = ["scene", "model", "initial", "time", "solver", "output", "event"]
+# Some of mechanisms, whose tables have tables within them.
+TABLES += ["parameters", "gravity", "body", "body.bob", "body.rod", "joint", "joint.pin", "joint.guide", "force", "sensor.tip", "repeat.bay"]
 OTHER_KEYS = ["", "a" * 500, '"\\u001b[2J"', '"\\n"', '"a b"', '"\\x41"']
 OTHER_KEYS += "x Mass massa é \"step\" 'step' step.size solver.step 1 - _".split()
 CONTROLS = [bytes([code]) for code in (*range(0, 9), *range(11, 32), 127)]
@@ -504,6 +506,9 @@ def same_keys(random, texts):
         random.shuffle(tables)
         return first + "\n".join(tables + events)
     plain = [block for block in tables if all(line == "" or line[0] in "#[" or PAIR.match(line) for line in block.split("\n"))]
+    # One whose dotted keys go on in other headings would be another scene.
+    tops = [re.match(r"\[(\w+)", block)[1] for block in tables]
+    plain = [block for block in plain if tops.count(re.match(r"\[(\w+)", block)[1]) == 1]
     chosen = random.choice(plain)
     name = chosen.split("\n")[0].strip("[]")
     dotted = re.sub(r"(?m)^(\w+) *=", rf"{name}.\1 =", chosen.split("\n", 1)[1])

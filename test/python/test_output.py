@@ -125,7 +125,8 @@ class Check(Case):
         for path in sorted((ROOT / "scenes").glob("*.toml")):
             with self.subTest(path.stem):
                 done = self.tandem("check", str(path))
-                self.assertIn("C has full rank", done.stdout)
+                # Bricard's mechanism has a row too many.
+                self.assertIn("C has rank 34 of 35" if path.stem == "a04_bricard" else "C has full rank", done.stdout)
                 self.assertNotIn("WRONG", done.stdout)
                 self.assertGreaterEqual(done.stdout.count("right, within"), 9)
                 self.assertEqual(list(self.folder.iterdir()), [])
@@ -981,6 +982,9 @@ class SceneReference(Case):
         seen = set()
         for path in sorted((ROOT / "scenes").glob("*.toml")):
             model = tomllib.loads(path.read_text())["scene"]["model"]
+            if model == "mechanism":
+                # Their tables within tables are in doc/mechanism.md.
+                continue
             watched = "x1" if model == "articulated_vehicle" else "rx"
             for heading, key in self.keys(path.stem, event[0], event[1] % watched, *more):
                 known = self.rows(heading)

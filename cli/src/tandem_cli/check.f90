@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
 module tandem_cli_check
-    use tandem, only: error_type, finding_type, simulation_type, to_text, verify_model
+    use tandem, only: census_type, error_type, finding_type, mechanism_type, simulation_type, take_census, to_text, verify_model, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_cli_moves, only: moves_text
@@ -15,6 +15,8 @@ module tandem_cli_check
 
     !> States at which procedures are compared.
     integer, parameter :: n_states = 10
+    !> Most bodies that are named.
+    integer, parameter :: most_names = 20
     !> Columns of the names of procedures.
     integer, parameter :: name_width = 43
 
@@ -47,6 +49,7 @@ contains
             call print_json(scene, findings, simulation, start_error)
         else
             call print_check(scene, findings)
+            call print_mechanism(scene, simulation, start_error)
             if (.not. allocated(start_error)) call print_start(scene, simulation)
         end if
         code = merge(done, run_failed, all(findings%passed))
@@ -89,6 +92,59 @@ contains
         end do
     end subroutine print_check
 
+    !> Of a mechanism: bodies, rows by element, degrees of freedom, where it starts.
+    subroutine print_mechanism(scene, simulation, start_error)
+        type(scene_type), intent(inout) :: scene
+        type(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(in) :: start_error
+        type(census_type) :: census
+        character(len=:), allocatable :: bodies
+        logical :: is_known
+        integer :: i
+
+        call count_mechanism(scene, simulation, start_error, census, is_known)
+        if (.not. is_known) return
+        select type (model => scene%model)
+        class is (mechanism_type)
+            bodies = ''
+            do i = 1, min(size(model%bodies), most_names)
+                bodies = bodies//merge(', ', ': ', i > 1)//trim(model%bodies(i)%name)
+            end do
+            if (size(model%bodies) > most_names) bodies = bodies//', ...'
+            call say(to_text(size(model%bodies))//' bodies'//bodies)
+        end select
+        if (size(census%elements) > 0) call say(padded('rows of', 24)//padded('type', 18)//'position  velocity  redundant')
+        do i = 1, size(census%elements)
+            associate (element => census%elements(i))
+                call say(padded('  '//trim(element%name), 24)//padded(trim(element%kind), 18)// &
+                    padded(to_text(element%n_position), 10)//padded(to_text(element%n_velocity), 10)//to_text(element%n_redundant))
+            end associate
+        end do
+        call say('degrees of freedom: '//to_text(census%position_freedom)//' at position level, '// &
+            to_text(census%velocity_freedom)//' at velocity level')
+    end subroutine print_mechanism
+
+    !> Count where the run starts, or where the scene says where it cannot.
+    subroutine count_mechanism(scene, simulation, start_error, census, is_known)
+        type(scene_type), intent(inout) :: scene
+        type(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(in) :: start_error
+        type(census_type), intent(out) :: census
+        !> Whether the model is a mechanism that could be evaluated.
+        logical, intent(out) :: is_known
+        real(wp) :: q(scene%model%n)
+        integer :: stat
+
+        is_known = .false.
+        q = scene%q
+        if (.not. allocated(start_error)) q = simulation%state%q
+        select type (model => scene%model)
+        class is (mechanism_type)
+            call take_census(model, scene%t_start, q, scene%qd, census, stat)
+            is_known = stat == 0
+        end select
+    end subroutine count_mechanism
+
     !> The start.
     subroutine print_start(scene, simulation)
         type(scene_type), intent(in) :: scene
@@ -107,11 +163,13 @@ contains
 
     !> The same as one object.
     subroutine print_json(scene, findings, simulation, start_error)
-        type(scene_type), intent(in) :: scene
+        type(scene_type), intent(inout) :: scene
         type(finding_type), intent(in) :: findings(:)
         type(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(in) :: start_error
         type(json_type) :: json
+        type(census_type) :: census
+        logical :: is_known
         integer :: i
 
         call json%begin_object()
@@ -132,6 +190,22 @@ contains
             call json%end_object()
         end do
         call json%end_array()
+        call count_mechanism(scene, simulation, start_error, census, is_known)
+        if (is_known) then
+            call json%add('position_freedom', census%position_freedom)
+            call json%add('velocity_freedom', census%velocity_freedom)
+            call json%begin_array('elements')
+            do i = 1, size(census%elements)
+                call json%begin_object()
+                call json%add('name', trim(census%elements(i)%name))
+                call json%add('type', trim(census%elements(i)%kind))
+                call json%add('position_rows', census%elements(i)%n_position)
+                call json%add('velocity_rows', census%elements(i)%n_velocity)
+                call json%add('redundant_rows', census%elements(i)%n_redundant)
+                call json%end_object()
+            end do
+            call json%end_array()
+        end if
         call json%begin_object('start')
         call json%add('passed', .not. allocated(start_error))
         if (allocated(start_error)) then

@@ -11,6 +11,11 @@ module tandem_cli_list
 
     public :: list
 
+    !> A scene's line, and the group under which it stands.
+    type :: line_type
+        character(len=:), allocatable :: text, group
+    end type line_type
+
 contains
 
     !> Print scenes and steppers, a line each.
@@ -35,7 +40,9 @@ contains
         character(len=path_length), allocatable :: paths(:)
         type(scene_type) :: scene
         type(error_type), allocatable :: error
-        integer :: i
+        type(line_type), allocatable :: lines(:)
+        character(len=:), allocatable :: group
+        integer :: i, k
 
         allocate (paths, source=shipped_scenes())
         if (size(paths) == 0) then
@@ -43,13 +50,27 @@ contains
             return
         end if
         call say(row('scene', 'model', 'description'))
+        allocate (lines(size(paths)))
         do i = 1, size(paths)
             call read_scene(trim(paths(i)), [character(len=1) ::], scene, error, models=arguments%models)
+            lines(i)%group = 'scenes that cannot be read'
             if (allocated(error)) then
-                call say(row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i))))
+                lines(i)%text = row(trim(paths(i)), '', 'has an error, see tandem show '//trim(paths(i)))
             else
-                call say(row(file_name(trim(paths(i))), trim(scene%model_name), scene%description))
+                lines(i)%text = row(file_name(trim(paths(i))), trim(scene%model_name), scene%description)
+                lines(i)%group = scene%list_group
             end if
+        end do
+        ! Groups in the order of their first scenes.
+        do i = 1, size(lines)
+            group = lines(i)%group
+            if (group == '') cycle
+            call say(group//':')
+            do k = i, size(lines)
+                if (lines(k)%group /= group) cycle
+                call say(lines(k)%text)
+                lines(k)%group = ''
+            end do
         end do
     end subroutine list_scenes
 
@@ -92,6 +113,7 @@ contains
                 call json%add('error', error%message)
             else
                 call json%add('model', scene%model_name)
+                call json%add('group', scene%list_group)
                 call json%add('description', scene%description)
             end if
             call json%end_object()

@@ -26,8 +26,8 @@ module tandem_io_scene
     type :: scene_type
         !> The scene's name, which may be a file's.
         character(len=:), allocatable :: name
-        !> One line on what it is.
-        character(len=:), allocatable :: description
+        !> One line on what it is, and with which others it is listed.
+        character(len=:), allocatable :: description, list_group
         !> The name of its model.
         character(len=key_length) :: model_name = ''
         !> The model with its parameters, defined.
@@ -63,7 +63,7 @@ contains
         !> The models that the scene may name; `shipped_models()` where they are not given.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
-        character(len=key_length), allocatable :: names(:)
+        character(len=key_length), allocatable :: names(:), brought(:)
         type(reader_type) :: reader
         integer :: i
 
@@ -72,15 +72,25 @@ contains
         else
             allocate (known, source=shipped_models())
         end if
-        call reader%open_sources(path, settings, text)
-        call reader%check_tables(tables, arrays)
         names = known%name
+        allocate (brought(0))
+        do i = 1, size(known)
+            if (allocated(known(i)%tables)) brought = [character(len=key_length) :: brought, known(i)%tables]
+        end do
+        call reader%open_sources(path, settings, text)
+        call reader%check_tables(tables, arrays, brought)
         call read_names(reader, path, names, scene)
         do i = 1, size(known)
             if (reader%failed() .or. known(i)%name /= scene%model_name) cycle
+            if (.not. allocated(known(i)%tables)) call reader%refuse_tables(brought, [character(len=key_length) :: tables, arrays])
             call known(i)%build(reader, scene%model, scene%q, scene%qd)
             exit
         end do
+        if (.not. reader%failed()) then
+            call reader%open_table('scene')
+            call reader%close_table()
+            call reader%open_table('initial')
+        end if
         call read_start(reader, scene)
         call read_time(reader, scene)
         if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
@@ -97,7 +107,7 @@ contains
         end if
     end subroutine read_scene
 
-    !> [scene]
+    !> [scene], which stays open.
     subroutine read_names(reader, path, model_names, scene)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: path, model_names(:)
@@ -117,7 +127,8 @@ contains
         end if
         call reader%get('description', scene%description, 'for tandem list')
         call reader%get('model', scene%model_name, model_names, required=.true.)
-        call reader%close_table()
+        scene%list_group = 'scenes'
+        call reader%get('group', scene%list_group, 'of scenes, under which tandem list shows it')
     end subroutine read_names
 
     !> [initial], which the model's builder has begun: the model's own keys, or q and qd in their stead.

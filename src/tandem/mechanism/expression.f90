@@ -33,6 +33,8 @@ module tandem_mechanism_expression
         procedure :: n_operations
         procedure :: n_kinks
         procedure :: kink_order
+        procedure :: kink_depends_on_others
+        procedure :: renumber
         !> What it gives at a point.
         procedure :: value => evaluate_value
         procedure :: evaluate_gradient
@@ -175,6 +177,38 @@ contains
 
         kink_order = self%code%kink_orders(kink)
     end function kink_order
+
+    !> Whether the place of a kink depends on another variable than one.
+    pure logical function kink_depends_on_others(self, kink, variable) result(depends)
+        class(expression_type), intent(in) :: self
+        integer, intent(in) :: kink
+        !> The one variable, as its place in the list of names.
+        integer, intent(in) :: variable
+        logical :: w(max_slots)
+        integer :: k, n
+
+        associate (code => self%code)
+            n = size(code%variables)
+            w(:n) = code%variables /= variable
+            w(n + 1:n + size(code%constants)) = .false.
+            n = code%n_slots - size(code%operations)
+            do k = 1, size(code%operations)
+                w(n + k) = w(code%left(k)) .or. w(code%right(k))
+            end do
+            depends = w(code%kink_left(kink)) .or. w(code%kink_right(kink))
+        end associate
+    end function kink_depends_on_others
+
+    !> Number the variables anew: those that are used alone, one after the other.
+    pure subroutine renumber(self, used)
+        class(expression_type), intent(inout) :: self
+        !> Their places in the list of names; where the expression is evaluated now, x(i) is the variable used(i).
+        integer, allocatable, intent(out) :: used(:)
+        integer :: i
+
+        used = self%code%variables
+        self%code%variables = [(i, i=1, size(used))]
+    end subroutine renumber
 
     !> Variables and constants in the first slots.
     pure subroutine fill_leaves(self, x, w)

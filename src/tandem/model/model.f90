@@ -18,13 +18,25 @@ module tandem_model
     implicit none (type, external)
     private
 
-    public :: model_type, label_length
+    public :: model_type, quantity_type, label_length
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
+    public :: measure_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
+
+    !> Something that a model can tell of a motion besides its coordinates.
+    type :: quantity_type
+        !> `NAME/WHAT`, as files call it.
+        character(len=64) :: path = ''
+        !> How many numbers it has, 0 for a single one.
+        integer :: width = 0
+        !> Its unit, and what it is.
+        character(len=label_length) :: unit = ''
+        character(len=80) :: meaning = ''
+    end type quantity_type
 
     !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
     type :: model_type
@@ -56,6 +68,11 @@ module tandem_model
         !> Which smooth piece is current, 1 before the first breakpoint; set by the simulation. Procedures look at this
         !> and never compare t with a breakpoint.
         integer :: segment = 1
+        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it must look at every step, since it
+        !> counts
+        !> turns.
+        type(quantity_type), allocatable :: quantities(:)
+        logical :: measures_every_step = .false.
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
@@ -88,6 +105,9 @@ module tandem_model
         !> The terms that `evaluate` gives, a sum of need bits (see `tandem_model_terms`). A term that is neither in
         !> `provides` nor has a procedure of its own is zero.
         integer :: provides = 0
+
+        !> The values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
+        procedure(measure_interface), pointer :: measure => null()
 
         !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
         !> one is missing, differences stand in.
@@ -191,6 +211,18 @@ module tandem_model
             real(wp), intent(out) :: value
             integer, intent(out) :: stat
         end subroutine energy_of_position
+
+        !> Quantities of the motion.
+        subroutine measure_interface(self, t, q, qd, qdd, values, stat)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates, velocities, accelerations (n). Times ascend.
+            real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+            !> All quantities.
+            real(wp), intent(out) :: values(:)
+            integer, intent(out) :: stat
+        end subroutine measure_interface
 
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)

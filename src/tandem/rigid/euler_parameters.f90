@@ -10,6 +10,7 @@ module tandem_rigid_euler_parameters
     public :: rotation, e_matrix, g_matrix, b_matrix, skew
     public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich
     public :: b_row, g_product, g_transposed_product, b_product, set_rotational_mass
+    public :: e_product, e_transposed_product, e_transposed_gradient
 
 contains
 
@@ -174,6 +175,38 @@ contains
         y(3) = p(4)*a(1) + p(1)*a(2) - p(2)*a(3)
         y(4) = -p(3)*a(1) + p(2)*a(2) + p(1)*a(3)
     end function g_transposed_product
+
+    !> E(p) x (3), without the matrix; the angular velocity in the world's frame is 2 E pd.
+    pure function e_product(p, x) result(y)
+        real(wp), intent(in) :: p(4), x(4)
+        real(wp) :: y(3)
+
+        y(1) = -p(2)*x(1) + p(1)*x(2) - p(4)*x(3) + p(3)*x(4)
+        y(2) = -p(3)*x(1) + p(4)*x(2) + p(1)*x(3) - p(2)*x(4)
+        y(3) = -p(4)*x(1) - p(3)*x(2) + p(2)*x(3) + p(1)*x(4)
+    end function e_product
+
+    !> E(p)' a (4), without the matrix.
+    pure function e_transposed_product(p, a) result(y)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: y(4)
+
+        y(1) = -p(2)*a(1) - p(3)*a(2) - p(4)*a(3)
+        y(2) = p(1)*a(1) + p(4)*a(2) - p(3)*a(3)
+        y(3) = -p(4)*a(1) + p(1)*a(2) + p(2)*a(3)
+        y(4) = p(3)*a(1) - p(2)*a(2) + p(1)*a(3)
+    end function e_transposed_product
+
+    !> (E(p)' a)_p = [0, -a'; a, ~a] (4, 4).
+    pure function e_transposed_gradient(a) result(t)
+        real(wp), intent(in) :: a(3)
+        real(wp) :: t(4, 4)
+
+        t(:, 1) = [0.0_wp, a(1), a(2), a(3)]
+        t(:, 2) = [-a(1), 0.0_wp, a(3), -a(2)]
+        t(:, 3) = [-a(2), -a(3), 0.0_wp, a(1)]
+        t(:, 4) = [-a(3), a(2), -a(1), 0.0_wp]
+    end function e_transposed_gradient
 
     !> G(p)' diag(j) G(x) (4, 4).
     pure function g_sandwich(p, j, x) result(s)

@@ -2,7 +2,7 @@
 !> A series of a result file: the time or one field, a dataset that grows by rows, and the rows that it does not have yet.
 module tandem_io_output_series
     use hdf5, only: hid_t
-    use tandem, only: label_length, long, model_type, to_text, wp
+    use tandem, only: label_length, long, model_type, quantity_type, to_text, wp
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_type, fields, one
     use tandem_io_output_hdf5, only: hdf5_type
@@ -13,7 +13,7 @@ module tandem_io_output_series
 
     !> A dataset and the rows that it does not have yet.
     type :: series_type
-        !> Index in `fields`; 0 for the time.
+        !> Index in `fields`; 0 for the time; -i for the i-th quantity of the model.
         integer :: field = 0
         !> Numbers in a row as the file counts them: 0 for a single one.
         integer :: width = 0
@@ -39,7 +39,7 @@ contains
     subroutine make(self, file, field, model, capacity, goes_on, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
-        !> Index of the field, 0 for the time.
+        !> Index of the field, 0 for the time, -i for a quantity.
         integer, intent(in) :: field
         class(model_type), intent(in) :: model
         !> Rows of the buffer.
@@ -53,7 +53,10 @@ contains
         self%field = field
         allocate (self%rows(max(1, width_of(field, model)), capacity))
         self%path = '/trajectory/time'
-        if (field > 0) then
+        if (field < 0) then
+            call make_quantity(self, file, model%quantities(-field), capacity, goes_on, time)
+            return
+        else if (field > 0) then
             self%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
             if (fields(field)%width /= one) self%width = width_of(field, model)
         end if
@@ -79,6 +82,31 @@ contains
             if (size(units) > 0) call file%attach(self%path, 'units', units)
         end if
     end subroutine make
+
+    !> The dataset of a quantity, in a group of its own with others of its sensor.
+    subroutine make_quantity(self, file, quantity, capacity, goes_on, time)
+        class(series_type), intent(inout) :: self
+        type(hdf5_type), intent(inout) :: file
+        type(quantity_type), intent(in) :: quantity
+        integer, intent(in) :: capacity
+        logical, intent(in) :: goes_on
+        integer(hid_t), intent(in), optional :: time
+        character(len=1), parameter :: axes(3) = ['x', 'y', 'z']
+        character(len=:), allocatable :: group
+
+        group = '/sensors/'//quantity%path(:index(quantity%path, '/') - 1)
+        self%path = '/sensors/'//trim(quantity%path)
+        self%width = quantity%width
+        if (goes_on) then
+            call file%open_dataset(self%path, self%dataset)
+            return
+        end if
+        call file%add_dataset(self%path, self%width, min(capacity, longest_chunk), .false., self%dataset, time)
+        call file%link('/trajectory/time', group//'/time')
+        call file%attach(self%path, 'meaning', trim(quantity%meaning))
+        call file%attach(self%path, 'unit', trim(quantity%unit))
+        if (quantity%width == size(axes)) call file%attach(self%path, 'names', axes)
+    end subroutine make_quantity
 
     !> Write the gathered rows.
     subroutine append(self, file, before, gathered)
@@ -129,7 +157,8 @@ contains
         class(model_type), intent(in) :: model
 
         width_of = 1
-        if (field == 0) return
+        if (field < 0) width_of = max(1, model%quantities(-field)%width)
+        if (field <= 0) return
         if (fields(field)%width == each_coordinate) width_of = model%n
         if (fields(field)%width == each_constraint) width_of = model%n_constraints()
     end function width_of

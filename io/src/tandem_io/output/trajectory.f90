@@ -5,6 +5,7 @@
 !> ends the program. A field that was not asked for is neither computed nor written.
 module tandem_io_output_trajectory
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, mark_type, &
+        model_type, &
         observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
         status_output_failed, to_text, wp
     use tandem_fletcher, only: fletcher_type
@@ -73,6 +74,8 @@ module tandem_io_output_trajectory
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
+        !> What the model tells besides the fields, one after the other.
+        real(wp), allocatable, private :: quantities(:)
         real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
         !> Rows that the interval has asked for so far.
         integer(long), private :: intervals = 0
@@ -87,6 +90,7 @@ module tandem_io_output_trajectory
         procedure :: release
         procedure, private :: gather
         procedure, private :: gather_between
+        procedure, private :: measure
         procedure, private :: write_rows
         procedure, private :: bring
         procedure, private :: watch
@@ -273,7 +277,7 @@ contains
         class(trajectory_type), intent(inout) :: self
         type(output_type), intent(in) :: output
         class(simulation_type), intent(in) :: simulation
-        integer :: i, width
+        integer :: i, n, n_fields, width
 
         self%every = output%every
         self%interval = output%interval
@@ -281,20 +285,51 @@ contains
         self%seconds_unflushed = output%flush
         associate (model => simulation%model)
             width = 1
-            do i = 1, size(output%fields)
+            n_fields = size(output%fields)
+            do i = 1, n_fields
                 width = width + width_of(index_of(output%fields(i)), model)
             end do
+            n = 0
+            allocate (self%quantities(0))
+            if (allocated(model%quantities)) then
+                n = size(model%quantities)
+                self%quantities = [(0.0_wp, i=1, sum(max(1, model%quantities%width)))]
+            end if
+            width = width + size(self%quantities)
             self%capacity = max(1, min(most_rows, largest_buffer/width))
-            allocate (self%series(0:size(output%fields)))
+            allocate (self%series(0:n_fields + n))
             call self%series(0)%make(self%file, 0, model, self%capacity, self%goes_on)
-            do i = 1, size(output%fields)
+            do i = 1, n_fields
                 call self%series(i)%make(self%file, index_of(output%fields(i)), model, self%capacity, self%goes_on, &
                     self%series(0)%dataset)
+            end do
+            if (.not. self%goes_on) call add_groups(self%file, model)
+            do i = 1, n
+                call self%series(n_fields + i)%make(self%file, -i, model, self%capacity, self%goes_on, self%series(0)%dataset)
             end do
         end associate
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)
     end subroutine prepare
+
+    !> The groups of the quantities.
+    subroutine add_groups(file, model)
+        type(hdf5_type), intent(inout) :: file
+        class(model_type), intent(in) :: model
+        character(len=:), allocatable :: group, last
+        integer :: i
+
+        if (.not. allocated(model%quantities)) return
+        call file%add_group('/sensors')
+        last = ''
+        do i = 1, size(model%quantities)
+            associate (path => model%quantities(i)%path)
+                group = path(:index(path, '/') - 1)
+            end associate
+            if (group /= last) call file%add_group('/sensors/'//group)
+            last = group
+        end do
+    end subroutine add_groups
 
     !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end. Before an event
     !> changes the motion, rows of the interval up to there.
@@ -323,6 +358,9 @@ contains
             is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
                 mod(simulation%grid_steps, int(self%every, long)) == 0
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
+            if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) then
+              call self%measure(simulation, error)
+            end if
             if (allocated(error)) return
         end select
         if (is_due) then
@@ -458,10 +496,13 @@ contains
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: energy
-        integer :: i, stat
+        integer :: i, n, stat
 
+        if (size(self%quantities) > 0) call self%measure(simulation, error)
+        if (allocated(error)) return
         stat = 0
         energy = 0.0_wp
+        n = 0
         self%gathered = self%gathered + 1
         do i = 0, ubound(self%series, 1)
             associate (row => self%series(i)%rows(:, self%gathered), state => simulation%state)
@@ -489,7 +530,8 @@ contains
                 case (field_chart)
                     row(1) = real(number_of_charts(simulation), wp)
                 case default
-                    row = 0.0_wp
+                    row = self%quantities(n + 1:n + size(row))
+                    n = n + size(row)
                 end select
             end associate
             if (stat /= 0) then
@@ -503,6 +545,20 @@ contains
         if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
         self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
     end subroutine gather
+
+    !> Let the model tell what it knows of the current state.
+    subroutine measure(self, simulation, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        associate (state => simulation%state)
+            call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%quantities, stat)
+            if (stat /= 0) call set_error(error, status_callback_failed, 'the sensors could not be evaluated at t = '// &
+                to_text(state%t))
+        end associate
+    end subroutine measure
 
     !> Keep rows of the times of the interval that the last step has passed.
     subroutine gather_between(self, simulation, error, is_before_event)

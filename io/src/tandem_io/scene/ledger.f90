@@ -13,7 +13,7 @@ module tandem_io_scene_ledger
 
     !> A key, its value as TOML, and a comment.
     type :: entry_type
-        character(len=key_length) :: table = '', key = ''
+        character(len=:), allocatable :: table, key
         !> Number of the table in an array of tables, 0 for a table of its own.
         integer :: element = 0
         character(len=:), allocatable :: value, comment
@@ -54,8 +54,8 @@ contains
         type(entry_type) :: entry
         type(entry_type), allocatable :: more(:)
 
-        entry%table = table
-        entry%key = key
+        entry%table = trim(table)
+        entry%key = trim(key)
         entry%value = value
         entry%comment = comment
         entry%source = source
@@ -122,8 +122,7 @@ contains
     pure function text(self)
         class(ledger_type), intent(in) :: self
         character(len=:), allocatable :: text
-        character(len=:), allocatable :: part
-        character(len=key_length) :: table
+        character(len=:), allocatable :: part, table
         integer :: i, element, length, pass
 
         ! Once for the length, once for the text.

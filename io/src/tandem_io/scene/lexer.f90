@@ -2,8 +2,10 @@
 !> The lexer of toml-f without what no scene takes and toml-f 0.5 reads wrongly:
 !>
 !> - dates: it reads behind the end of a time that is shorter than a date;
-!> - headings of tables within tables, `[a.b]`: where a is a value already, it goes on with a place that does not exist.
+!> - headings of tables within tables, `[a.b]`: where a is a value already, it goes on with a place that does not exist. Only
+!>   mechanisms have such tables; there, a heading that would go on below a value is refused here.
 module tandem_io_scene_lexer
+    use tandem, only: mechanism_kinds, mechanism_singles
     use tomlf, only: toml_datetime
     use tomlf_de_lexer, only: token_kind, toml_lexer, toml_token
     implicit none (type, external)
@@ -11,31 +13,61 @@ module tandem_io_scene_lexer
 
     public :: scene_lexer_type
 
+    !> A path of keys, a control character behind each.
+    type :: path_type
+        character(len=:), allocatable :: text
+    end type path_type
+
     type, extends(toml_lexer) :: scene_lexer_type
-        !> The dot in the first heading of a table within a table, where the parser has stopped; 0 where there is none.
+        !> The dot in the first heading that is refused, where the parser has stopped; 0 where there is none. Whether it is refused
+        !> since
+        !> what stands before the dot is a value.
         integer :: nested = 0
+        logical :: is_below_value = .false., is_doubled = .false.
         !> Brackets and braces that are open.
         integer, private :: depth = 0
-        !> Whether nothing but blanks has come since the end of a line, and whether the line is a heading.
-        logical, private :: is_at_start = .true., is_heading = .false.
+        !> Whether nothing but blanks has come since the end of a line, whether the line is a heading, and whether the sign that
+        !> begins a value has come.
+        logical, private :: is_at_start = .true., is_heading = .false., is_in_value = .false.
+        !> The current heading, the keys of the line so far, and of a mechanism the values and headings: the first `n_values` and
+        !> `n_headings`.
+        character(len=:), allocatable, private :: heading, keys
+        type(path_type), allocatable, private :: values(:), headings(:)
+        integer, private :: n_values = 0, n_headings = 0
     contains
         procedure :: next
         procedure :: extract_datetime
+        procedure, private :: take_key
+        procedure, private :: keep_value
+        procedure, private :: may_go_on
+        procedure, private :: is_known
     end type scene_lexer_type
+
+    !> What ends a key in a path; no scene holds it.
+    character(len=*), parameter :: behind = achar(1)
 
 contains
 
-    !> The next token. The dot of a heading becomes one at which the parser stops.
+    !> The next token. The dot of a heading that is refused becomes one at which the parser stops.
     subroutine next(lexer, token)
         class(scene_lexer_type), intent(inout) :: lexer
         type(toml_token), intent(inout) :: token
 
         call lexer%toml_lexer%next(token)
+        if (.not. allocated(lexer%keys)) then
+            lexer%heading = ''
+            lexer%keys = ''
+            allocate (lexer%values(64), lexer%headings(64))
+        end if
         select case (token%kind)
         case (token_kind%whitespace)
             return
         case (token_kind%newline)
-            if (lexer%depth == 0) lexer%is_heading = .false.
+            if (lexer%depth == 0) then
+                lexer%is_heading = .false.
+                lexer%is_in_value = .false.
+                lexer%keys = ''
+            end if
             lexer%is_at_start = lexer%depth == 0
             return
         case (token_kind%lbracket, token_kind%lbrace)
@@ -43,16 +75,100 @@ contains
             lexer%depth = lexer%depth + 1
         case (token_kind%rbracket, token_kind%rbrace)
             lexer%depth = lexer%depth - 1
+            if (lexer%is_heading .and. lexer%depth == 0) then
+                lexer%heading = lexer%keys
+                ! The parser takes one that follows tables within it any number of times.
+                if (lexer%is_known(lexer%headings, lexer%n_headings) .and. index(lexer%keys, behind) > 0) then
+                    lexer%is_doubled = .true.
+                    lexer%nested = token%first
+                    token%kind = token_kind%invalid
+                else if (is_of_mechanism(lexer%keys)) then
+                    call add_path(lexer%keys, lexer%headings, lexer%n_headings)
+                end if
+            end if
+        case (token_kind%keypath, token_kind%string, token_kind%literal)
+            if (lexer%is_heading .or. (lexer%depth == 0 .and. .not. lexer%is_in_value)) call lexer%take_key(token)
+        case (token_kind%equal)
+            if (lexer%depth == 0 .and. .not. lexer%is_in_value) call lexer%keep_value()
+            lexer%is_in_value = .true.
         case (token_kind%dot)
             if (lexer%is_heading) then
-                token%kind = token_kind%invalid
-                if (lexer%nested == 0) lexer%nested = token%first
+                if (.not. lexer%may_go_on()) then
+                    token%kind = token_kind%invalid
+                    if (lexer%nested == 0) lexer%nested = token%first
+                end if
             end if
         case default
             continue
         end select
         lexer%is_at_start = .false.
     end subroutine next
+
+    !> One key more of the line.
+    subroutine take_key(lexer, token)
+        class(scene_lexer_type), intent(inout) :: lexer
+        type(toml_token), intent(in) :: token
+        character(len=:), allocatable :: key
+
+        call lexer%extract_string(token, key)
+        lexer%keys = lexer%keys//key//behind
+    end subroutine take_key
+
+    !> The keys of the line lead to a value.
+    subroutine keep_value(lexer)
+        class(scene_lexer_type), intent(inout) :: lexer
+
+        if (is_of_mechanism(lexer%heading//lexer%keys)) call add_path(lexer%heading//lexer%keys, lexer%values, lexer%n_values)
+    end subroutine keep_value
+
+    !> One path more in a list.
+    pure subroutine add_path(path, list, n)
+        character(len=*), intent(in) :: path
+        type(path_type), allocatable, intent(inout) :: list(:)
+        integer, intent(inout) :: n
+        type(path_type), allocatable :: more(:)
+
+        if (n == size(list)) then
+            allocate (more(2*n))
+            more(:n) = list
+            call move_alloc(more, list)
+        end if
+        n = n + 1
+        list(n)%text = path
+    end subroutine add_path
+
+    !> Whether the keys of the line are in a list.
+    pure logical function is_known(lexer, list, n)
+        class(scene_lexer_type), intent(in) :: lexer
+        type(path_type), intent(in) :: list(:)
+        integer, intent(in) :: n
+        integer :: i
+
+        is_known = .true.
+        do i = 1, n
+            if (len(list(i)%text) /= len(lexer%keys)) cycle
+            if (list(i)%text == lexer%keys) return
+        end do
+        is_known = .false.
+    end function is_known
+
+    !> Whether a heading may go on behind what stands of it so far.
+    logical function may_go_on(lexer)
+        class(scene_lexer_type), intent(inout) :: lexer
+
+        may_go_on = lexer%depth == 1 .and. is_of_mechanism(lexer%keys)
+        if (may_go_on) lexer%is_below_value = lexer%is_known(lexer%values, lexer%n_values)
+        if (lexer%is_below_value) may_go_on = .false.
+    end function may_go_on
+
+    !> Whether a path begins with a table that has tables within it.
+    pure logical function is_of_mechanism(path)
+        character(len=*), intent(in) :: path
+
+        associate (first => path(:max(0, index(path, behind) - 1)))
+            is_of_mechanism = any(first == mechanism_kinds) .or. any(first == mechanism_singles)
+        end associate
+    end function is_of_mechanism
 
     !> A date or a time keeps its type, by which it is refused, and has no value.
     subroutine extract_datetime(lexer, token, val)

@@ -4,7 +4,8 @@
 !>
 !> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
 module tandem_io_scene_reader
-    use tandem, only: error_type, wp
+    use tandem, only: entries_type, error_type, value_type, wp
+    use tandem_io_scene_flattening, only: flatten, path_to_toml, place_type, value_to_toml
     use tandem_io_scene_ledger, only: heading, key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_tables, only: count_elements, first_source, table_of
@@ -26,6 +27,8 @@ module tandem_io_scene_reader
         type(source_type), allocatable, private :: sources(:)
         !> The keys that were asked for.
         type(ledger_type), private :: ledger
+        !> Where the entries of a mechanism were given.
+        type(place_type), allocatable, private :: places(:)
         !> The current table.
         character(len=key_length), private :: table = ''
         !> Its number in an array of tables, 0 for a table of its own.
@@ -43,6 +46,12 @@ module tandem_io_scene_reader
         procedure :: remark
         procedure :: propose
         procedure :: refuse
+        procedure :: flatten => flatten_tables
+        procedure :: says_true
+        procedure :: says_number
+        procedure :: refuse_place
+        procedure :: refuse_tables
+        procedure :: show
         procedure :: text
         generic :: get => get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
         procedure :: get_reals
@@ -79,10 +88,10 @@ contains
     end subroutine open_sources
 
     !> Refuse what stands at the top level and is none of the tables. `count_tables` looks into those that may come several times.
-    subroutine check_tables(self, tables, arrays)
+    subroutine check_tables(self, tables, arrays, others)
         class(reader_type), intent(inout), target :: self
-        !> The tables of a scene, and those that may come several times.
-        character(len=*), intent(in) :: tables(:), arrays(:)
+        !> The tables of a scene, those that may come several times, and those that some models bring.
+        character(len=*), intent(in) :: tables(:), arrays(:), others(:)
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
         integer :: i, j
@@ -92,7 +101,7 @@ contains
             call self%sources(i)%root%get_keys(names)
             do j = 1, size(names)
                 call self%sources(i)%root%get(names(j)%key, found)
-                if (any(names(j)%key == arrays)) cycle
+                if (any(names(j)%key == arrays) .or. any(names(j)%key == others)) cycle
                 if (any(names(j)%key == tables)) then
                     select type (found)
                     type is (toml_table)
@@ -102,8 +111,8 @@ contains
                         found%origin, 'write ['//names(j)%key//'] on a line of its own'))
                 else
                     call set_input_error(self%error, self%sources(i)%describe('unknown table or key "'//names(j)%key//'"', &
-                        found%origin, meant(names(j)%key, [tables, arrays]))//new_line('a')//'the tables of a scene: '// &
-                        listed([tables, arrays]))
+                        found%origin, meant(names(j)%key, [tables, arrays, others]))//new_line('a')// &
+                        'the tables of a scene: '//listed([tables, arrays])//'; of a mechanism: '//listed(others))
                 end if
                 return
             end do
@@ -161,7 +170,8 @@ contains
                 call table%get(names(j)%key, found)
                 call set_input_error(self%error, self%sources(i)%describe('unknown key "'//names(j)%key//'" in '// &
                     heading(self%table, self%element), found%origin, meant(names(j)%key, known))//new_line('a')// &
-                    'the keys of '//heading(self%table, self%element)//': '//listed(known))
+                    'the keys of '//heading(self%table, self%element)//': '//listed(known)//trim(merge('none', '    ', &
+                        size(known) == 0)))
                 return
             end do
         end do
@@ -232,6 +242,95 @@ contains
                 heading(self%table, self%element)//' of '//self%sources(0)%context%filename)
         end if
     end subroutine refuse
+
+    !> All keys of some tables that have tables within them, of all sources.
+    subroutine flatten_tables(self, tables, entries)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: tables(:)
+        type(entries_type), intent(inout) :: entries
+        integer :: i
+
+        allocate (self%places(0))
+        do i = 0, ubound(self%sources, 1)
+            if (self%failed()) return
+            call flatten(self%sources(i), i, tables, entries, self%places, self%error)
+        end do
+    end subroutine flatten_tables
+
+    !> Whether a key is given and true; what else it is shows when it is asked for.
+    logical function says_true(self, table, key) result(truth)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table, key
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        truth = .false.
+        call self%open_table(table)
+        call self%find(key, found, source)
+        if (associated(found)) call convert(self%sources(source), found, truth, problem)
+    end function says_true
+
+    !> The number that a key gives, or 0.
+    real(wp) function says_number(self, table, key) result(number)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table, key
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        number = 0.0_wp
+        call self%open_table(table)
+        call self%find(key, found, source)
+        if (associated(found)) call convert(self%sources(source), found, number, problem)
+    end function says_number
+
+    !> An error about an entry, which is shown where it was given; 0 for the whole.
+    subroutine refuse_place(self, place, problem)
+        class(reader_type), intent(inout) :: self
+        integer, intent(in) :: place
+        character(len=*), intent(in) :: problem
+
+        if (self%failed()) return
+        if (place > 0) then
+            associate (where => self%places(place))
+                call set_input_error(self%error, self%sources(where%source)%describe(problem, where%origin, 'here'))
+            end associate
+        else
+            call set_input_error(self%error, problem//new_line('a')//' --> '//heading('scene', 0)//' of '// &
+                self%sources(0)%context%filename)
+        end if
+    end subroutine refuse_place
+
+    !> Refuse tables that another model would have.
+    subroutine refuse_tables(self, tables, known)
+        class(reader_type), intent(inout), target :: self
+        !> Those, and the ones of the scene.
+        character(len=*), intent(in) :: tables(:), known(:)
+        class(toml_value), pointer :: found
+        integer :: i, j
+
+        do i = 0, ubound(self%sources, 1)
+            do j = 1, size(tables)
+                if (self%failed()) return
+                call self%sources(i)%root%get(trim(tables(j)), found)
+                if (.not. associated(found)) cycle
+                call set_input_error(self%error, self%sources(i)%describe('unknown table or key "'//trim(tables(j))//'"', &
+                    found%origin, 'mechanisms have it: [scene] model = "mechanism"')//new_line('a')//'the tables of a scene: '// &
+                    listed(known))
+            end do
+        end do
+    end subroutine refuse_tables
+
+    !> A line of the complete scene.
+    subroutine show(self, table, key, value, comment)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: table, key
+        type(value_type), intent(in) :: value
+        character(len=*), intent(in) :: comment
+
+        call self%ledger%add(path_to_toml(table), path_to_toml(key), value_to_toml(value), comment, 0)
+    end subroutine show
 
     !> A number.
     subroutine get_real(self, key, value, check, unit, help, required)

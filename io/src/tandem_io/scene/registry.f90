@@ -4,6 +4,7 @@ module tandem_io_scene_registry
     use tandem, only: model_type, wp
     use tandem_io_scene_articulated_vehicle, only: build_articulated_vehicle
     use tandem_io_scene_ledger, only: key_length
+    use tandem_io_scene_mechanism, only: build_mechanism_scene, mechanism_tables
     use tandem_io_scene_motorcycle, only: build_motorcycle
     use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_rolling_disk, only: build_rolling_disk
@@ -13,7 +14,9 @@ module tandem_io_scene_registry
     public :: scene_model_type, shipped_models
 
     abstract interface
-        !> Read [model] and what the model has in [initial]; the latter table stays open. Errors stay in the reader.
+        !> Read [model] and what the model has in [initial]; the latter table stays open. Before, [scene] is open for keys that the
+        !> model
+        !> has there. Errors stay in the reader.
         subroutine build_interface(reader, model, q, qd)
             import :: reader_type, model_type, wp
             implicit none (type, external)
@@ -29,16 +32,19 @@ module tandem_io_scene_registry
     type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build
+        !> Tables that it brings beside those of every scene.
+        character(len=key_length), allocatable :: tables(:)
     end type scene_model_type
 
 contains
 
     !> The models of this package. A new one is a file beside this one and a line here.
     function shipped_models() result(models)
-        type(scene_model_type) :: models(3)
+        type(scene_model_type) :: models(4)
 
         models = [ &
             scene_model_type('articulated_vehicle', build_articulated_vehicle), &
+            scene_model_type('mechanism', build_mechanism_scene, mechanism_tables), &
             scene_model_type('motorcycle', build_motorcycle), &
             scene_model_type('rolling_disk', build_rolling_disk)]
     end function shipped_models

@@ -2,7 +2,7 @@
 !> A source of keys: a scene file, or one `--set table.key=value` of the command line. Each keeps its text, so that an error
 !> can show the line.
 module tandem_io_scene_source
-    use tandem, only: error_type
+    use tandem, only: error_type, mechanism_kinds, mechanism_singles
     use tandem_status, only: status_invalid_option
     use tandem_io_path, only: is_pipe
     use tandem_io_scene_lexer, only: scene_lexer_type
@@ -64,8 +64,9 @@ contains
         if (.not. allocated(error)) call parse_text(text, name, self, error)
     end subroutine load_text
 
-    !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`. The value is
-    !> TOML; a bare word that is no TOML stands for itself as text.
+    !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`; of
+    !> mechanisms
+    !> `body.name.key=value`. The value is TOML; a bare word that is no TOML stands for itself as text.
     subroutine load_argument(self, argument, error)
         class(source_type), intent(inout) :: self
         !> What followed `--set`.
@@ -103,6 +104,10 @@ contains
         pure logical function is_path()
             is_path = equals > second_dot + 1
             if (.not. is_path) return
+            if (dot > 0) then
+                ! The parser will say what is wrong with the rest.
+                if (any(argument(:dot - 1) == mechanism_kinds) .or. any(argument(:dot - 1) == mechanism_singles)) return
+            end if
             if (dot == 0) then
                 is_path = index(value, '[') == 1 .and. verify(argument(:equals - 1), letters) == 0
             else
@@ -320,7 +325,14 @@ contains
             place%filename = name
             place%source = lexer%chunk
             call place%push_back(toml_token(first=lexer%nested, last=lexer%nested))
-            parse_error%message = place%report('a scene has no tables within tables', 1, 'a heading has one name')
+            if (lexer%is_doubled) then
+                parse_error%message = place%report('the table is there twice', 1, 'put the keys of both into one')
+            else if (lexer%is_below_value) then
+                parse_error%message = place%report('what stands before the dot is a value, no table', 1, &
+                    'there can be no table in it')
+            else
+                parse_error%message = place%report('a scene has no tables within tables', 1, 'a heading has one name')
+            end if
         end if
         call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text

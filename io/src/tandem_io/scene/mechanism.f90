@@ -1,0 +1,54 @@
+! SPDX-License-Identifier: MIT
+!> Builds a mechanism from a scene: its tables become the keys that `build_mechanism` knows.
+module tandem_io_scene_mechanism
+    use tandem, only: build_mechanism, entries_type, error_type, mechanism_kinds, mechanism_singles, mechanism_type, model_type, &
+        shown_type, wp
+    use tandem_io_scene_ledger, only: key_length
+    use tandem_io_scene_reader, only: reader_type
+    implicit none (type, external)
+    private
+
+    public :: build_mechanism_scene, mechanism_tables
+
+    !> The tables that a mechanism brings.
+    character(len=key_length), parameter :: mechanism_tables(10) = [character(len=key_length) :: mechanism_singles, mechanism_kinds]
+
+contains
+
+    !> The mechanism, and the start as it is drawn. The table [scene] is open.
+    subroutine build_mechanism_scene(reader, model, q, qd)
+        class(reader_type), intent(inout) :: reader
+        class(model_type), allocatable, intent(out) :: model
+        !> Coordinates and velocities at the start (n).
+        real(wp), allocatable, intent(out) :: q(:), qd(:)
+        type(mechanism_type), allocatable :: mechanism
+        type(entries_type) :: entries
+        type(shown_type), allocatable :: shown(:)
+        type(error_type), allocatable :: error
+        logical :: planar
+        real(wp) :: times(2)
+        integer :: i, place
+
+        planar = .false.
+        call reader%get('planar', planar, 'whether bodies have x, y and angle; else x, y, z and Euler parameters')
+        call reader%open_table('model')
+        call reader%close_table()
+        call reader%flatten(mechanism_tables, entries)
+        if (reader%failed()) return
+        allocate (mechanism)
+        ! What the tables that are read later say of it.
+        times = [reader%says_number('time', 'start'), reader%says_number('time', 'end')]
+        call build_mechanism(entries, planar, reader%says_true('initial', 'assemble'), times, mechanism, error, place, shown)
+        if (allocated(error)) then
+            call reader%refuse_place(place, error%message(index(error%message, ': ') + 2:))
+            return
+        end if
+        do i = 1, size(shown)
+            call reader%show(shown(i)%table, shown(i)%key, shown(i)%value, shown(i)%comment)
+        end do
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        call move_alloc(mechanism, model)
+        call reader%open_table('initial')
+    end subroutine build_mechanism_scene
+end module tandem_io_scene_mechanism

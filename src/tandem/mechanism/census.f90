@@ -1,0 +1,98 @@
+! SPDX-License-Identifier: MIT
+!> What a mechanism is made of: the rows of each element, which of them are redundant at a state, and the degrees of freedom at
+!> position and at velocity level. For reports; these procedures allocate.
+module tandem_mechanism_census
+    use tandem_kinds, only: wp
+    use tandem_linalg_dependence, only: split_rows
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_joint, only: name_length
+    use tandem_model_terms, only: need_jacobian, terms_type
+    implicit none (type, external)
+    private
+
+    public :: census_type, element_count_type, take_census
+
+    !> An element with rows.
+    type :: element_count_type
+        character(len=name_length) :: name = ''
+        !> Such as revolute; empty where the name says it all.
+        character(len=16) :: kind = ''
+        !> Rows at position and at velocity level, and how many of them repeat others.
+        integer :: n_position = 0, n_velocity = 0, n_redundant = 0
+    end type element_count_type
+
+    type :: census_type
+        type(element_count_type), allocatable :: elements(:)
+        !> n less the rank of Phi_q, and n less the rank of C.
+        integer :: position_freedom = 0, velocity_freedom = 0
+    end type census_type
+
+    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    real(wp), parameter :: dependent = 1.0e-10_wp
+
+contains
+
+    !> Count at a state. Status: that of the evaluation.
+    subroutine take_census(mechanism, t, q, qd, census, stat)
+        !> Defined.
+        class(mechanism_type), intent(inout) :: mechanism
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(census_type), intent(out) :: census
+        integer, intent(out) :: stat
+        type(terms_type) :: terms
+        real(wp), allocatable :: combination(:, :), ones(:)
+        integer, allocatable :: kept(:), dropped(:)
+        integer :: i, k, m
+
+        stat = 0
+        m = mechanism%n_constraints()
+        census%position_freedom = mechanism%n
+        census%velocity_freedom = mechanism%n
+        allocate (census%elements(0), dropped(0))
+        if (m == 0) return
+        allocate (terms%jacobian(m, mechanism%n))
+        call mechanism%evaluate(need_jacobian, t, q, qd, terms, stat)
+        if (stat /= 0) return
+        allocate (ones(mechanism%n), source=1.0_wp)
+        associate (nh => mechanism%n_holonomic)
+            if (nh > 0) then
+                call split_rows(terms%jacobian(:nh, :), ones, nh, dependent, kept, dropped, combination)
+                census%position_freedom = mechanism%n - size(kept)
+            end if
+            call split_rows(terms%jacobian, ones, nh, dependent, kept, dropped, combination)
+            census%velocity_freedom = mechanism%n - size(kept)
+            do i = 1, m
+                k = element_of(mechanism, i, census)
+                associate (element => census%elements(k))
+                    if (i <= nh) element%n_position = element%n_position + 1
+                    if (i > nh) element%n_velocity = element%n_velocity + 1
+                    if (any(dropped == i)) element%n_redundant = element%n_redundant + 1
+                end associate
+            end do
+        end associate
+    end subroutine take_census
+
+    !> The element of a row, whose name begins with the element's; norms of Euler parameters are one element.
+    integer function element_of(mechanism, row, census) result(k)
+        class(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: row
+        type(census_type), intent(inout) :: census
+        type(element_count_type) :: element
+        character(len=:), allocatable :: name
+        integer :: i
+
+        name = mechanism%row_name(row)
+        if (row <= mechanism%n_holonomic .and. index(name, ' norm') > 0) then
+            element%name = 'Euler parameters'
+        else
+            element%name = name(:index(name//' ', ' ') - 1)
+        end if
+        do k = 1, size(census%elements)
+            if (census%elements(k)%name == element%name) return
+        end do
+        do i = 1, size(mechanism%joints)
+            if (mechanism%joints(i)%name == element%name) element%kind = mechanism%joints(i)%kind%name
+        end do
+        census%elements = [census%elements, element]
+    end function element_of
+end module tandem_mechanism_census

@@ -1,0 +1,248 @@
+! SPDX-License-Identifier: MIT
+!> Scalar coordinates x(q) between two bodies: a way along an axis of the first, the distance of two points, an angle about an axis
+!> that both have in common, and a small turn. Couplings hold sums of them, springs and bushings act along them, expressions and
+!> sensors read them. Each gives its value, its gradient, the derivatives of both along the motion, and its second gradient.
+!>
+!> An angle is counted over any number of turns: it is the one nearest to what it was at the point that was looked at before.
+module tandem_mechanism_coordinate
+    use tandem_kinds, only: wp
+    use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
+    use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
+    implicit none (type, external)
+    private
+
+    public :: coordinate_type, measure, differentiate_coordinate
+    public :: is_way, is_distance, is_angle, is_tilt
+
+    !> Kinds: a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
+    !> difference of two angles; the small turn (one - other)/2, which is the sine of the angle about the third axis where that is
+    !> common.
+    integer, parameter :: is_way = 1, is_distance = 2, is_angle = 3, is_tilt = 4
+
+    type :: coordinate_type
+        integer :: kind = is_way
+        !> The two bodies, 0 for the ground.
+        integer :: first = 0, second = 0
+        type(dot_type) :: one, other
+        type(span_type) :: span
+        !> What is taken off: x = 0 is there (m or rad).
+        real(wp) :: offset = 0.0_wp
+        !> The angle at the last point that was looked at, before the offset is taken off.
+        real(wp) :: last = 0.0_wp
+    end type coordinate_type
+
+    real(wp), parameter :: pi = acos(-1.0_wp)
+    !> Coordinates do not depend on time.
+    real(wp), parameter :: no_functions(0:2, 1) = 0.0_wp
+
+contains
+
+    !> The value alone.
+    pure subroutine measure(self, pose, x)
+        type(coordinate_type), intent(inout) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        !> x (m or rad).
+        real(wp), intent(out) :: x
+        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), way(3)
+
+        select case (self%kind)
+        case (is_distance)
+            way = span_way(self%span, pose, 0)
+            x = sqrt(way(1)**2 + way(2)**2 + way(3)**2)
+        case (is_angle)
+            if (is_planar(self, pose)) then
+                x = pose(self%second)%p(1, 0) - pose(self%first)%p(1, 0)
+            else
+                call dot_curve(self%one, pose, 0, no_functions, local, a, d)
+                x = product_rate(a, d, 0)
+                call dot_curve(self%other, pose, 0, no_functions, local, a, d)
+                x = atan2(product_rate(a, d, 0), x)
+                x = x + 2*pi*anint((self%last - x)/(2*pi))
+                self%last = x
+            end if
+        case default
+            call dot_curve(self%one, pose, 0, no_functions, local, a, d)
+            x = product_rate(a, d, 0)
+            if (self%kind == is_tilt) then
+                call dot_curve(self%other, pose, 0, no_functions, local, a, d)
+                x = (x - product_rate(a, d, 0))/2
+            end if
+        end select
+        x = x - self%offset
+    end subroutine measure
+
+    !> Whether an angle is the difference of two.
+    pure logical function is_planar(self, pose)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+
+        is_planar = pose(self%first)%n_turn == 1 .or. pose(self%second)%n_turn == 1
+    end function is_planar
+
+    !> The k-th derivative of a.d.
+    pure real(wp) function product_rate(a, d, k)
+        real(wp), intent(in) :: a(3, 0:2), d(3, 0:2)
+        integer, intent(in) :: k
+
+        select case (k)
+        case (0)
+            product_rate = dot3(a(:, 0), d(:, 0))
+        case (1)
+            product_rate = dot3(a(:, 1), d(:, 0)) + dot3(a(:, 0), d(:, 1))
+        case default
+            product_rate = dot3(a(:, 2), d(:, 0)) + 2*dot3(a(:, 1), d(:, 1)) + dot3(a(:, 0), d(:, 2))
+        end select
+    end function product_rate
+
+    pure real(wp) function dot3(x, y)
+        real(wp), intent(in) :: x(3), y(3)
+
+        dot3 = x(1)*y(1) + x(2)*y(2) + x(3)*y(3)
+    end function dot3
+
+    !> Value and gradient with derivatives along the motion, as the poses have them, and if wanted the second gradient. A distance
+    !> of zero has none of these: they are no finite numbers.
+    pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second)
+        type(coordinate_type), intent(inout) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        !> The highest derivatives that are wanted, of x and of its gradient, 0 to 2.
+        integer, intent(in) :: last, gradients
+        !> x, its rate, its second derivative.
+        real(wp), intent(inout) :: x(0:2)
+        !> x_q and its derivatives.
+        real(wp), intent(inout) :: gradient(n_local, 0:2)
+        real(wp), intent(out), optional :: second(n_local, n_local)
+        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        integer :: k
+
+        select case (self%kind)
+        case (is_distance)
+            call differentiate_distance(self, pose, max(last, gradients), x, gradient, second)
+        case (is_angle)
+            call measure(self, pose, x(0))
+            if (is_planar(self, pose)) then
+                x(1:2) = pose(self%second)%p(1, 1:2) - pose(self%first)%p(1, 1:2)
+                gradient = 0.0_wp
+                gradient(turn_1 + 1, 0) = -1.0_wp
+                gradient(turn_2 + 1, 0) = 1.0_wp
+                if (present(second)) second = 0.0_wp
+            else
+                call differentiate_angle(self, pose, last, gradients, x, gradient, second)
+            end if
+        case (is_tilt)
+            call differentiate_tilt(self, pose, max(last, gradients), x, gradient, second)
+        case default
+            call dot_curve(self%one, pose, max(last, gradients), no_functions, local, a, d)
+            do k = 0, last
+                x(k) = product_rate(a, d, k)
+            end do
+            x(0) = x(0) - self%offset
+            call dot_gradient(self%one, pose, gradients, local, a, d, gradient)
+            if (present(second)) call dot_second(self%one, pose, local, a, d, second)
+        end select
+    end subroutine differentiate_coordinate
+
+    !> With w = d.d/2: l_q = w_q/l, and so on for the derivatives of l l_q = w_q; l_qq = (w_qq - l_q l_q')/l.
+    pure subroutine differentiate_distance(self, pose, last, x, gradient, second)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last
+        real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
+        real(wp), intent(out), optional :: second(n_local, n_local)
+        real(wp) :: d(3, 0:2), l(0:2)
+        integer :: k
+
+        l = 0.0_wp
+        do k = 0, last
+            d(:, k) = span_way(self%span, pose, k)
+        end do
+        l(0) = sqrt(dot3(d(:, 0), d(:, 0)))
+        if (last > 0) l(1) = dot3(d(:, 0), d(:, 1))/l(0)
+        if (last > 1) l(2) = (dot3(d(:, 1), d(:, 1)) + dot3(d(:, 0), d(:, 2)) - l(1)**2)/l(0)
+        x = l
+        x(0) = l(0) - self%offset
+        call span_gradient(self%span, pose, last, d(:, 0:last), gradient(:, 0:last))
+        gradient(:, 0) = gradient(:, 0)/l(0)
+        if (last > 0) gradient(:, 1) = (gradient(:, 1) - l(1)*gradient(:, 0))/l(0)
+        if (last > 1) gradient(:, 2) = (gradient(:, 2) - 2*l(1)*gradient(:, 1) - l(2)*gradient(:, 0))/l(0)
+        if (.not. present(second)) return
+        call span_second(self%span, pose, d(:, 0), second)
+        call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
+        second = second/l(0)
+    end subroutine differentiate_distance
+
+    !> With z = cosine + i sine the angle is Im ln z, so that its gradient is Im (z_q/z), and (ln z)_qq = z_qq/z - z_q z_q'/z^2.
+    pure subroutine differentiate_angle(self, pose, last, gradients, x, gradient, second)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last, gradients
+        real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
+        real(wp), intent(out), optional :: second(n_local, n_local)
+        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
+        real(wp) :: c_qq(n_local, n_local), s_qq(n_local, n_local)
+        complex(wp) :: over, rate, curve, z_q(n_local)
+        integer :: k, n, j
+
+        n = max(last, gradients)
+        c = 0.0_wp
+        s = 0.0_wp
+        call dot_curve(self%one, pose, n, no_functions, local, a, d)
+        do k = 0, n
+            c(k) = product_rate(a, d, k)
+        end do
+        call dot_gradient(self%one, pose, gradients, local, a, d, c_q)
+        if (present(second)) call dot_second(self%one, pose, local, a, d, c_qq)
+        call dot_curve(self%other, pose, n, no_functions, local, a, d)
+        do k = 0, n
+            s(k) = product_rate(a, d, k)
+        end do
+        call dot_gradient(self%other, pose, gradients, local, a, d, s_q)
+        if (present(second)) call dot_second(self%other, pose, local, a, d, s_qq)
+        ! 1/z, z_t/z, z_tt/z.
+        over = 1/cmplx(c(0), s(0), wp)
+        rate = cmplx(c(1), s(1), wp)*over
+        curve = cmplx(c(2), s(2), wp)*over
+        x(1) = aimag(rate)
+        x(2) = aimag(curve - rate**2)
+        z_q = cmplx(c_q(:, 0), s_q(:, 0), wp)*over
+        gradient(:, 0) = aimag(z_q)
+        if (gradients > 0) gradient(:, 1) = aimag(cmplx(c_q(:, 1), s_q(:, 1), wp)*over - z_q*rate)
+        if (gradients > 1) gradient(:, 2) = aimag(cmplx(c_q(:, 2), s_q(:, 2), wp)*over - &
+            2*cmplx(c_q(:, 1), s_q(:, 1), wp)*over*rate + z_q*(2*rate**2 - curve))
+        if (.not. present(second)) return
+        do j = 1, n_local
+            second(:, j) = aimag(cmplx(c_qq(:, j), s_qq(:, j), wp)*over - z_q*z_q(j))
+        end do
+    end subroutine differentiate_angle
+
+    pure subroutine differentiate_tilt(self, pose, last, x, gradient, second)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last
+        real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
+        real(wp), intent(out), optional :: second(n_local, n_local)
+        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), its(n_local, 0:2), its_second(n_local, n_local)
+        integer :: k
+
+        call dot_curve(self%one, pose, last, no_functions, local, a, d)
+        do k = 0, last
+            x(k) = product_rate(a, d, k)/2
+        end do
+        call dot_gradient(self%one, pose, last, local, a, d, gradient)
+        if (present(second)) call dot_second(self%one, pose, local, a, d, second)
+        call dot_curve(self%other, pose, last, no_functions, local, a, d)
+        do k = 0, last
+            x(k) = x(k) - product_rate(a, d, k)/2
+        end do
+        x(0) = x(0) - self%offset
+        call dot_gradient(self%other, pose, last, local, a, d, its)
+        do k = 0, last
+            gradient(:, k) = (gradient(:, k) - its(:, k))/2
+        end do
+        if (.not. present(second)) return
+        call dot_second(self%other, pose, local, a, d, its_second)
+        second = (second - its_second)/2
+    end subroutine differentiate_tilt
+end module tandem_mechanism_coordinate

@@ -1,0 +1,86 @@
+! SPDX-License-Identifier: MIT
+!> Rows that hold a sum of coordinates of joints, Phi = sum of factor_i x_i(q) - f(t): gears, racks, belts, screws. Angles among
+!> them are counted over any number of turns.
+module tandem_mechanism_coupling
+    use tandem_kinds, only: wp
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_mechanism_pair, only: add_holonomic, add_row, columns, n_local
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
+    implicit none (type, external)
+    private
+
+    public :: coupling_type, max_coupled, evaluate_couplings, differentiate_couplings
+
+    !> The most coordinates of one row.
+    integer, parameter :: max_coupled = 4
+
+    type :: coupling_type
+        !> The row of Phi, and how many coordinates there are.
+        integer :: row = 0, n = 0
+        type(coordinate_type) :: coordinates(max_coupled)
+        real(wp) :: factors(max_coupled) = 0.0_wp
+        !> The number of f, 0 for none.
+        integer :: motion = 0
+    end type coupling_type
+
+contains
+
+    !> Every row's part of the terms; the Jacobian is zero before.
+    pure subroutine evaluate_couplings(couplings, need, pose, f, terms)
+        type(coupling_type), intent(inout) :: couplings(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: x(0:2), sum(0:2), c(0:2), gradient(n_local, 0:2)
+        integer :: i, k, last
+
+        last = merge(2, 0, iand(need, need_gamma) /= 0)
+        do i = 1, size(couplings)
+            associate (it => couplings(i))
+                sum = 0.0_wp
+                do k = 1, it%n
+                    if (iand(need, need_jacobian + need_gamma) == 0) then
+                        call measure(it%coordinates(k), pose, x(0))
+                        sum(0) = sum(0) + it%factors(k)*x(0)
+                        cycle
+                    end if
+                    x = 0.0_wp
+                    call differentiate_coordinate(it%coordinates(k), pose, last, 0, x, gradient)
+                    sum = sum + it%factors(k)*x
+                    if (iand(need, need_jacobian) /= 0) call add_row(columns(pose(it%coordinates(k)%first), &
+                        pose(it%coordinates(k)%second)), it%factors(k), gradient(:, 0), it%row, terms%jacobian)
+                end do
+                c = 0.0_wp
+                if (it%motion > 0) c = f(:, it%motion)
+                if (iand(need, need_phi) /= 0) terms%phi(it%row) = sum(0) - c(0)
+                if (iand(need, need_nu) /= 0) terms%nu(it%row) = c(1)
+                if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = sum(2) - c(2)
+            end associate
+        end do
+    end subroutine evaluate_couplings
+
+    !> Every row's part of the gradient blocks, which are zero before.
+    pure subroutine differentiate_couplings(couplings, need, pose, lambda, derivatives)
+        type(coupling_type), intent(inout) :: couplings(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local)
+        integer :: i, k
+
+        do i = 1, size(couplings)
+            associate (it => couplings(i))
+                do k = 1, it%n
+                    call differentiate_coordinate(it%coordinates(k), pose, 2, 2, x, gradient, second)
+                    call add_holonomic(need, it%row, columns(pose(it%coordinates(k)%first), pose(it%coordinates(k)%second)), &
+                        it%factors(k), gradient, second, lambda(it%row), derivatives)
+                end do
+            end associate
+        end do
+    end subroutine differentiate_couplings
+end module tandem_mechanism_coupling

@@ -1,0 +1,284 @@
+! SPDX-License-Identifier: MIT
+!> The keys of what stands on bodies: further rows, wheels and whatever else rolls, forces, sensors.
+module tandem_mechanism_described_elements
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_described_points, only: take_point, take_points
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive
+    use tandem_mechanism_law, only: law_type
+    implicit none (type, external)
+    private
+
+    public :: read_constraint, read_wheel, read_force, read_sensor
+
+contains
+
+    !> [constraint.NAME]
+    subroutine read_constraint(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name
+        character(len=key_length) :: points(2)
+        character(len=key_length), allocatable :: texts(:)
+        real(wp), allocatable :: length, factors(:)
+        class(function_type), allocatable :: motion
+        type(expression_type), allocatable :: coefficients(:), rhs(:)
+        type(error_type), allocatable :: error
+        integer :: i
+
+        call reader%open('constraint', number)
+        if (reader%failed()) return
+        name = reader%name
+        call reader%get_choice('type', kind, [character(len=8) :: 'distance', 'coupling', 'velocity'], required=.true.)
+        if (reader%failed()) return
+        select case (kind)
+        case ('distance')
+            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
+            call reader%get_number('length', length, positive, 'm', 'that is held; that of the drawing where it is not given')
+            call reader%get_function('motion', motion, 'm', 'the length as a function of time')
+            if (allocated(length) .and. allocated(motion)) then
+              call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
+            end if
+        case ('coupling')
+            call reader%get_texts('joints', 0, texts, 'sum of factors times their coordinates is 0, or the motion', required=.true.)
+            if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
+                'one for each joint', required=.true.)
+            call reader%get_function('motion', motion, '', 'of time')
+        case default
+            call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
+                required=.true.)
+            if (allocated(texts)) call reader%get_expressions('coefficients', [(i, i=size(texts), size(texts))], &
+                [character(len=key_length) :: mechanism%variable_names()], coefficients, '', &
+                'one for each velocity; expressions of t and the state', required=.true.)
+            call reader%get_expressions('value', [1], [character(len=key_length) :: mechanism%variable_names()], rhs, '', &
+                '0 where it is not given')
+        end select
+        call reader%close()
+        if (reader%failed()) return
+        select case (kind)
+        case ('distance')
+            call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
+        case ('coupling')
+            call mechanism%add_coupling(name, texts, factors, error, motion)
+        case default
+            if (allocated(rhs)) then
+                call mechanism%add_rate_row(name, texts, coefficients, error, rhs(1))
+            else
+                call mechanism%add_rate_row(name, texts, coefficients, error)
+            end if
+        end select
+        call reader%blame(error)
+    end subroutine read_constraint
+
+    !> [wheel.NAME]
+    subroutine read_wheel(reader, number, may_be_open, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        logical, intent(in) :: may_be_open
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name, text
+        character(len=key_length) :: point
+        real(wp), allocatable :: across(:), axis(:), normal(:), radius, height, crown, axes(:), pivot(:), along(:)
+        real(wp), allocatable :: about(:)
+        class(function_type), allocatable :: rise, turn, slide, steer
+        type(error_type), allocatable :: error
+        integer :: n_place
+
+        call reader%open('wheel', number)
+        if (reader%failed()) return
+        name = reader%name
+        n_place = merge(2, 3, mechanism%planar)
+        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid'], required=.true.)
+        call reader%get_text('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
+        if (reader%failed()) return
+        call take_point(reader, 'at', text, mechanism, n_points, point)
+        if (kind == 'knife_edge') then
+            call reader%get_numbers('across', [n_place], across, anything, '', &
+                'the direction in which it does not slip, in the drawing', required=.true.)
+            call reader%get_function('steer', steer, 'rad', 'the angle by which it is steered, a function of time')
+            if (.not. mechanism%planar) call reader%get_numbers('about', [3], about, anything, '', 'what it is steered about')
+        else
+            if (kind == 'ellipsoid') then
+                call reader%get_numbers('semi_axes', [3], axes, positive, 'm', 'along the axes of the body', required=.true.)
+            else
+                call reader%get_number('radius', radius, positive, 'm', '', required=.true.)
+            end if
+            if (kind == 'disk') then
+                call reader%get_numbers('axis', [3], axis, anything, '', 'of the disk, in the drawing', required=.true.)
+                crown = 0.0_wp
+                call reader%get_number('crown', crown, not_negative, 'm', 'radius of the rim''s section, a torus; 0: a sharp rim')
+            end if
+            normal = [0.0_wp, 0.0_wp, 1.0_wp]
+            call reader%get_numbers('normal', [3], normal, anything, '', 'of the plane, on the side of the wheel')
+            height = 0.0_wp
+            call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
+            call reader%get_function('rise', rise, 'm', 'how far the plane has moved along its normal, a function of time')
+            call reader%get_function('turn', turn, 'rad', 'by how much it has turned about that')
+            call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'a point that it turns about; the origin by default')
+            call reader%get_function('slide', slide, 'm', 'how far it has moved along a direction in it')
+            call reader%get_numbers('along', [3], along, anything, '', 'that direction')
+        end if
+        call reader%close()
+        if (reader%failed()) return
+        select case (kind)
+        case ('knife_edge')
+            call mechanism%add_knife_edge(name, trim(point), across, error, steer, about)
+        case ('disk')
+            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, turn, &
+                pivot, slide, along, crown)
+        case ('sphere')
+            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open, rise, turn, pivot, &
+                slide, along)
+        case default
+            call mechanism%add_rolling_ellipsoid(name, trim(point), axes, error, normal, height, may_be_open, rise, turn, pivot, &
+                slide, along)
+        end select
+        call reader%blame(error)
+    end subroutine read_wheel
+
+    !> [force.NAME]
+    subroutine read_force(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=:), allocatable :: kind, name, text
+        character(len=key_length) :: points(2), point
+        character(len=key_length), allocatable :: variables(:)
+        real(wp), allocatable :: stiffness, damping, length, angle, force(:), torque(:), matrix(:), rates(:), at(:), axis(:), &
+            across(:)
+        class(function_type), allocatable :: motion
+        class(law_type), allocatable :: law
+        type(expression_type), allocatable :: by_force(:), by_torque(:)
+        type(error_type), allocatable :: error
+        logical :: in_body
+        integer :: n
+
+        call reader%open('force', number)
+        if (reader%failed()) return
+        name = reader%name
+        call reader%get_choice('type', kind, [character(len=7) :: 'spring', 'torsion', 'bushing', 'load'], required=.true.)
+        if (reader%failed()) return
+        if (kind == 'spring' .or. kind == 'torsion') then
+            stiffness = 0.0_wp
+            damping = 0.0_wp
+        end if
+        select case (kind)
+        case ('spring')
+            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
+            call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
+            call reader%get_number('damping', damping, anything, 'N s/m', '')
+            call reader%get_number('length', length, not_negative, 'm', 'without force; that of the drawing where it is not given')
+            call reader%get_function('pull', motion, 'N', 'a force of traction beside it')
+            call reader%get_law('law', 'length', law, 'N', 'a force of traction beside it, of t, length and rate')
+        case ('torsion')
+            call reader%get_text('joint', text, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+                required=.true.)
+            call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
+            call reader%get_number('damping', damping, anything, 'N m s/rad', '')
+            angle = 0.0_wp
+            call reader%get_number('angle', angle, anything, 'rad', 'from the drawing, without torque')
+            call reader%get_function('torque', motion, 'N m', 'a torque beside it, which turns the second body back')
+            call reader%get_law('law', 'angle', law, 'N m', 'a torque beside it, of t, angle and rate')
+        case ('bushing')
+            call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
+            n = merge(3, 6, mechanism%planar)
+            call reader%get_numbers('stiffness', [n, n*n], matrix, anything, 'N/m, N m/rad', &
+                'along and about the axes of its frame, or the matrix')
+            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'the same for rates')
+            call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', 'where it is in the drawing')
+            call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', 'z of its frame, in the plane x')
+            if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', 'what x is nearest to')
+        case default
+            call reader%get_text('on', text, 'a body, or a point of it', required=.true.)
+            if (reader%failed()) return
+            call take_point(reader, 'on', text, mechanism, n_points, point)
+            variables = [character(len=key_length) :: mechanism%variable_names()]
+            call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
+                'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
+            call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', 'the same')
+            call take_constants(by_force, force)
+            call take_constants(by_torque, torque)
+            if (.not. (reader%gives('force') .or. reader%gives('torque'))) then
+              call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
+            end if
+            in_body = .false.
+            call reader%get_truth('in_body', in_body, 'whether they turn with the body')
+            call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')
+        end select
+        call reader%close()
+        if (reader%failed()) return
+        select case (kind)
+        case ('spring')
+            call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
+        case ('torsion')
+            call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion, law)
+        case ('bushing')
+            call mechanism%add_bushing(name, trim(points(1)), trim(points(2)), error, matrix, rates, at, axis, across)
+        case default
+            call mechanism%add_load(name, trim(point), error, force, torque, in_body, motion, by_force, by_torque)
+        end select
+        call reader%blame(error)
+    end subroutine read_force
+
+    !> Expressions without variables are numbers.
+    pure subroutine take_constants(expressions, numbers)
+        type(expression_type), allocatable, intent(inout) :: expressions(:)
+        real(wp), allocatable, intent(out) :: numbers(:)
+        integer :: i
+
+        if (.not. allocated(expressions)) return
+        do i = 1, size(expressions)
+            if (.not. expressions(i)%is_constant()) return
+        end do
+        numbers = [(expressions(i)%value([real(wp) ::]), i=1, size(expressions))]
+        deallocate (expressions)
+    end subroutine take_constants
+
+    !> [sensor.NAME]
+    subroutine read_sensor(reader, number, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=*), parameter :: kinds(4) = [character(len=8) :: 'point', 'joint', 'distance', 'energy']
+        character(len=:), allocatable :: name, text
+        character(len=key_length) :: points(2), point
+        real(wp), allocatable :: zero
+        type(error_type), allocatable :: error
+        logical :: energy
+        integer :: i, n
+
+        call reader%open('sensor', number)
+        if (reader%failed()) return
+        name = reader%name
+        n = count([(reader%gives(trim(kinds(i))), i=1, 4)])
+        if (reader%gives('point')) then
+            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
+            if (reader%failed()) return
+            call take_point(reader, 'point', text, mechanism, n_points, point)
+            if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
+        else if (reader%gives('joint')) then
+            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
+            zero = 0.0_wp
+            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
+            if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
+        else if (reader%gives('distance')) then
+            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
+            if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
+        else if (reader%gives('energy')) then
+            energy = .true.
+            call reader%get_truth('energy', energy, 'kinetic, potential and total energy of the mechanism')
+            if (energy .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
+        end if
+        call reader%blame(error)
+        if (n /= 1) call reader%fail('', 'must measure one thing', 'give one of point, joint, distance, energy')
+        call reader%close()
+    end subroutine read_sensor
+end module tandem_mechanism_described_elements

@@ -1,0 +1,412 @@
+! SPDX-License-Identifier: MIT
+!> From keys with values to a mechanism: the single place that knows the keys. Elements are built by the words of
+!> `tandem_mechanism_drawing`, in an order in which each finds what it is made of: bodies and points, joints and other rows, wheels,
+!> forces, sensors.
+module tandem_mechanism_description
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_sensor, read_wheel
+    use tandem_mechanism_described_points, only: read_points, take_point
+    use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_joint, only: kind_names
+    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive, shown_type
+    use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_repetition, only: repeat_elements
+    use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
+    use tandem_mechanism_vector, only: in_space
+    use tandem_rigid_euler_parameters, only: rotation
+    implicit none (type, external)
+    private
+
+    public :: build_mechanism, mechanism_kinds, mechanism_singles
+
+    !> The kinds of elements with a name of their own, and those that there are once.
+    character(len=10), parameter :: mechanism_kinds(7) = [character(len=10) :: 'body', 'joint', 'constraint', 'wheel', 'force', &
+        'sensor', 'repeat']
+    character(len=10), parameter :: mechanism_singles(3) = [character(len=10) :: 'parameters', 'gravity', 'ground']
+
+contains
+
+    !> Build a mechanism from its keys, and define it. Where something is wrong, the message names key, element and what to do.
+    subroutine build_mechanism(entries, planar, may_be_open, times, mechanism, error, place, shown)
+        type(entries_type), intent(in) :: entries
+        !> Whether bodies move in the plane.
+        logical, intent(in) :: planar
+        !> Whether sides of joints need not meet in the drawing, since the start will be assembled.
+        logical, intent(in) :: may_be_open
+        !> Start and end of the run, between which kinks of functions of time are looked for (s).
+        real(wp), intent(in) :: times(2)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(out) :: error
+        !> The place of the entry that the error is about, 0 for none.
+        integer, intent(out) :: place
+        !> The complete mechanism, every default filled in.
+        type(shown_type), allocatable, intent(out) :: shown(:)
+        type(key_reader_type) :: reader
+        type(error_type), allocatable :: its_error
+        type(entries_type) :: rest, repeats, elements
+        integer :: i, n_points
+
+        call take_parameters(entries, reader, rest)
+        if (.not. reader%failed()) then
+          call repeat_elements(rest, reader%names, reader%values, elements, repeats, reader%error, reader%place)
+        end if
+        if (.not. reader%failed()) call reader%take(elements, mechanism_kinds(:6), mechanism_singles(2:))
+        n_points = 0
+        if (.not. reader%failed()) then
+            mechanism%planar = planar
+            mechanism%times = times
+            call mechanism%clear()
+            call show_repeats()
+            call read_gravity(reader, mechanism)
+            do i = 1, reader%n_of('body')
+                call read_body(reader, i, mechanism)
+            end do
+            call reader%open('ground', 1)
+            call read_points(reader, 'ground', mechanism)
+            call reader%close()
+            do i = 1, reader%n_of('joint')
+                call read_joint(reader, i, may_be_open, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('constraint')
+                call read_constraint(reader, i, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('wheel')
+                call read_wheel(reader, i, may_be_open, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('force')
+                call read_force(reader, i, mechanism, n_points)
+            end do
+            do i = 1, reader%n_of('sensor')
+                call read_sensor(reader, i, mechanism, n_points)
+            end do
+        end if
+        if (.not. reader%failed()) call mechanism%define(its_error)
+        call reader%blame_named(its_error)
+        place = reader%place
+        if (reader%failed()) then
+            call move_alloc(reader%error, error)
+        else
+            call order_as_given(entries, reader%shown(:reader%n_shown), shown)
+        end if
+
+    contains
+
+        !> What the repetitions say of themselves, in the complete mechanism.
+        subroutine show_repeats()
+            integer :: k, dot
+
+            do k = 1, repeats%n
+                dot = index(repeats%list(k)%key, '.', back=.true.)
+                call reader%show(repeats%list(k)%key(:dot - 1), repeats%list(k)%key(dot + 1:), repeats%list(k)%value, &
+                    repeat_help(repeats%list(k)%key(dot + 1:)))
+            end do
+        end subroutine show_repeats
+    end subroutine build_mechanism
+
+    !> The lines of the complete mechanism with their tables in the order in which they were given, so that elements and
+    !> coordinates keep theirs.
+    subroutine order_as_given(entries, lines, shown)
+        type(entries_type), intent(in) :: entries
+        type(shown_type), intent(in) :: lines(:)
+        type(shown_type), allocatable, intent(out) :: shown(:)
+        character(len=key_length) :: tables(size(mechanism_kinds) + size(mechanism_singles))
+        integer :: i, k, n, m
+
+        tables = ''
+        n = 0
+        do i = 1, entries%n
+            call add_table(entries%list(i)%key)
+        end do
+        do i = 1, size(lines)
+            call add_table(lines(i)%table)
+        end do
+        allocate (shown(size(lines)))
+        m = 0
+        do k = 1, n
+            do i = 1, size(lines)
+                if (index(lines(i)%table//'.', trim(tables(k))//'.') /= 1) cycle
+                m = m + 1
+                shown(m) = lines(i)
+            end do
+        end do
+
+    contains
+
+        !> The first part of a key.
+        subroutine add_table(key)
+            character(len=*), intent(in) :: key
+
+            associate (first => key(:index(key//'.', '.') - 1))
+                if (any(tables(:n) == first)) return
+                n = n + 1
+                tables(n) = first
+            end associate
+        end subroutine add_table
+    end subroutine order_as_given
+
+    !> The meaning of the keys of a repetition.
+    pure function repeat_help(key) result(help)
+        character(len=*), intent(in) :: key
+        character(len=64) :: help
+
+        help = ''
+        if (key == 'count') help = 'of copies'
+        if (key == 'index') help = 'the name of their number, as {i} in names, i in expressions'
+        if (key == 'first') help = 'the number of the first one'
+    end function repeat_help
+
+    !> Resolve the parameters, and leave the other entries.
+    subroutine take_parameters(entries, reader, rest)
+        type(entries_type), intent(in) :: entries
+        type(key_reader_type), intent(inout) :: reader
+        type(entries_type), intent(out) :: rest
+        character(len=*), parameter :: head = 'parameters.'
+        character(len=4000), allocatable :: texts(:)
+        character(len=key_length), allocatable :: names(:)
+        character(len=24) :: number
+        character(len=:), allocatable :: name
+        integer :: i, n
+
+        allocate (names(entries%n), texts(entries%n))
+        n = 0
+        do i = 1, entries%n
+            associate (entry => entries%list(i))
+                if (index(entry%key, head) /= 1) then
+                    call rest%append(entry)
+                    cycle
+                end if
+                name = entry%key(len(head) + 1:)
+                reader%place = entry%place
+                if (entry%value%is_list .or. all(entry%value%atoms(1)%kind /= [is_number, is_text])) then
+                    call refuse_parameter(entry%key, 'is no number', 'give a number, or an expression of the others as text')
+                    return
+                else if (len(name) > key_length) then
+                    call refuse_parameter(entry%key, 'has a name that is too long', 'shorten it')
+                    return
+                end if
+                n = n + 1
+                names(n) = name
+                if (entry%value%atoms(1)%kind == is_text) then
+                    texts(n) = entry%value%atoms(1)%text
+                else
+                    write (number, '(es24.16e3)') entry%value%atoms(1)%number
+                    texts(n) = adjustl(number)
+                end if
+                call reader%show('parameters', name, entry%value, '')
+            end associate
+        end do
+        allocate (reader%values(n))
+        reader%names = names(:n)
+        call resolve_parameters(reader%names, texts(:n), reader%values, reader%error, head)
+        if (.not. allocated(reader%error)) return
+        ! The one that the message names, by its key or as part of a circle.
+        do i = entries%n, 1, -1
+            if (index(entries%list(i)%key, head) /= 1) cycle
+            name = entries%list(i)%key(len(head) + 1:)
+            if (index(reader%error%message, head//name//':') > 0) then
+                reader%place = entries%list(i)%place
+                exit
+            end if
+            if (index(reader%error%message, ' '//name//' ->') > 0 .or. index(reader%error%message, ' "'//name//'" ') > 0) then
+              reader%place = entries%list(i)%place
+            end if
+        end do
+
+    contains
+
+        subroutine refuse_parameter(key, problem, advice)
+            character(len=*), intent(in) :: key, problem, advice
+
+            call reader%refuse(key//' '//problem, advice)
+        end subroutine refuse_parameter
+    end subroutine take_parameters
+
+    !> [gravity]
+    subroutine read_gravity(reader, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        type(mechanism_type), intent(inout) :: mechanism
+        real(wp), allocatable :: vector(:)
+
+        call reader%open('gravity', 1)
+        vector = [real(wp) :: 0.0_wp, 0.0_wp]
+        if (.not. mechanism%planar) vector = [vector, 0.0_wp]
+        call reader%get_numbers('vector', [size(vector)], vector, anything, 'm/s^2', 'acceleration due to gravity')
+        call reader%close()
+        if (.not. reader%failed()) mechanism%gravity = in_space(vector)
+    end subroutine read_gravity
+
+    !> [body.NAME]
+    subroutine read_body(reader, number, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        type(mechanism_type), intent(inout) :: mechanism
+        real(wp), allocatable :: mass, density, angle, inertia(:), position(:), rotation(:), p(:), velocity(:), omega(:), spin(:), &
+            sizes(:)
+        character(len=key_length), allocatable :: shapes(:)
+        character(len=:), allocatable :: name, shape
+        type(error_type), allocatable :: error
+        integer :: n_place, i
+
+        call reader%open('body', number)
+        if (reader%failed()) return
+        n_place = merge(2, 3, mechanism%planar)
+        name = reader%name
+        call reader%keys_below('shape', shapes)
+        if (size(shapes) > 1) call reader%fail('shape.'//trim(shapes(2)), 'is one shape more', 'give one')
+        if (size(shapes) == 1) then
+            shape = trim(shapes(1))
+            i = findloc(shape_names, shape, dim=1)
+            if (i == 0) then
+                call reader%fail('shape.'//shape, 'is no shape', 'take bar, box, cylinder or sphere')
+            else
+                call reader%get_numbers('shape.'//shape, [shape_sizes(i)], sizes, positive, 'm', &
+                    'bar: length, width; box: three edges; cylinder: radius, length along z; sphere: radius')
+            end if
+        end if
+        call reader%get_number('mass', mass, not_negative, 'kg', '', required=.not. reader%gives('density'))
+        call reader%get_number('density', density, positive, merge('kg/m^2', 'kg/m^3', mechanism%planar), &
+            'with a shape, in the place of mass and inertia')
+        if (mechanism%planar) then
+            call reader%get_numbers('inertia', [1], inertia, not_negative, 'kg m^2', 'about the centre of mass; none: a point mass')
+        else
+            call reader%get_numbers('inertia', [3, 6], inertia, anything, 'kg m^2', &
+                'about the centre of mass: xx, yy, zz in the axes of the body, then xy, xz, yz; none: a point mass')
+        end if
+        if (reader%failed()) return
+        if (allocated(density) .and. .not. allocated(sizes)) then
+            call reader%fail('density', 'is given without a shape', 'add one, such as shape = { box = [1, 0.1, 0.1] }')
+        else if (allocated(density) .and. allocated(mass)) then
+            call reader%fail('density', 'is given beside the mass', 'leave out one of the two')
+        else if (allocated(sizes) .and. .not. allocated(inertia)) then
+            call set_mass_of_shape(shape, sizes, mechanism%planar, density, mass, inertia)
+            if (.not. allocated(inertia)) call reader%fail('shape.'//shape, 'has no inertia in '// &
+                trim(merge('the plane', 'space    ', mechanism%planar)), 'give the inertia, or another shape')
+        end if
+        call reader%get_numbers('position', [n_place], position, anything, 'm', 'of the centre of mass in the drawing', &
+            required=.true.)
+        velocity = [(0.0_wp, i=1, n_place)]
+        call reader%get_numbers('velocity', [n_place], velocity, anything, 'm/s', 'of the centre of mass at the start')
+        ! A point mass does not turn.
+        if (allocated(inertia)) then
+            if (mechanism%planar) then
+                angle = 0.0_wp
+                call reader%get_number('angle', angle, anything, 'rad', 'in the drawing')
+            else
+                call reader%get_numbers('rotation', [3], rotation, anything, 'rad', 'in the drawing: the axis times the angle')
+                call reader%get_numbers('euler_parameters', [4], p, anything, '', 'in the place of the rotation')
+                if (allocated(rotation) .and. allocated(p)) then
+                  call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
+                end if
+                if (allocated(rotation)) p = turned_by(rotation)
+            end if
+            if (reader%gives('omega_body') .and. .not. mechanism%planar) then
+                if (reader%gives('omega')) call reader%fail('omega_body', 'is given beside omega', 'leave out one of the two')
+                call reader%get_numbers('omega_body', [3], spin, anything, 'rad/s', &
+                    'angular velocity at the start, in the axes of the body')
+                if (.not. allocated(p)) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+                if (.not. reader%failed()) omega = matmul(rotation_of(p), spin)
+            else
+                omega = [(0.0_wp, i=1, merge(1, 3, mechanism%planar))]
+                call reader%get_numbers('omega', [size(omega)], omega, anything, 'rad/s', &
+                    'angular velocity at the start, in the axes of the world; or omega_body')
+            end if
+        end if
+        if (reader%failed()) return
+        call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
+        call reader%blame(error)
+        call read_points(reader, name, mechanism)
+        call reader%close()
+    end subroutine read_body
+
+    !> The rotation of Euler parameters, which may have any length but zero.
+    pure function rotation_of(p) result(a)
+        real(wp), intent(in) :: p(4)
+        real(wp) :: a(3, 3)
+
+        a = rotation(p/max(norm2(p), tiny(1.0_wp)))
+    end function rotation_of
+
+    !> Euler parameters of a turn about an axis.
+    pure function turned_by(rotation) result(p)
+        real(wp), intent(in) :: rotation(3)
+        real(wp) :: p(4)
+        real(wp) :: angle
+
+        angle = norm2(rotation)
+        p = [cos(angle/2), rotation/2]
+        if (angle > 0.0_wp) p(2:) = sin(angle/2)*rotation/angle
+    end function turned_by
+
+    !> [joint.NAME]
+    subroutine read_joint(reader, number, may_be_open, mechanism, n_points)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        logical, intent(in) :: may_be_open
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(inout) :: n_points
+        character(len=key_length) :: sides(2), point
+        character(len=key_length), allocatable :: texts(:)
+        character(len=:), allocatable :: kind, name, at_point
+        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
+        integer, allocatable :: hold(:), drive
+        class(function_type), allocatable :: motion
+        type(error_type), allocatable :: error
+        integer :: n_place, i
+
+        call reader%open('joint', number)
+        if (reader%failed()) return
+        name = reader%name
+        n_place = merge(2, 3, mechanism%planar)
+        call reader%get_text('type', kind, trim(kind_names(mechanism%planar)), required=.true.)
+        call reader%get_texts('bodies', 2, texts, 'the two bodies, or points of them; "ground" is one', required=.true.)
+        if (reader%failed()) return
+        do i = 1, 2
+            call take_point(reader, 'bodies', trim(texts(i)), mechanism, n_points, sides(i))
+        end do
+        if (reader%failed()) return
+        if (reader%is_text_at('at')) then
+            call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
+            call take_point(reader, 'at', at_point, mechanism, n_points, point)
+            i = findloc(sides, body_of(point), dim=1)
+            if (i == 0) then
+                call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
+                    'name one of them, or give the place in '// &
+                    'the drawing')
+            else
+                sides(i) = point
+            end if
+        else
+            call reader%get_numbers('at', [n_place], at, anything, 'm', &
+                'where it is in the drawing; or a point of one of the bodies')
+        end if
+        call reader%get_numbers('axis', [n_place], axis, anything, '', &
+            'of turning or sliding, along the line, normal to the plane; '// &
+            'in the drawing')
+        if (.not. mechanism%planar) call reader%get_numbers('across', [n_place], across, anything, '', &
+            'of a universal joint the axis on the second body')
+        call reader%get_function('motion', motion, 'rad or m', 'drives it: what its coordinate is, from the drawing')
+        call reader%get_number('pitch', pitch, anything, 'm', 'of a screw: its way in a turn')
+        call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
+            'of a primitive: for each way and turn 0 free, 1 held at position level, 2 at velocity level')
+        call reader%get_number('drive', driven, anything, '', 'of a primitive: the place in hold that the motion drives')
+        call reader%close()
+        if (reader%failed()) return
+        if (allocated(freedoms)) hold = nint(freedoms)
+        if (allocated(driven)) drive = nint(driven)
+        call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open, pitch, &
+            hold, drive)
+        call reader%blame(error)
+    end subroutine read_joint
+
+    !> The body of a point.
+    pure function body_of(point) result(body)
+        character(len=*), intent(in) :: point
+        character(len=len(point)) :: body
+
+        body = point(:index(point//'.', '.') - 1)
+    end function body_of
+
+end module tandem_mechanism_description

@@ -1,0 +1,254 @@
+! SPDX-License-Identifier: MIT
+!> The row that joints are made of: a direction fixed to one body times a vector that ends on another,
+!>     Phi = a.d - c - f(t),  a = A1 a',  d = A2 b'  or  d = r2 + A2 s' - r1.
+!> With a direction of the second body for d it holds an angle at 90 degrees; with the way to one of its points it holds this
+!> point's coordinate along a. A direction of the first body may turn with time instead, a' = cos f e' - sin f e2': then d is held
+!> perpendicular to it at any number of turns, the row of an imposed angle sin(phi - f(t)) = 0.
+!>
+!> a.(A1 s1') is not written out: on the manifold it is the constant a'.s1', which stands in c.
+module tandem_mechanism_dot
+    use tandem_kinds, only: wp
+    use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, turn_1, turn_2
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
+    implicit none (type, external)
+    private
+
+    public :: dot_type, evaluate_dots, differentiate_dots, dot_curve, dot_gradient, dot_second
+
+    type :: dot_type
+        !> The two bodies, 0 for the ground, and the row.
+        integer :: first = 0, second = 0, row = 0
+        !> Whether d leads to a point.
+        logical :: is_point = .false.
+        !> a' in the first body's frame, b' or s' in the second's.
+        real(wp) :: a(3) = 0.0_wp, b(3) = 0.0_wp
+        real(wp) :: c = 0.0_wp
+        !> Number of f, 0 for none; whether a' turns by f, and the direction that it turns from.
+        integer :: motion = 0
+        logical :: is_turning = .false.
+        real(wp) :: across(3) = 0.0_wp
+    end type dot_type
+
+    !> k over i.
+    real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
+        1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
+
+contains
+
+    !> Every row's part of the terms. Jacobian entries that are not set here are zero before.
+    pure subroutine evaluate_dots(dots, need, pose, f, terms)
+        type(dot_type), intent(in) :: dots(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: local(3, 0:2), a(3), d(3), row(4)
+        integer :: i, k
+
+        do i = 1, size(dots)
+            associate (dot => dots(i), one => pose(dots(i)%first), two => pose(dots(i)%second))
+                if (dot%is_turning) then
+                    call turn_with_time(dot, f(:, dot%motion), local)
+                else
+                    local(:, 0) = dot%a
+                end if
+                a = turned(one, 0, local(:, 0))
+                d = turned(two, 0, dot%b)
+                if (dot%is_point) d = d + two%r(:, 0) - one%r(:, 0)
+                if (iand(need, need_phi) /= 0) then
+                    terms%phi(dot%row) = dot3(a, d) - dot%c
+                    if (dot%motion > 0 .and. .not. dot%is_turning) terms%phi(dot%row) = terms%phi(dot%row) - f(0, dot%motion)
+                end if
+                if (iand(need, need_jacobian) /= 0) then
+                    if (dot%is_point) then
+                        do k = 1, one%n_place
+                            terms%jacobian(dot%row, one%place + k - 1) = -a(k)
+                        end do
+                        do k = 1, two%n_place
+                            terms%jacobian(dot%row, two%place + k - 1) = a(k)
+                        end do
+                    end if
+                    if (one%n_turn > 0) then
+                        row = gradient_of(one, 0, local(:, 0), d)
+                        call put_turn(one, row, dot%row, terms%jacobian)
+                    end if
+                    if (two%n_turn > 0) then
+                        row = gradient_of(two, 0, dot%b, a)
+                        call put_turn(two, row, dot%row, terms%jacobian)
+                    end if
+                end if
+                if (iand(need, need_nu) /= 0 .and. dot%motion > 0) then
+                    if (dot%is_turning) then
+                        terms%nu(dot%row) = -dot3(turned(one, 0, local(:, 1)), d)
+                    else
+                        terms%nu(dot%row) = f(1, dot%motion)
+                    end if
+                end if
+                if (iand(need, need_gamma) /= 0) call set_gamma(dot, one, two, f, local, a, d, terms%gamma(dot%row))
+            end associate
+        end do
+    end subroutine evaluate_dots
+
+    !> Set the part of a gradient that belongs to a rotation.
+    pure subroutine put_turn(pose, gradient, row, jacobian)
+        type(pose_type), intent(in) :: pose
+        real(wp), intent(in) :: gradient(4)
+        integer, intent(in) :: row
+        real(wp), intent(inout) :: jacobian(:, :)
+        integer :: k
+
+        do k = 1, pose%n_turn
+            jacobian(row, pose%turn + k - 1) = gradient(k)
+        end do
+    end subroutine put_turn
+
+    !> a'(t) and its derivatives.
+    pure subroutine turn_with_time(dot, f, local)
+        type(dot_type), intent(in) :: dot
+        real(wp), intent(in) :: f(0:2)
+        real(wp), intent(out) :: local(3, 0:2)
+        real(wp) :: c, s
+
+        c = cos(f(0))
+        s = sin(f(0))
+        local(:, 0) = c*dot%a - s*dot%across
+        local(:, 1) = -f(1)*(s*dot%a + c*dot%across)
+        local(:, 2) = -f(2)*(s*dot%a + c*dot%across) - f(1)**2*local(:, 0)
+    end subroutine turn_with_time
+
+    !> The second derivative of Phi along the motion without qdd.
+    pure subroutine set_gamma(dot, one, two, f, local, a, d, gamma)
+        type(dot_type), intent(in) :: dot
+        type(pose_type), intent(in) :: one, two
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(in) :: local(3, 0:2), a(3), d(3)
+        real(wp), intent(out) :: gamma
+        real(wp) :: a1(3), a2(3), d1(3), d2(3)
+
+        a1 = turned(one, 1, local(:, 0))
+        a2 = turned(one, 2, local(:, 0))
+        if (dot%is_turning) then
+            a1 = a1 + turned(one, 0, local(:, 1))
+            a2 = a2 + 2*turned(one, 1, local(:, 1)) + turned(one, 0, local(:, 2))
+        end if
+        d1 = turned(two, 1, dot%b)
+        d2 = turned(two, 2, dot%b)
+        if (dot%is_point) d1 = d1 + two%r(:, 1) - one%r(:, 1)
+        gamma = dot3(a2, d) + 2*dot3(a1, d1) + dot3(a, d2)
+        if (dot%motion > 0 .and. .not. dot%is_turning) gamma = gamma - f(2, dot%motion)
+    end subroutine set_gamma
+
+    !> a', a and d with their derivatives along the motion.
+    pure subroutine dot_curve(dot, pose, last, f, local, a, d)
+        type(dot_type), intent(in) :: dot
+        type(pose_type), intent(in) :: pose(0:)
+        !> The highest derivative that is wanted, 0 to 2.
+        integer, intent(in) :: last
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(out) :: local(3, 0:2)
+        real(wp), intent(inout) :: a(3, 0:2), d(3, 0:2)
+        integer :: k, l
+
+        if (dot%is_turning) then
+            call turn_with_time(dot, f(:, dot%motion), local)
+        else
+            local = 0.0_wp
+            local(:, 0) = dot%a
+        end if
+        do k = 0, last
+            a(:, k) = turned(pose(dot%first), k, local(:, 0))
+            do l = 1, merge(k, 0, dot%is_turning)
+                a(:, k) = a(:, k) + binomial(l, k)*turned(pose(dot%first), k - l, local(:, l))
+            end do
+            d(:, k) = turned(pose(dot%second), k, dot%b)
+            if (dot%is_point) d(:, k) = d(:, k) + pose(dot%second)%r(:, k) - pose(dot%first)%r(:, k)
+        end do
+    end subroutine dot_curve
+
+    !> The gradient of a.d with its derivatives along the motion.
+    pure subroutine dot_gradient(dot, pose, last, local, a, d, gradient)
+        type(dot_type), intent(in) :: dot
+        type(pose_type), intent(in) :: pose(0:)
+        !> The highest derivative that is wanted, 0 to 2.
+        integer, intent(in) :: last
+        real(wp), intent(in) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp), intent(inout) :: gradient(n_local, 0:2)
+        integer :: k, l, m
+
+        do k = 0, last
+            gradient(:, k) = 0.0_wp
+            if (dot%is_point) then
+                gradient(place_1 + 1:place_1 + 3, k) = -a(:, k)
+                gradient(place_2 + 1:place_2 + 3, k) = a(:, k)
+            end if
+            do l = 0, k
+                gradient(turn_2 + 1:turn_2 + 4, k) = gradient(turn_2 + 1:turn_2 + 4, k) + &
+                    binomial(l, k)*gradient_of(pose(dot%second), l, dot%b, a(:, k - l))
+                do m = 0, merge(k - l, 0, dot%is_turning)
+                    gradient(turn_1 + 1:turn_1 + 4, k) = gradient(turn_1 + 1:turn_1 + 4, k) + &
+                        binomial(l, k)*binomial(m, k - l)*gradient_of(pose(dot%first), l, local(:, m), d(:, k - l - m))
+                end do
+            end do
+        end do
+    end subroutine dot_gradient
+
+    !> The second gradient of a.d.
+    pure subroutine dot_second(dot, pose, local, a, d, second)
+        type(dot_type), intent(in) :: dot
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp), intent(out) :: second(n_local, n_local)
+        real(wp) :: b_1(3, 4), b_2(3, 4)
+        integer :: i, j
+
+        b_1 = gradient_matrix(pose(dot%first), 0, local(:, 0))
+        b_2 = gradient_matrix(pose(dot%second), 0, dot%b)
+        second = 0.0_wp
+        associate (p1 => second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4), &
+            p2 => second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4), &
+            mixed => second(turn_1 + 1:turn_1 + 4, turn_2 + 1:turn_2 + 4))
+            do j = 1, 4
+                do i = 1, 4
+                    mixed(i, j) = dot3(b_1(:, i), b_2(:, j))
+                end do
+            end do
+            p1 = second_gradient(pose(dot%first), local(:, 0), d(:, 0))
+            p2 = second_gradient(pose(dot%second), dot%b, a(:, 0))
+            second(turn_2 + 1:turn_2 + 4, turn_1 + 1:turn_1 + 4) = transpose(mixed)
+        end associate
+        if (.not. dot%is_point) return
+        second(place_1 + 1:place_1 + 3, turn_1 + 1:turn_1 + 4) = -b_1
+        second(turn_1 + 1:turn_1 + 4, place_1 + 1:place_1 + 3) = -transpose(b_1)
+        second(place_2 + 1:place_2 + 3, turn_1 + 1:turn_1 + 4) = b_1
+        second(turn_1 + 1:turn_1 + 4, place_2 + 1:place_2 + 3) = transpose(b_1)
+    end subroutine dot_second
+
+    !> Every row's part of the gradient blocks.
+    pure subroutine differentiate_dots(dots, need, pose, f, lambda, derivatives)
+        type(dot_type), intent(in) :: dots(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), gradient(n_local, 0:2), second(n_local, n_local)
+        integer :: i
+
+        do i = 1, size(dots)
+            call dot_curve(dots(i), pose, 2, f, local, a, d)
+            call dot_gradient(dots(i), pose, 2, local, a, d, gradient)
+            call dot_second(dots(i), pose, local, a, d, second)
+            call put_holonomic(need, dots(i)%row, columns(pose(dots(i)%first), pose(dots(i)%second)), gradient, second, &
+                lambda(dots(i)%row), derivatives)
+        end do
+    end subroutine differentiate_dots
+
+    pure real(wp) function dot3(x, y)
+        real(wp), intent(in) :: x(3), y(3)
+
+        dot3 = x(1)*y(1) + x(2)*y(2) + x(3)*y(3)
+    end function dot3
+end module tandem_mechanism_dot

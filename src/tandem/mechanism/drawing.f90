@@ -1,0 +1,866 @@
+! SPDX-License-Identifier: MIT
+!> The words of mechanisms: bodies, points, joints, forces are added one after the other, each drawn in one and the same position
+!> in the world's frame. Every word checks what it is given; its error names the element and what to do.
+!>
+!> Points are named by text: `crank` is the centre of mass of the body crank, `crank.pin` a point of it, `ground.post` one of the
+!> ground.
+module tandem_mechanism_drawing
+    use tandem_error, only: error_type, to_text
+    use tandem_kinds, only: wp
+    use tandem_mechanism_body, only: body_type, point_type
+    use tandem_mechanism_coordinate, only: coordinate_type, is_angle, is_tilt, is_way
+    use tandem_mechanism_coupling, only: coupling_type, max_coupled
+    use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
+    use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
+        is_velocity, variable_name_length, variable_type
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_glide, only: glide_type
+    use tandem_mechanism_law, only: law_item_type, law_type
+    use tandem_mechanism_load, only: load_type
+    use tandem_mechanism_joint, only: find_kind, joint_type, kind_names, kind_type, name_length
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_rate_row, only: rate_row_type
+    use tandem_mechanism_rolling, only: edge_type, roller_type
+    use tandem_mechanism_sensor, only: sensor_type
+    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_vector, only: cross, frame_along
+    use tandem_model, only: label_length, model_type
+    use tandem_rigid_euler_parameters, only: rotation
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: drawing_type, motion_type, angle_type
+
+    !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it,
+    !> 0
+    !> where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
+    type :: motion_type
+        class(function_type), allocatable :: f
+        integer :: jump_order = -1
+        !> The element, for messages.
+        character(len=name_length) :: name = ''
+    end type motion_type
+
+    !> In the plane an angle that is held: angle2 - angle1 = offset + f(t).
+    type :: angle_type
+        integer :: first = 0, second = 0, row = 0
+        real(wp) :: offset = 0.0_wp
+        integer :: motion = 0
+    end type angle_type
+
+    !> All that was added. `planar` and `gravity` are set before the first word.
+    type, extends(model_type) :: drawing_type
+        !> Whether bodies move in the plane (x, y, angle).
+        logical :: planar = .false.
+        !> Acceleration due to gravity (m/s^2).
+        real(wp) :: gravity(3) = 0.0_wp
+        !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
+        real(wp) :: times(2) = 0.0_wp
+        type(body_type), allocatable :: bodies(:)
+        type(point_type), allocatable :: points(:)
+        type(joint_type), allocatable :: joints(:)
+        type(motion_type), allocatable :: motions(:)
+        !> Elements by type.
+        type(dot_type), allocatable :: dots(:)
+        type(span_type), allocatable :: meetings(:), distances(:)
+        type(angle_type), allocatable :: angles(:)
+        type(spring_type), allocatable :: springs(:)
+        type(torsion_type), allocatable :: torsions(:)
+        type(bushing_type), allocatable :: bushings(:)
+        type(load_type), allocatable :: loads(:)
+        !> What forces are made of: laws of springs, expressions of the state, coordinates of joints.
+        type(law_item_type), allocatable :: laws(:)
+        type(formula_type), allocatable :: formulas(:)
+        type(coordinate_type), allocatable :: coordinates(:)
+        type(coupling_type), allocatable :: couplings(:)
+        type(glide_type), allocatable :: glides(:)
+        type(rate_row_type), allocatable :: rate_rows(:)
+        type(edge_type), allocatable :: edges(:)
+        type(roller_type), allocatable :: rollers(:)
+        type(sensor_type), allocatable :: sensors(:)
+        !> Names and units of the rows so far, at position level without those of Euler parameters, and at velocity level.
+        character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
+            rolling_unit(:)
+        !> The names of all elements.
+        character(len=name_length), allocatable, private :: names(:)
+    contains
+        procedure :: add_body
+        procedure :: add_point
+        procedure :: add_joint
+        procedure :: add_distance
+        procedure :: add_coupling
+        procedure :: add_rate_row
+        procedure :: add_spring
+        procedure :: add_torsion
+        procedure :: add_bushing
+        procedure :: add_load
+        procedure :: variable_names
+        procedure :: add_knife_edge
+        procedure :: add_rolling_disk
+        procedure :: add_rolling_sphere
+        procedure :: add_point_sensor
+        procedure :: add_joint_sensor
+        procedure :: add_distance_sensor
+        procedure :: add_energy_sensor
+        procedure :: add_rolling_ellipsoid
+        procedure :: clear
+        procedure :: find_body
+        procedure, private :: check_name
+        procedure, private :: keep_name
+        procedure, private :: take_point
+        procedure, private :: take_pair
+        procedure, private :: take_motion
+        procedure, private :: take_law
+        procedure, private :: take_formula
+        procedure, private :: list_variables
+        procedure, private :: find_coordinate
+        procedure, private :: frame_of
+        procedure, private :: angle_of
+        procedure, private :: drawn_length
+        procedure, private :: take_direction
+        procedure, private :: need_turning_body
+        procedure, private :: new_row
+        procedure, private :: new_rolling_row
+        procedure, private :: place_joint
+    end type drawing_type
+
+    !> Two points of the drawing meet, and directions are perpendicular, up to this (m, of the sizes of the coordinates).
+    real(wp), parameter :: tolerance = 1.0e-9_wp
+
+    interface
+        !> A joint between two bodies. Where it is in the drawing is said by `at` or by points of the bodies; with one point, the
+        !> other side is where that is.
+        module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name and what it is: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
+            !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
+            character(len=*), intent(in) :: name, kind
+            !> The two sides: bodies, or points of them.
+            character(len=*), intent(in) :: first, second
+            type(error_type), allocatable, intent(out) :: error
+            !> In the world's frame: where it is (m); its axis (of turning, of sliding, along the line, normal to the plane; of a
+            !> universal joint that on the first body); what x1 is nearest to (of a universal joint the axis on the second body).
+            real(wp), intent(in), optional :: at(:), axis(:), across(:)
+            !> Drives the freedom of a revolute or prismatic joint, or that of a primitive which `drive` says: angle (rad) or way
+            !> (m) of the second body from the drawing; at velocity level its rate drives the velocity.
+            class(function_type), intent(in), optional :: motion
+            !> Whether its sides need not meet in the drawing: they do after the start was assembled.
+            logical, intent(in), optional :: open
+            !> Of a screw: how far the second body goes along the axis in a turn (m), negative for a left hand.
+            real(wp), intent(in), optional :: pitch
+            !> Of a primitive: for the ways along x1, y1, z1 and the turns about x, y, z (in the plane x1, y1 and the angle) 0 where
+            !> it is free, 1 where it is held at position level, 2 at velocity level. Held there is the velocity of the second
+            !> body's point, or its angular velocity, as seen from the first body, along an axis of the second.
+            integer, intent(in), optional :: hold(:)
+            !> Which of them the motion drives, as a place in `hold`, where it is not 0.
+            integer, intent(in), optional :: drive
+        end subroutine add_joint
+
+        !> Where a joint or a bushing is: its bodies, and its frame on each.
+        module subroutine place_joint(self, label, joint, first, second, error, at, axis, across, open)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, first, second
+            !> Its kind is known.
+            type(joint_type), intent(inout) :: joint
+            type(error_type), allocatable, intent(out) :: error
+            real(wp), intent(in), optional :: at(:), axis(:), across(:)
+            logical, intent(in), optional :: open
+        end subroutine place_joint
+
+        !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
+        !> the drawing.
+        module subroutine add_coupling(self, name, joints, factors, error, motion)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            !> The joints, at most 4, `joint.angle` or `joint.way` where a joint has both; and their factors (the unit of the first
+            !> factor times that of its coordinate is that of the row).
+            character(len=*), intent(in) :: joints(:)
+            real(wp), intent(in) :: factors(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> f, which is 0 by default.
+            class(function_type), intent(in), optional :: motion
+        end subroutine add_coupling
+
+        !> A row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of places, angles
+        !> and Euler parameters.
+        module subroutine add_rate_row(self, name, velocities, coefficients, error, rhs)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            !> The velocities v_i, as `body.vx` or in the plane `body.omega`.
+            character(len=*), intent(in) :: velocities(:)
+            !> Parsed with `variable_names()` of the mechanism as it is.
+            type(expression_type), intent(in) :: coefficients(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> e, which is 0 by default.
+            type(expression_type), intent(in), optional :: rhs
+        end subroutine add_rate_row
+
+        !> A distance between two points that is held, by default that of the drawing, or imposed.
+        module subroutine add_distance(self, name, first, second, error, length, motion)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+            !> The distance (m), > 0, or a function of time for it.
+            real(wp), intent(in), optional :: length
+            class(function_type), intent(in), optional :: motion
+        end subroutine add_distance
+
+        !> A spring and damper along the way between two points.
+        module subroutine add_spring(self, name, first, second, error, stiffness, damping, length, motion, law)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+            !> N/m, N s/m (default 0), and the length without force (m), by default that of the drawing.
+            real(wp), intent(in), optional :: stiffness, damping, length
+            !> Forces of traction (N) beside it: a function of time, and a law of time, length and its rate.
+            class(function_type), intent(in), optional :: motion
+            class(law_type), intent(in), optional :: law
+        end subroutine add_spring
+
+        !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
+        module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion, law)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the joint's: one with an axis to turn about or to slide along; `joint.angle` or `joint.way` where it
+            !> has both.
+            character(len=*), intent(in) :: name, joint
+            type(error_type), allocatable, intent(out) :: error
+            !> N m, N m s (default 0), and the angle from the drawing without torque (rad, default 0); of a way N/m, N s/m, m.
+            real(wp), intent(in), optional :: stiffness, damping, angle
+            !> Torques (N m) or forces (N) that turn or push the second body back: a function of time, and a law of time, angle (or
+            !> way) and its rate.
+            class(function_type), intent(in), optional :: motion
+            class(law_type), intent(in), optional :: law
+        end subroutine add_torsion
+
+        !> Forces and torques that hold two frames together, which are one in the drawing.
+        module subroutine add_bushing(self, name, first, second, error, stiffness, damping, at, axis, across)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name and the two sides: bodies, or points of them.
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+            !> Six entries (N/m, N m/rad) along and about x, y, z of the frame on the first body, or a symmetric matrix of 36, and
+            !> the same for rates (N s/m, N m s/rad). In the plane three (x, y, angle), or 9.
+            real(wp), intent(in), optional :: stiffness(:), damping(:)
+            !> Where it is (m), z of the frame, and what x is nearest to, in the world's frame (in the plane `axis` is x).
+            real(wp), intent(in), optional :: at(:), axis(:), across(:)
+        end subroutine add_bushing
+
+        !> A force at a point of a body, and a torque on it.
+        module subroutine add_load(self, name, on, error, force, torque, in_body, motion, force_by, torque_by)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the body or the point of it.
+            character(len=*), intent(in) :: name, on
+            type(error_type), allocatable, intent(out) :: error
+            !> N, and N m (one entry in the plane).
+            real(wp), intent(in), optional :: force(:), torque(:)
+            !> Whether they are in the body's axes and turn with it; default false, the world's.
+            logical, intent(in), optional :: in_body
+            !> A function of time that both are multiplied with.
+            class(function_type), intent(in), optional :: motion
+            !> Expressions for their entries, which are added. They were parsed with `variable_names()` of the mechanism as it is.
+            type(expression_type), intent(in), optional :: force_by(:), torque_by(:)
+        end subroutine add_load
+
+        !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
+        module subroutine add_knife_edge(self, name, on, across, error, steer, about)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the point of a body where it stands.
+            character(len=*), intent(in) :: name, on
+            !> The direction across it, along the wheel's axle, in the world's frame of the drawing; it turns with the body.
+            real(wp), intent(in) :: across(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> It is steered: the angle (rad) by which `across` turns in the body, and in space what it turns about, a direction
+            !> perpendicular to it in the world's frame of the drawing.
+            class(function_type), intent(in), optional :: steer
+            real(wp), intent(in), optional :: about(:)
+        end subroutine add_knife_edge
+
+        !> A disk that rolls on a plane, with a sharp rim or one that is round across.
+        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, turn, pivot, &
+            slide, along, crown)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and its centre: a body, or a point of it.
+            character(len=*), intent(in) :: name, centre
+            !> Radius (m), and the disk's axis in the world's frame of the drawing.
+            real(wp), intent(in) :: radius, axis(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            real(wp), intent(in), optional :: normal(:), height
+            !> Whether it need not touch the plane in the drawing.
+            logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
+            !> The radius of the rim's section, a torus whose middle line has `radius - crown` (m, default 0: a sharp rim).
+            real(wp), intent(in), optional :: crown
+        end subroutine add_rolling_disk
+
+        !> A sphere that rolls on a plane.
+        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, centre
+            real(wp), intent(in) :: radius
+            type(error_type), allocatable, intent(out) :: error
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            real(wp), intent(in), optional :: normal(:), height
+            !> Whether it need not touch the plane in the drawing.
+            logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
+        end subroutine add_rolling_sphere
+
+        !> A sensor of a point: where it is, with velocity and acceleration.
+        module subroutine add_point_sensor(self, name, on, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, by which files call it, and the body or the point of it.
+            character(len=*), intent(in) :: name, on
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_point_sensor
+
+        !> A sensor of a joint's coordinate: how far its second side has slid and turned, turns counted, and how fast.
+        module subroutine add_joint_sensor(self, name, joint, error, zero)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the joint's: revolute, prismatic, cylindrical or point_on_line.
+            character(len=*), intent(in) :: name, joint
+            type(error_type), allocatable, intent(out) :: error
+            !> What it shows in the drawing (rad or m, default 0).
+            real(wp), intent(in), optional :: zero
+        end subroutine add_joint_sensor
+
+        !> A sensor of the distance of two points, with its rate.
+        module subroutine add_distance_sensor(self, name, first, second, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, first, second
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_distance_sensor
+
+        !> A sensor of the kinetic and the potential energy of the whole mechanism.
+        module subroutine add_energy_sensor(self, name, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_energy_sensor
+
+        !> An ellipsoid that rolls on a plane.
+        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, centre
+            !> Along the axes of the body (m).
+            real(wp), intent(in) :: semi_axes(3)
+            type(error_type), allocatable, intent(out) :: error
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            real(wp), intent(in), optional :: normal(:), height
+            !> Whether it need not touch the plane in the drawing.
+            logical, intent(in), optional :: open
+            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
+            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            class(function_type), intent(in), optional :: rise, turn, slide
+            real(wp), intent(in), optional :: pivot(:), along(:)
+        end subroutine add_rolling_ellipsoid
+    end interface
+
+contains
+
+    !> Forget all that was added.
+    pure subroutine clear(self)
+        class(drawing_type), intent(inout) :: self
+
+        self%bodies = [body_type ::]
+        self%points = [point_type ::]
+        self%joints = [joint_type ::]
+        if (allocated(self%motions)) deallocate (self%motions)
+        allocate (self%motions(0))
+        self%dots = [dot_type ::]
+        self%meetings = [span_type ::]
+        self%distances = [span_type ::]
+        self%angles = [angle_type ::]
+        self%springs = [spring_type ::]
+        self%torsions = [torsion_type ::]
+        self%bushings = [bushing_type ::]
+        self%loads = [load_type ::]
+        if (allocated(self%laws)) deallocate (self%laws)
+        if (allocated(self%formulas)) deallocate (self%formulas)
+        allocate (self%laws(0), self%formulas(0))
+        self%coordinates = [coordinate_type ::]
+        self%couplings = [coupling_type ::]
+        self%glides = [glide_type ::]
+        if (allocated(self%rate_rows)) deallocate (self%rate_rows)
+        allocate (self%rate_rows(0))
+        self%edges = [edge_type ::]
+        self%rollers = [roller_type ::]
+        self%sensors = [sensor_type ::]
+        self%held_name = [character(len=label_length) ::]
+        self%held_unit = [character(len=label_length) ::]
+        self%rolling_name = [character(len=label_length) ::]
+        self%rolling_unit = [character(len=label_length) ::]
+        self%names = [character(len=name_length) ::]
+    end subroutine clear
+
+    !> A body. Without an inertia it is a point mass and does not turn.
+    subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        !> Mass (kg), and the centre of mass in the drawing (m).
+        real(wp), intent(in) :: mass, position(:)
+        type(error_type), allocatable, intent(out) :: error
+        !> About the centre of mass (kg m^2): one value in the plane; in space three principal values, or Jxx, Jyy, Jzz, Jxy, Jxz,
+        !> Jyz, where Jxy is the entry of the matrix.
+        real(wp), intent(in), optional :: inertia(:)
+        !> How it is turned in the drawing: angle (rad) in the plane, Euler parameters in space; not by default.
+        real(wp), intent(in), optional :: angle, euler_parameters(4)
+        !> At the start: velocity of the centre (m/s), angular velocity in the world's frame (rad/s, one entry in the plane).
+        real(wp), intent(in), optional :: velocity(:), omega(:)
+        type(body_type) :: body
+        character(len=:), allocatable :: label
+
+        label = 'body '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (.not. (mass >= 0.0_wp .and. ieee_is_finite(mass))) then
+            call refuse(label//' has the mass '//to_text(mass), 'give a mass >= 0 in kg', error)
+            return
+        end if
+        body%name = name
+        body%mass = mass
+        call take_vector(self%planar, label, 'position', position, body%position, error)
+        if (allocated(error)) return
+        if (present(velocity)) call take_vector(self%planar, label, 'velocity', velocity, body%velocity, error)
+        if (allocated(error)) return
+        body%turns = present(inertia)
+        if (present(inertia)) call take_inertia(self%planar, label, inertia, body, error)
+        if (allocated(error)) return
+        if (present(angle)) body%angle = angle
+        if (present(euler_parameters)) then
+            if (self%planar .or. .not. norm2(euler_parameters) > 0.0_wp) then
+                call refuse(label//': Euler parameters that are zero, or in the plane', 'give an angle in the plane, and unit '// &
+                    'Euler parameters in space', error)
+                return
+            end if
+            body%p = euler_parameters/norm2(euler_parameters)
+        end if
+        if (present(omega)) then
+            if (size(omega) /= merge(1, 3, self%planar)) then
+                call refuse(label//': omega has '//to_text(size(omega))//' entries', 'give one in the plane, three in space', error)
+                return
+            end if
+            if (self%planar) then
+                body%omega(3) = omega(1)
+            else
+                body%omega = omega
+            end if
+        end if
+        self%bodies = [self%bodies, body]
+        call self%keep_name(name)
+    end subroutine add_body
+
+    !> The inertia of a body from one, three or six values.
+    subroutine take_inertia(planar, label, inertia, body, error)
+        logical, intent(in) :: planar
+        character(len=*), intent(in) :: label
+        real(wp), intent(in) :: inertia(:)
+        type(body_type), intent(inout) :: body
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: i
+
+        if (.not. all(ieee_is_finite(inertia))) then
+            call refuse(label//' has an inertia that is not finite', 'give values in kg m^2', error)
+        else if (planar) then
+            if (size(inertia) /= 1) then
+                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', 'in the plane there is one', error)
+                return
+            end if
+            body%inertia(3, 3) = inertia(1)
+            if (inertia(1) < 0.0_wp) call refuse(label//' has a negative inertia', 'give a value >= 0 in kg m^2', error)
+        else
+            if (all(size(inertia) /= [3, 6])) then
+                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', &
+                    'give three principal values, or six entries', error)
+                return
+            end if
+            do i = 1, 3
+                body%inertia(i, i) = inertia(i)
+            end do
+            if (size(inertia) == 6) then
+                body%is_principal = .false.
+                body%inertia(1, 2) = inertia(4)
+                body%inertia(1, 3) = inertia(5)
+                body%inertia(2, 3) = inertia(6)
+                body%inertia(2, 1) = inertia(4)
+                body%inertia(3, 1) = inertia(5)
+                body%inertia(3, 2) = inertia(6)
+            end if
+            if (any(inertia(:3) < 0.0_wp)) then
+                call refuse(label//' has a negative moment of inertia', 'give values >= 0 in kg m^2', error)
+            else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
+                call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
+                    'no body has that: check the three values', error)
+            end if
+        end if
+    end subroutine take_inertia
+
+    !> A named point of a body or of the ground.
+    subroutine add_point(self, body, name, place, error)
+        class(drawing_type), intent(inout) :: self
+        !> The body's name, and the point's.
+        character(len=*), intent(in) :: body, name
+        !> In the body's frame (m).
+        real(wp), intent(in) :: place(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(point_type) :: point
+        integer :: i
+
+        point%name = name
+        point%body = self%find_body(body)
+        if (point%body < 0) then
+            call refuse('point '//trim(name)//': there is no body '//trim(body), 'add the body before its points', error)
+            return
+        else if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0) then
+            call refuse('a point of '//trim(body)//' has the name "'//trim(name)//'"', 'take 1 to '//to_text(name_length)// &
+                ' characters without a dot', error)
+            return
+        end if
+        do i = 1, size(self%points)
+            if (self%points(i)%body /= point%body .or. self%points(i)%name /= name) cycle
+            call refuse('point '//trim(body)//'.'//trim(name)//' is there already', 'take another name', error)
+            return
+        end do
+        call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
+        if (.not. allocated(error)) self%points = [self%points, point]
+    end subroutine add_point
+
+    !> A name that no other element has.
+    subroutine check_name(self, name, label, error)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, label
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. allocated(self%names)) call self%clear()
+        if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
+            index(trim(name), ' ') > 0) then
+            call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
+                ' characters without dots and blanks', error)
+        else if (name == 'ground' .or. any(self%names == name)) then
+            call refuse(label//': there is a '//trim(name)//' already', 'take another name', error)
+        end if
+    end subroutine check_name
+
+    !> Remember a name.
+    pure subroutine keep_name(self, name)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+
+        self%names = [character(len=name_length) :: self%names, name]
+    end subroutine keep_name
+
+    !> The index of a body, 0 for the ground, -1 for none.
+    pure integer function find_body(self, name)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        find_body = merge(0, -1, name == 'ground')
+        if (.not. allocated(self%bodies)) return
+        do i = 1, size(self%bodies)
+            if (self%bodies(i)%name == name) find_body = i
+        end do
+    end function find_body
+
+    !> A body and a point of it from `body` or `body.point`.
+    subroutine take_point(self, label, text, body, place, is_point, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label, text
+        integer, intent(out) :: body
+        !> In the body's frame.
+        real(wp), intent(out) :: place(3)
+        !> Whether a point was named.
+        logical, intent(out) :: is_point
+        type(error_type), allocatable, intent(out) :: error
+        integer :: dot, i
+
+        place = 0.0_wp
+        dot = index(text, '.')
+        is_point = dot > 0
+        if (.not. is_point) dot = len(text) + 1
+        body = self%find_body(text(:dot - 1))
+        if (body < 0) then
+            call refuse(label//': there is no body '//trim(text(:dot - 1)), 'add it before, or correct the name', error)
+            return
+        end if
+        if (.not. is_point) return
+        do i = 1, size(self%points)
+            if (self%points(i)%body /= body .or. self%points(i)%name /= text(dot + 1:)) cycle
+            place = self%points(i)%place
+            return
+        end do
+        call refuse(label//': the body '//text(:dot - 1)//' has no point '//trim(text(dot + 1:)), &
+            'add it before, or correct the name', error)
+    end subroutine take_point
+
+    !> Two points of two different bodies.
+    subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label, one, other
+        integer, intent(out) :: first, second
+        real(wp), intent(out) :: s1(3), s2(3)
+        logical, intent(out) :: points(2)
+        type(error_type), allocatable, intent(out) :: error
+
+        points = .false.
+        second = 0
+        s2 = 0.0_wp
+        call self%take_point(label, one, first, s1, points(1), error)
+        if (.not. allocated(error)) call self%take_point(label, other, second, s2, points(2), error)
+        if (allocated(error)) return
+        if (first == second) call refuse(label//' is between a body and itself', 'name two different bodies', error)
+    end subroutine take_pair
+
+    !> Keep a function of time, and give its number.
+    subroutine take_motion(self, name, f, jump_order, number)
+        class(drawing_type), intent(inout) :: self
+        !> The element.
+        character(len=*), intent(in) :: name
+        class(function_type), intent(in) :: f
+        !> See `motion_type`.
+        integer, intent(in) :: jump_order
+        integer, intent(out) :: number
+        type(motion_type), allocatable :: longer(:)
+        integer :: i
+
+        number = size(self%motions) + 1
+        allocate (longer(number))
+        do i = 1, number - 1
+            call move_alloc(self%motions(i)%f, longer(i)%f)
+            longer(i)%jump_order = self%motions(i)%jump_order
+            longer(i)%name = self%motions(i)%name
+        end do
+        allocate (longer(number)%f, source=f)
+        longer(number)%jump_order = jump_order
+        longer(number)%name = name
+        call move_alloc(longer, self%motions)
+    end subroutine take_motion
+
+    !> Keep a law, and give its number.
+    subroutine take_law(self, law, number)
+        class(drawing_type), intent(inout) :: self
+        class(law_type), intent(in) :: law
+        integer, intent(out) :: number
+        type(law_item_type), allocatable :: longer(:)
+        integer :: i
+
+        number = size(self%laws) + 1
+        allocate (longer(number))
+        do i = 1, number - 1
+            call move_alloc(self%laws(i)%law, longer(i)%law)
+        end do
+        allocate (longer(number)%law, source=law)
+        call move_alloc(longer, self%laws)
+    end subroutine take_law
+
+    !> Keep an expression of the state, and give its number.
+    subroutine take_formula(self, expression, number)
+        class(drawing_type), intent(inout) :: self
+        type(expression_type), intent(in) :: expression
+        integer, intent(out) :: number
+        type(formula_type), allocatable :: longer(:)
+
+        number = size(self%formulas) + 1
+        allocate (longer(number))
+        longer(:number - 1) = self%formulas
+        call longer(number)%initialize(expression, self%list_variables())
+        call move_alloc(longer, self%formulas)
+    end subroutine take_formula
+
+    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
+    !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
+    !> each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`, counted from the
+    !> drawing. Parse an expression with them after what it names was added, and add its element before another body or joint.
+    function variable_names(self) result(names)
+        class(drawing_type), intent(in) :: self
+        character(len=variable_name_length), allocatable :: names(:)
+        type(variable_type), allocatable :: variables(:)
+
+        variables = self%list_variables()
+        names = variables%name
+    end function variable_names
+
+    !> What they are.
+    function list_variables(self) result(variables)
+        class(drawing_type), intent(in) :: self
+        type(variable_type), allocatable :: variables(:)
+        character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
+        integer :: i, k, n
+
+        variables = [variable_type('t', is_time)]
+        if (.not. allocated(self%bodies)) return
+        n = merge(2, 3, self%planar)
+        do i = 1, size(self%bodies)
+            associate (name => trim(self%bodies(i)%name)//'.')
+                variables = [variables, (variable_type(name//axis(k), is_place, i, k), k=1, n), &
+                    (variable_type(name//'v'//axis(k), is_velocity, i, k), k=1, n)]
+                if (.not. self%bodies(i)%turns) cycle
+                if (self%planar) then
+                    variables = [variables, variable_type(name//'angle', is_turn, i, 1), &
+                        variable_type(name//'omega', is_turn_rate, i, 1)]
+                else
+                    variables = [variables, (variable_type(name//'e'//number(k), is_turn, i, k), k=1, 4), &
+                        (variable_type(name//'w'//axis(k), is_spin, i, k), k=1, 3)]
+                end if
+            end associate
+        end do
+        do i = 1, size(self%joints)
+            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
+                if (turn > 0) variables = [variables, variable_type(name//'angle', is_joint, turn, 1), &
+                    variable_type(name//'rate', is_joint_rate, turn, 1)]
+                if (way > 0) variables = [variables, variable_type(name//'way', is_joint, way, 1), &
+                    variable_type(name//'speed', is_joint_rate, way, 1)]
+            end associate
+        end do
+    end function list_variables
+
+    !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
+    subroutine find_coordinate(self, label, text, number, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label, text
+        integer, intent(out) :: number
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: i, k, dot
+
+        number = 0
+        dot = index(text, '.')
+        if (dot == 0) dot = len_trim(text) + 1
+        k = 0
+        do i = 1, size(self%joints)
+            if (self%joints(i)%name == text(:dot - 1)) k = i
+        end do
+        if (k == 0) then
+            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
+            return
+        end if
+        associate (turn => self%joints(k)%turn, way => self%joints(k)%way)
+            if (text(dot:) == '.angle') then
+                number = turn
+            else if (text(dot:) == '.way') then
+                number = way
+            else if (dot > len_trim(text)) then
+                number = merge(turn, way, turn > 0)
+            end if
+        end associate
+        if (number == 0) call refuse(label//': the joint '//text(:dot - 1)//' has no axis to turn about or to slide along', &
+            'take a joint that has one, and its .angle or .way', error)
+    end subroutine find_coordinate
+
+    !> Where a body is in the drawing.
+    pure subroutine frame_of(self, body, r, a)
+        class(drawing_type), intent(in) :: self
+        integer, intent(in) :: body
+        real(wp), intent(out) :: r(3), a(3, 3)
+        type(pose_type) :: ground
+
+        r = 0.0_wp
+        a = ground%a(:, :, 0)
+        if (body == 0) return
+        associate (its => self%bodies(body))
+            r = its%position
+            if (self%planar) then
+                a(1:2, 1) = [cos(its%angle), sin(its%angle)]
+                a(1:2, 2) = [-sin(its%angle), cos(its%angle)]
+            else
+                a = rotation(its%p)
+            end if
+        end associate
+    end subroutine frame_of
+
+    !> The angle of a body in the drawing.
+    pure real(wp) function angle_of(self, body)
+        class(drawing_type), intent(in) :: self
+        integer, intent(in) :: body
+
+        angle_of = 0.0_wp
+        if (body > 0) angle_of = self%bodies(body)%angle
+    end function angle_of
+
+    !> The distance of two points in the drawing.
+    pure real(wp) function drawn_length(self, span)
+        class(drawing_type), intent(in) :: self
+        type(span_type), intent(in) :: span
+        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
+
+        call self%frame_of(span%first, r1, a1)
+        call self%frame_of(span%second, r2, a2)
+        drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
+    end function drawn_length
+
+    !> One row more at position level.
+    pure subroutine new_row(self, name, unit)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, unit
+
+        self%held_name = [character(len=label_length) :: self%held_name, name]
+        self%held_unit = [character(len=label_length) :: self%held_unit, unit]
+    end subroutine new_row
+
+    !> One row more at velocity level.
+    pure subroutine new_rolling_row(self, name, unit)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, unit
+
+        self%rolling_name = [character(len=label_length) :: self%rolling_name, name]
+        self%rolling_unit = [character(len=label_length) :: self%rolling_unit, unit]
+    end subroutine new_rolling_row
+
+    !> A unit vector along what is given.
+    subroutine take_direction(self, label, what, given, vector, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label, what
+        real(wp), intent(in) :: given(:)
+        real(wp), intent(inout) :: vector(3)
+        type(error_type), allocatable, intent(inout) :: error
+
+        call take_vector(self%planar, label, what, given, vector, error)
+        if (allocated(error)) return
+        if (.not. norm2(vector) > 0.0_wp) then
+            call refuse(label//': '//what//' is zero', 'give a direction', error)
+        else
+            vector = vector/norm2(vector)
+        end if
+    end subroutine take_direction
+
+    !> Refuse the ground and point masses.
+    subroutine need_turning_body(self, label, body, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+        integer, intent(in) :: body
+        type(error_type), allocatable, intent(inout) :: error
+        logical :: turns
+
+        turns = .false.
+        if (body > 0) turns = self%bodies(body)%turns
+        if (.not. turns) call refuse(label//' is on the ground or on a point mass', 'name a body with an inertia', error)
+    end subroutine need_turning_body
+end module tandem_mechanism_drawing

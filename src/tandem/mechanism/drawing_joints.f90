@@ -1,0 +1,459 @@
+! SPDX-License-Identifier: MIT
+!> The words for joints and distances.
+submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
+    implicit none (type, external)
+
+contains
+
+    !> A joint between two bodies.
+    module procedure add_joint
+        type(joint_type) :: joint
+        character(len=:), allocatable :: label
+        integer :: i, k, driven
+
+        label = 'joint '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        joint%name = name
+        joint%kind = find_kind(kind, self%planar)
+        driven = merge(joint%kind%driven, 0, present(motion))
+        if (joint%kind%name == '') then
+            call refuse(label//' has the type '//trim(kind), 'take one of '//trim(kind_names(self%planar)), error)
+        else if (joint%kind%name == 'primitive') then
+            call take_freedoms(self, label, joint, driven, present(motion), error, hold, drive)
+        else if (present(hold) .or. present(drive)) then
+            call refuse(label//' says what is held, which its type does', 'take the type primitive, or leave that out', error)
+        else if (present(motion) .and. joint%kind%driven == 0) then
+            call refuse(label//' cannot be driven', 'drive a revolute or a prismatic joint', error)
+        else if ((joint%kind%name == 'screw') .neqv. present(pitch)) then
+            call refuse(label//' has a pitch, or needs one', 'give one to a screw, and to nothing else', error)
+        end if
+        if (allocated(error)) return
+        call self%place_joint(label, joint, first, second, error, at, axis, across, open)
+        if (allocated(error)) return
+        associate (turns => joint%kind%held .or. joint%glides)
+            if (any(turns(merge(3, 4, self%planar):merge(3, 6, self%planar))) .or. driven > merge(2, 3, self%planar)) then
+                do k = 1, 2
+                    i = merge(joint%first, joint%second, k == 1)
+                    if (i > 0) call self%need_turning_body(label, i, error)
+                    if (allocated(error)) return
+                end do
+            end if
+        end associate
+        call add_joint_rows(self, joint, driven, motion)
+        call add_coordinates(self, joint)
+        self%joints = [self%joints, joint]
+        call self%keep_name(name)
+        ! A row of its own for the screw's way and angle.
+        if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
+            [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
+    end procedure add_joint
+
+    !> What a primitive holds.
+    subroutine take_freedoms(self, label, joint, driven, is_driven, error, hold, drive)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+        type(joint_type), intent(inout) :: joint
+        integer, intent(inout) :: driven
+        logical, intent(in) :: is_driven
+        type(error_type), allocatable, intent(inout) :: error
+        integer, intent(in), optional :: hold(:), drive
+        integer :: n, m
+
+        n = merge(3, 6, self%planar)
+        m = 0
+        if (present(hold)) m = size(hold)
+        if (m /= n) then
+            call refuse(label//': hold has '//to_text(m)//' entries', 'give '//to_text(n)//': 0 for what is free, '// &
+                '1 for what is held at position level, 2 at velocity level', error)
+            return
+        else if (any(hold < 0 .or. hold > 2) .or. all(hold == 0)) then
+            call refuse(label//': hold has an entry that is not 0, 1, 2, or holds nothing', 'correct it', error)
+            return
+        end if
+        joint%kind%held(:n) = hold == 1
+        joint%glides(:n) = hold == 2
+        if (.not. is_driven) return
+        driven = 0
+        if (present(drive)) driven = drive
+        if (driven < 1 .or. driven > n) then
+            driven = 0
+        else if (hold(driven) == 0) then
+            driven = 0
+        end if
+        if (driven == 0) then
+            call refuse(label//' has a motion that drives nothing', 'let drive be the place of a freedom that is held', error)
+            return
+        end if
+        ! Its row is that of the motion.
+        joint%kind%held(driven) = .false.
+        if (n == 3 .or. driven < 4 .or. joint%glides(driven)) return
+        if (count(joint%kind%held(4:6)) == 1) call refuse(label//' drives a turn beside one that is held', &
+            'hold both of the other turns, or none', error)
+    end subroutine take_freedoms
+
+    !> Where a joint or a bushing is.
+    module procedure place_joint
+        real(wp) :: frame(3, 3), place(3), a1(3, 3), a2(3, 3), r1(3), r2(3), gap(3)
+        logical :: points(2), may_be_open
+        integer :: k
+
+        call self%take_pair(label, first, second, joint%first, joint%second, joint%s1, joint%s2, points, error)
+        if (allocated(error)) return
+        call self%frame_of(joint%first, r1, a1)
+        call self%frame_of(joint%second, r2, a2)
+        if (present(at)) then
+            call take_vector(self%planar, label, 'at', at, place, error)
+            if (allocated(error)) return
+            if (.not. points(1)) joint%s1 = matmul(place - r1, a1)
+            if (.not. points(2)) joint%s2 = matmul(place - r2, a2)
+        else if (points(1) .and. .not. points(2)) then
+            joint%s2 = matmul(r1 + matmul(a1, joint%s1) - r2, a2)
+        else if (points(2) .and. .not. points(1)) then
+            joint%s1 = matmul(r2 + matmul(a2, joint%s2) - r1, a1)
+        else if (.not. points(1)) then
+            call refuse(label//' has no place', 'say at = ..., or name a point of one of the bodies', error)
+            return
+        end if
+        call take_axes(self, label, joint%kind, axis, across, frame, error)
+        if (allocated(error)) return
+        joint%axes1 = matmul(transpose(a1), frame)
+        joint%axes2 = matmul(transpose(a2), frame)
+        gap = matmul(r2 + matmul(a2, joint%s2) - r1 - matmul(a1, joint%s1), frame)
+        may_be_open = .false.
+        if (present(open)) may_be_open = open
+        do k = 1, merge(2, 3, self%planar)
+            if (.not. joint%kind%held(k)) gap(k) = 0.0_wp
+        end do
+        if (norm2(gap) > tolerance*(1 + norm2(r1) + norm2(r2)) .and. .not. may_be_open) then
+            call refuse(label//': its two sides are '//to_text(norm2(gap))//' m apart in the drawing', &
+                'move a body or a point, or say that it is open and let the start be assembled', error)
+        end if
+    end procedure place_joint
+
+    !> The coordinates of a joint that turns about its axis alone, or slides along it alone, counted from the drawing.
+    subroutine add_coordinates(self, joint)
+        class(drawing_type), intent(inout) :: self
+        type(joint_type), intent(inout) :: joint
+        type(coordinate_type) :: coordinate
+        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
+        integer :: axis
+
+        coordinate%first = joint%first
+        coordinate%second = joint%second
+        axis = merge(1, 3, self%planar)
+        call self%frame_of(joint%first, r1, a1)
+        call self%frame_of(joint%second, r2, a2)
+        associate (held => joint%kind%held, one => joint%axes1, two => joint%axes2)
+            if (merge(.not. held(3), all(held(4:5)) .and. .not. held(6), self%planar) .and. turns(joint%first) .and. &
+                turns(joint%second)) then
+                coordinate%kind = is_angle
+                coordinate%one = dot_type(first=joint%first, second=joint%second, a=one(:, 1), b=two(:, 1))
+                coordinate%other = dot_type(first=joint%first, second=joint%second, a=one(:, 2), b=two(:, 1))
+                if (self%planar) coordinate%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
+                self%coordinates = [self%coordinates, coordinate]
+                joint%turn = size(self%coordinates)
+            end if
+            if (.not. held(axis) .and. count(.not. held(:merge(2, 3, self%planar))) == 1) then
+                coordinate%kind = is_way
+                coordinate%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=one(:, axis), b=joint%s2)
+                coordinate%offset = dot_product(matmul(a1, one(:, axis)), r2 + matmul(a2, joint%s2) - r1)
+                self%coordinates = [self%coordinates, coordinate]
+                joint%way = size(self%coordinates)
+            end if
+        end associate
+
+    contains
+
+        !> Whether a side is the ground or a body that turns.
+        logical function turns(body)
+            integer, intent(in) :: body
+
+            turns = .true.
+            if (body > 0) turns = self%bodies(body)%turns
+        end function turns
+    end subroutine add_coordinates
+
+    !> The joint's frame in the world, axes in columns.
+    subroutine take_axes(self, label, kind, axis, across, frame, error)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+        type(kind_type), intent(in) :: kind
+        real(wp), intent(in), optional :: axis(:), across(:)
+        real(wp), intent(out) :: frame(3, 3)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), parameter :: z(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+        real(wp) :: a(3), b(3)
+
+        a = merge([1.0_wp, 0.0_wp, 0.0_wp], z, self%planar)
+        b = 0.0_wp
+        if (present(axis)) call self%take_direction(label, 'axis', axis, a, error)
+        if (present(across) .and. .not. allocated(error)) call self%take_direction(label, 'across', across, b, error)
+        if (allocated(error)) return
+        if (kind%has_axis .and. .not. present(axis)) then
+            call refuse(label//' has no axis', 'say axis = ...', error)
+            return
+        end if
+        if (present(across) .and. norm2(cross(a, b)) < 1.0e-6_wp) then
+            call refuse(label//': across is parallel to the axis', 'take another direction', error)
+            return
+        end if
+        if (self%planar) then
+            frame = reshape([a, cross(z, a), z], [3, 3])
+        else if (kind%name == 'universal') then
+            if (.not. present(across) .or. abs(dot_product(a, b)) > tolerance) then
+                call refuse(label//' has axes that are not perpendicular: their cosine is '//to_text(dot_product(a, b)), &
+                    'give axis on the first body and across on the second, at 90 degrees in the drawing', error)
+                return
+            end if
+            frame = reshape([a, b, cross(a, b)], [3, 3])
+        else if (present(across)) then
+            frame = frame_along(a, b)
+        else
+            frame = frame_along(a)
+        end if
+    end subroutine take_axes
+
+    !> The rows of a joint.
+    subroutine add_joint_rows(self, joint, drive, motion)
+        class(drawing_type), intent(inout) :: self
+        type(joint_type), intent(inout) :: joint
+        !> The freedom that the motion drives, 0 for none.
+        integer, intent(in) :: drive
+        class(function_type), intent(in), optional :: motion
+        character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
+        integer :: k, l, m, n, driven, number, before
+        logical :: turn(3)
+
+        before = size(self%held_name)
+        n = merge(2, 3, self%planar)
+        driven = drive
+        number = 0
+        if (present(motion)) call self%take_motion(joint%name, motion, 1, number)
+        if (any(joint%glides)) then
+            call add_glides(self, joint, driven, number)
+            ! Freedoms are driven at one level.
+            if (driven > 0) driven = merge(0, driven, joint%glides(max(1, driven)))
+        end if
+        if (all(joint%kind%held(:n))) then
+            self%meetings = [self%meetings, span_type(first=joint%first, second=joint%second, row=before + 1, &
+                s1=joint%s1, s2=joint%s2)]
+            do k = 1, n
+                call self%new_row(trim(joint%name)//' '//letter(min(k, n)), 'N')
+            end do
+        else
+            do k = 1, n
+                if (.not. joint%kind%held(k) .and. driven /= k) cycle
+                call self%new_row(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
+                self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+                    is_point=.true., a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1), &
+                    motion=merge(number, 0, driven == k))]
+            end do
+        end if
+        if (self%planar) then
+            if (joint%kind%held(3) .or. driven == 3) then
+                call self%new_row(trim(joint%name)//merge(' motion', ' angle ', driven == 3), 'N m')
+                self%angles = [self%angles, angle_type(joint%first, joint%second, size(self%held_name), &
+                    self%angle_of(joint%second) - self%angle_of(joint%first), merge(number, 0, driven == 3))]
+            end if
+        else
+            turn = joint%kind%held(4:6)
+            do k = 1, 3
+                ! In a cycle k, l, m.
+                l = mod(k, 3) + 1
+                m = mod(l, 3) + 1
+                if (count(turn) == 2 .and. .not. turn(k)) then
+                    ! k is common: l1.k2 = 0 is the turn about m, m1.k2 = 0 that about l.
+                    call add_direction(l, k, m)
+                    call add_direction(m, k, l)
+                end if
+                if (driven == k + 3) then
+                    call self%new_row(trim(joint%name)//' motion', 'N m')
+                    self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+                        a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l))]
+                else if (count(turn) /= 2 .and. turn(k)) then
+                    call add_direction(l, m, k)
+                end if
+            end do
+        end if
+        joint%row = before + 1
+        joint%n_rows = size(self%held_name) - before
+
+    contains
+
+        !> a1.b2 = 0.
+        subroutine add_direction(a, b, about)
+            integer, intent(in) :: a, b, about
+
+            call self%new_row(trim(joint%name)//' turn '//letter(about), 'N m')
+            self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+                a=joint%axes1(:, a), b=joint%axes2(:, b))]
+        end subroutine add_direction
+    end subroutine add_joint_rows
+
+    !> The rows of a joint at velocity level.
+    subroutine add_glides(self, joint, driven, number)
+        class(drawing_type), intent(inout) :: self
+        type(joint_type), intent(in) :: joint
+        !> The freedom that a function drives, and the number of that.
+        integer, intent(in) :: driven, number
+        character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
+        type(glide_type) :: glide
+        integer :: k, n
+
+        n = merge(2, 3, self%planar)
+        do k = 1, 6
+            if (.not. joint%glides(k)) cycle
+            glide = glide_type(first=joint%first, second=joint%second)
+            if (k <= n) then
+                glide%is_way = .true.
+                glide%axis = joint%axes2(:, k)
+                glide%point = joint%s2
+                glide%moment = cross(joint%s2, joint%axes2(:, k))
+                call self%new_rolling_row(trim(joint%name)//' rate '//letter(min(k, n)), 'N')
+            else
+                glide%axis = [0.0_wp, 0.0_wp, 1.0_wp]
+                if (.not. self%planar) glide%axis = joint%axes2(:, k - 3)
+                glide%moment = glide%axis
+                call self%new_rolling_row(trim(joint%name)//' spin '//letter(merge(3, k - 3, self%planar)), 'N m')
+            end if
+            if (driven == k) glide%motion = number
+            glide%row = size(self%rolling_name)
+            self%glides = [self%glides, glide]
+        end do
+    end subroutine add_glides
+
+    !> A sum of coordinates of joints that is held.
+    module procedure add_coupling
+        character(len=:), allocatable :: label
+        integer :: i, numbers(max_coupled), motion_number
+
+        label = 'coupling '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (size(joints) < 1 .or. size(joints) > max_coupled .or. size(factors) /= size(joints)) then
+            call refuse(label//' has '//to_text(size(joints))//' joints and '//to_text(size(factors))//' factors', &
+                'give 1 to '//to_text(max_coupled)//' of both', error)
+            return
+        else if (.not. all(abs(factors) > 0.0_wp .and. ieee_is_finite(factors))) then
+            call refuse(label//' has a factor that is zero or not finite', 'correct it, or leave out the joint', error)
+            return
+        end if
+        do i = 1, size(joints)
+            call self%find_coordinate(label, joints(i), numbers(i), error)
+            if (allocated(error)) return
+        end do
+        motion_number = 0
+        if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
+        call couple(self, name, numbers(:size(joints)), factors, &
+            merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
+        call self%keep_name(name)
+    end procedure add_coupling
+
+    !> The row of a coupling.
+    subroutine couple(self, name, numbers, factors, unit, motion)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: name, unit
+        !> Of the coordinates.
+        integer, intent(in) :: numbers(:)
+        real(wp), intent(in) :: factors(:)
+        integer, intent(in), optional :: motion
+        type(coupling_type) :: coupling
+
+        coupling%n = size(numbers)
+        coupling%coordinates(:coupling%n) = self%coordinates(numbers)
+        coupling%factors(:coupling%n) = factors
+        if (present(motion)) coupling%motion = motion
+        call self%new_row(name, unit)
+        coupling%row = size(self%held_name)
+        self%couplings = [self%couplings, coupling]
+    end subroutine couple
+
+    !> A row at velocity level by expressions.
+    module procedure add_rate_row
+        type(rate_row_type) :: row
+        type(rate_row_type), allocatable :: longer(:)
+        type(variable_type), allocatable :: variables(:)
+        character(len=:), allocatable :: label
+        integer :: i, k
+
+        label = 'row '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (size(velocities) /= size(coefficients) .or. size(velocities) == 0) then
+            call refuse(label//' has '//to_text(size(velocities))//' velocities and '//to_text(size(coefficients))// &
+                ' coefficients', 'give as many of the one as of the other', error)
+            return
+        end if
+        variables = self%list_variables()
+        associate (may_be_used => variables%kind == is_time .or. variables%kind == is_place .or. variables%kind == is_turn)
+            do i = 1, size(coefficients)
+                k = coefficients(i)%first_not_in(may_be_used)
+                if (k > 0) exit
+            end do
+            if (k == 0 .and. present(rhs)) k = rhs%first_not_in(may_be_used)
+        end associate
+        if (k > 0) then
+            call refuse(label//' depends on '//trim(variables(k)%name), 'name t, places, angles and Euler parameters alone', error)
+            return
+        end if
+        allocate (row%velocities(size(velocities)))
+        do i = 1, size(velocities)
+            k = size(variables)
+            do while (k > 0)
+                if (variables(k)%name == velocities(i) .and. any(variables(k)%kind == [is_velocity, is_turn_rate])) exit
+                k = k - 1
+            end do
+            if (k == 0) then
+                call refuse(label//': '//trim(velocities(i))//' is no velocity', 'name one as body.vx, in the plane body.omega', &
+                    error)
+                return
+            end if
+            row%velocities(i) = variables(k)
+        end do
+        allocate (row%coefficients(size(coefficients)))
+        do i = 1, size(coefficients)
+            call self%take_formula(coefficients(i), row%coefficients(i))
+        end do
+        if (present(rhs)) call self%take_formula(rhs, row%rhs)
+        call self%new_rolling_row(name, 'N')
+        row%row = size(self%rolling_name)
+        allocate (longer(size(self%rate_rows) + 1))
+        longer(:size(self%rate_rows)) = self%rate_rows
+        longer(size(longer)) = row
+        call move_alloc(longer, self%rate_rows)
+        call self%keep_name(name)
+    end procedure add_rate_row
+
+    !> A distance between two points that is held, by default that of the drawing, or imposed.
+    module procedure add_distance
+        type(span_type) :: span
+        character(len=:), allocatable :: label
+        real(wp) :: drawn, f(0:2)
+        logical :: points(2)
+
+        label = 'distance '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        call self%take_pair(label, first, second, span%first, span%second, span%s1, span%s2, points, error)
+        if (allocated(error)) return
+        drawn = self%drawn_length(span)
+        span%length = drawn
+        if (present(length)) span%length = length
+        if (present(motion)) then
+            call self%take_motion(name, motion, 1, span%motion)
+            call motion%evaluate(0.0_wp, f)
+            span%length = f(0)
+        end if
+        if (.not. span%length > 0.0_wp) then
+            call refuse(label//' has the length '//to_text(span%length), &
+                'give one > 0; for points that coincide take a spherical or revolute joint', error)
+            return
+        end if
+        span%weight = span%length
+        span%row = size(self%held_name) + 1
+        call self%new_row(name, 'N')
+        self%distances = [self%distances, span]
+        call self%keep_name(name)
+    end procedure add_distance
+end submodule tandem_mechanism_drawing_joints

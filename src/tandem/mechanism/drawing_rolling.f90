@@ -1,0 +1,159 @@
+! SPDX-License-Identifier: MIT
+!> The words for knife edges, and for disks and spheres that roll.
+submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
+    use tandem_mechanism_rolling, only: find_contact
+    implicit none (type, external)
+
+contains
+
+    !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
+    module procedure add_knife_edge
+        type(edge_type) :: edge
+        real(wp) :: r(3), a(3, 3), pivot(3)
+        character(len=:), allocatable :: label
+        logical :: is_point
+
+        label = 'knife edge '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        call self%take_point(label, on, edge%body, edge%point, is_point, error)
+        if (.not. allocated(error)) call self%take_direction(label, 'across', across, edge%across, error)
+        if (.not. allocated(error)) call self%need_turning_body(label, edge%body, error)
+        if (allocated(error)) return
+        pivot = [0.0_wp, 0.0_wp, 1.0_wp]
+        if (.not. self%planar .and. (present(steer) .neqv. present(about))) then
+            call refuse(label//' is steered without saying about what, or the other way round', 'give steer and about', error)
+        else if (present(about)) then
+            call self%take_direction(label, 'about', about, pivot, error)
+            if (.not. allocated(error) .and. (self%planar .or. abs(dot_product(pivot, edge%across)) > tolerance)) &
+                call refuse(label//': about is not perpendicular to across, or is given in the plane', 'correct it', error)
+        end if
+        if (allocated(error)) return
+        if (present(steer)) call self%take_motion(name, steer, 0, edge%steer)
+        call self%frame_of(edge%body, r, a)
+        edge%towards = matmul(cross(pivot, edge%across), a)
+        edge%across = matmul(edge%across, a)
+        edge%moment = cross(edge%point, edge%across)
+        call self%new_rolling_row(name, 'N')
+        edge%row = size(self%rolling_name)
+        self%edges = [self%edges, edge]
+        call self%keep_name(name)
+    end procedure add_knife_edge
+
+    !> A disk that rolls on a plane.
+    module procedure add_rolling_disk
+        type(roller_type) :: roller
+        character(len=:), allocatable :: label
+
+        label = 'rolling disk '//trim(name)
+        roller%radius = radius
+        if (present(crown)) roller%crown = crown
+        if (present(crown)) roller%radius = radius - crown
+        call self%take_direction(label, 'axis', axis, roller%axis, error)
+        if (.not. allocated(error) .and. (roller%crown < 0.0_wp .or. .not. roller%radius > 0.0_wp)) &
+            call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
+            'let it roll with a radius > 0 in m, and a smaller crown >= 0', error)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+    end procedure add_rolling_disk
+
+    !> A sphere that rolls on a plane.
+    module procedure add_rolling_sphere
+        type(roller_type) :: roller
+        character(len=:), allocatable :: label
+
+        label = 'rolling sphere '//trim(name)
+        roller%radius = radius
+        if (.not. radius > 0.0_wp) call refuse(label//' has a radius that is not positive', 'let it roll with a radius > 0 in m', &
+            error)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+    end procedure add_rolling_sphere
+
+    !> An ellipsoid that rolls on a plane.
+    module procedure add_rolling_ellipsoid
+        type(roller_type) :: roller
+        character(len=:), allocatable :: label
+
+        label = 'rolling ellipsoid '//trim(name)
+        roller%is_ellipsoid = .true.
+        roller%squares = semi_axes**2
+        if (.not. all(semi_axes > 0.0_wp)) call refuse(label//' has a semi-axis that is not positive', 'give three > 0 in m', error)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
+            pivot, slide, along)
+    end procedure add_rolling_ellipsoid
+
+    !> What rolls, and the plane that it rolls on. The shape is known, an axis in the world's frame.
+    subroutine add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, pivot, slide, along)
+        class(drawing_type), intent(inout) :: self
+        character(len=*), intent(in) :: label, name, centre
+        type(roller_type), intent(inout) :: roller
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), intent(in), optional :: normal(:), height
+        logical, intent(in), optional :: open
+        class(function_type), intent(in), optional :: rise, turn, slide
+        real(wp), intent(in), optional :: pivot(:), along(:)
+        type(pose_type) :: pose
+        real(wp) :: r(3), a(3, 3), f(3, 3), gap, y(3), level(0:2)
+        logical :: is_point, may_be_open
+        integer :: k
+
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (self%planar) then
+            call refuse(label//' is in the plane', 'let it roll in space', error)
+            return
+        end if
+        call self%take_point(label, centre, roller%body, roller%centre, is_point, error)
+        if (.not. allocated(error)) call self%need_turning_body(label, roller%body, error)
+        if (allocated(error)) return
+        if (present(normal)) call self%take_direction(label, 'normal', normal, roller%normal, error)
+        if (.not. allocated(error) .and. present(pivot)) call take_vector(.false., label, 'pivot', pivot, roller%pivot, error)
+        if (.not. allocated(error) .and. present(along)) call self%take_direction(label, 'along', along, roller%along, error)
+        if (allocated(error)) return
+        if (present(slide) .neqv. present(along)) then
+            call refuse(label//' has a plane that slides without saying along what, or the other way round', 'give both', error)
+            return
+        else if (abs(dot_product(roller%along, roller%normal)) > tolerance) then
+            call refuse(label//' has a plane that slides out of itself', 'let along be perpendicular to the normal', error)
+            return
+        end if
+        if (present(height)) roller%height = height
+        if (abs(roller%normal(3) - 1) > 0.0_wp) then
+            f = frame_along(roller%normal)
+            roller%tangent = f(:, 1:2)
+        end if
+        if (.not. 1 - dot_product(roller%axis, roller%normal)**2 > 1.0e-6_wp) then
+            call refuse(label//' lies flat on its plane', 'tilt it: a flat disk has no contact point', error)
+            return
+        end if
+        call self%frame_of(roller%body, r, a)
+        roller%axis = matmul(roller%axis, a)
+        pose%r(:, 0) = r
+        pose%a(:, :, 0) = a
+        call find_contact(roller, pose, y)
+        gap = dot_product(roller%normal, r + y) - roller%height
+        if (present(rise)) then
+            call rise%evaluate(0.0_wp, level)
+            gap = gap - level(0)
+        end if
+        may_be_open = .false.
+        if (present(open)) may_be_open = open
+        if (abs(gap) > tolerance*(1 + norm2(r) + norm2(y)) .and. .not. may_be_open) then
+            call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &
+                'move the body, or say that it is open and let the start be assembled', error)
+            return
+        end if
+        if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)
+        if (present(turn)) call self%take_motion(name, turn, 1, roller%turn)
+        if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
+        call self%new_row(trim(name)//' height', 'N')
+        roller%height_row = size(self%held_name)
+        do k = 1, 2
+            call self%new_rolling_row(trim(name)//' slip '//merge('1', '2', k == 1), 'N')
+        end do
+        roller%row = size(self%rolling_name) - 1
+        self%rollers = [self%rollers, roller]
+        call self%keep_name(name)
+    end subroutine add_roller
+end submodule tandem_mechanism_drawing_rolling

@@ -1,0 +1,184 @@
+! SPDX-License-Identifier: MIT
+!> A mechanism as a list of dotted keys with values, `body.rod.mass` = 1: what files, and programs in other languages, say. Numbers
+!> may be texts, which are expressions of the parameters. Later values of a key replace earlier ones at their place.
+module tandem_mechanism_entries
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: atom_type, value_type, entry_type, entries_type, is_number, is_text, is_truth, number_value, text_value
+
+    !> What an atom is.
+    integer, parameter :: is_number = 1, is_text = 2, is_truth = 3
+
+    !> A number, a text or a truth value.
+    type :: atom_type
+        integer :: kind = is_number
+        real(wp) :: number = 0.0_wp
+        logical :: truth = .false.
+        character(len=:), allocatable :: text
+    end type atom_type
+
+    !> One atom, or a list of them.
+    type :: value_type
+        logical :: is_list = .false.
+        type(atom_type), allocatable :: atoms(:)
+    end type value_type
+
+    !> A key with its value.
+    type :: entry_type
+        !> Parts joined by dots.
+        character(len=:), allocatable :: key
+        type(value_type) :: value
+        !> Where it was given, a number of the caller's.
+        integer :: place = 0
+        !> The value as it was given, with the index of a repeated element as a name.
+        type(value_type) :: given
+        !> Of a repeated element, the name and the value of its index; the key as it was given, and how much of it is the element's
+        !> name; and whether this is the first copy.
+        character(len=:), allocatable :: index_name, template
+        integer :: index_value = 0, n_heading = 0
+        logical :: is_first = .true.
+    end type entry_type
+
+    type :: entries_type
+        !> The first `n` are in use.
+        type(entry_type), allocatable :: list(:)
+        integer :: n = 0
+    contains
+        generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
+        procedure :: append
+        procedure :: find
+        procedure, private :: set_value, set_number, set_text, set_truth, set_numbers, set_texts
+    end type entries_type
+
+contains
+
+    !> A number as a value.
+    pure function number_value(number) result(value)
+        real(wp), intent(in) :: number
+        type(value_type) :: value
+
+        allocate (value%atoms(1))
+        value%atoms(1)%number = number
+    end function number_value
+
+    !> A text as a value.
+    pure function text_value(text) result(value)
+        character(len=*), intent(in) :: text
+        type(value_type) :: value
+
+        allocate (value%atoms(1))
+        value%atoms(1)%kind = is_text
+        value%atoms(1)%text = text
+    end function text_value
+
+    !> The index of a key, 0 where there is none.
+    pure integer function find(self, key)
+        class(entries_type), intent(in) :: self
+        character(len=*), intent(in) :: key
+
+        do find = self%n, 1, -1
+            if (len(self%list(find)%key) /= len(key)) cycle
+            if (self%list(find)%key == key) return
+        end do
+    end function find
+
+    !> Give a key a value.
+    pure subroutine set_value(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        type(value_type), intent(in) :: value
+        !> Where it was given.
+        integer, intent(in), optional :: place
+        type(entry_type) :: entry
+        integer :: i
+
+        entry%key = trim(key)
+        entry%value = value
+        entry%given = value
+        if (present(place)) entry%place = place
+        i = self%find(entry%key)
+        if (i > 0) then
+            self%list(i) = entry
+        else
+            call self%append(entry)
+        end if
+    end subroutine set_value
+
+    !> One entry more, whose key is new.
+    pure subroutine append(self, entry)
+        class(entries_type), intent(inout) :: self
+        type(entry_type), intent(in) :: entry
+        type(entry_type), allocatable :: longer(:)
+
+        if (.not. allocated(self%list)) allocate (self%list(32))
+        if (self%n == size(self%list)) then
+            allocate (longer(2*self%n))
+            longer(:self%n) = self%list
+            call move_alloc(longer, self%list)
+        end if
+        self%n = self%n + 1
+        self%list(self%n) = entry
+    end subroutine append
+
+    pure subroutine set_number(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        real(wp), intent(in) :: value
+        integer, intent(in), optional :: place
+
+        call self%set_value(key, number_value(value), place)
+    end subroutine set_number
+
+    pure subroutine set_text(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key, value
+        integer, intent(in), optional :: place
+
+        call self%set_value(key, text_value(value), place)
+    end subroutine set_text
+
+    pure subroutine set_truth(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        logical, intent(in) :: value
+        integer, intent(in), optional :: place
+        type(value_type) :: one
+
+        allocate (one%atoms(1))
+        one%atoms(1)%kind = is_truth
+        one%atoms(1)%truth = value
+        call self%set_value(key, one, place)
+    end subroutine set_truth
+
+    pure subroutine set_numbers(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        real(wp), intent(in) :: value(:)
+        integer, intent(in), optional :: place
+        type(value_type) :: several
+
+        several%is_list = .true.
+        allocate (several%atoms(size(value)))
+        several%atoms%number = value
+        call self%set_value(key, several, place)
+    end subroutine set_numbers
+
+    !> Texts, blanks at their ends dropped.
+    pure subroutine set_texts(self, key, value, place)
+        class(entries_type), intent(inout) :: self
+        character(len=*), intent(in) :: key, value(:)
+        integer, intent(in), optional :: place
+        type(value_type) :: several
+        integer :: i
+
+        several%is_list = .true.
+        allocate (several%atoms(size(value)))
+        several%atoms%kind = is_text
+        do i = 1, size(value)
+            several%atoms(i)%text = trim(value(i))
+        end do
+        call self%set_value(key, several, place)
+    end subroutine set_texts
+end module tandem_mechanism_entries

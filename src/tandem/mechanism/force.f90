@@ -1,0 +1,289 @@
+! SPDX-License-Identifier: MIT
+!> Forces along coordinates: spring-dampers between two points, those along the coordinate of a joint, and bushings along six.
+!>
+!> The first two act along a scalar coordinate x (length, angle) with f = k (x - x0) + c xd + u(t) + g(t, x, xd), as the generalised
+!> force -f x_q.
+module tandem_mechanism_force
+    use tandem_kinds, only: wp
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_mechanism_law, only: law_item_type
+    use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, put_force
+    use tandem_mechanism_pose, only: gradient_of, pose_type
+    use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
+    use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
+    implicit none (type, external)
+    private
+
+    public :: spring_type, add_springs, differentiate_springs, spring_energy
+    public :: torsion_type, add_torsions, differentiate_torsions, torsion_energy
+    public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
+
+    !> k (N/m), c (N s/m), the length without force (m), and the numbers of the function u and of the law g, 0 for none.
+    type :: spring_type
+        type(span_type) :: span
+        real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
+        integer :: motion = 0, law = 0
+    end type spring_type
+
+    !> The same along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) without torque or force.
+    type :: torsion_type
+        type(coordinate_type) :: coordinate
+        real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
+        integer :: motion = 0, law = 0
+    end type torsion_type
+
+    !> Forces f = K x + C xd along the ways and small turns between two frames, which are one in the drawing: three ways and three
+    !> turns in space, two ways and the angle in the plane.
+    type :: bushing_type
+        integer :: n = 0
+        type(coordinate_type) :: coordinates(6)
+        !> N/m, N, N m/rad; N s/m, N s, N m s/rad.
+        real(wp) :: stiffness(6, 6) = 0.0_wp, damping(6, 6) = 0.0_wp
+    end type bushing_type
+
+contains
+
+    !> force := force - f l_q for every spring. A length of zero has no direction: stat > 0.
+    pure subroutine add_springs(springs, t, pose, f, laws, force, stat)
+        type(spring_type), intent(in) :: springs(:)
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        real(wp), intent(inout) :: force(:)
+        integer, intent(inout) :: stat
+        real(wp) :: d(3), d1(3), u(3), g(0:2), length, rate, pull
+        integer :: i
+
+        do i = 1, size(springs)
+            associate (spring => springs(i))
+                d = span_way(spring%span, pose, 0)
+                d1 = span_way(spring%span, pose, 1)
+                length = sqrt(d(1)**2 + d(2)**2 + d(3)**2)
+                if (.not. length > 0.0_wp) then
+                    stat = 1
+                    return
+                end if
+                u = d/length
+                rate = u(1)*d1(1) + u(2)*d1(2) + u(3)*d1(3)
+                pull = spring%stiffness*(length - spring%length) + spring%damping*rate
+                if (spring%motion > 0) pull = pull + f(0, spring%motion)
+                if (spring%law > 0) then
+                    call laws(spring%law)%law%evaluate(t, length, rate, g)
+                    pull = pull + g(0)
+                end if
+                u = pull*u
+                call add_force(pose(spring%span%first), spring%span%s1, u, force)
+                u = -u
+                call add_force(pose(spring%span%second), spring%span%s2, u, force)
+            end associate
+        end do
+    end subroutine add_springs
+
+    !> A force in the world's axes at a point of a body.
+    pure subroutine add_force(pose, s, along, force)
+        type(pose_type), intent(in) :: pose
+        real(wp), intent(in) :: s(3), along(3)
+        real(wp), intent(inout) :: force(:)
+        real(wp) :: row(4)
+        integer :: k
+
+        do k = 1, pose%n_place
+            force(pose%place + k - 1) = force(pose%place + k - 1) + along(k)
+        end do
+        if (pose%n_turn == 0) return
+        row = gradient_of(pose, 0, s, along)
+        do k = 1, pose%n_turn
+            force(pose%turn + k - 1) = force(pose%turn + k - 1) + row(k)
+        end do
+    end subroutine add_force
+
+    pure subroutine differentiate_springs(springs, need, t, pose, f, laws, derivatives)
+        type(spring_type), intent(in) :: springs(:)
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, pull(0:2), g(0:2)
+        integer :: i
+
+        do i = 1, size(springs)
+            associate (spring => springs(i))
+                d(:, 0) = span_way(spring%span, pose, 0)
+                d(:, 1) = span_way(spring%span, pose, 1)
+                length = norm2(d(:, 0))
+                rate = dot_product(d(:, 0), d(:, 1))/length
+                call span_gradient(spring%span, pose, 1, d, gradient)
+                call span_second(spring%span, pose, d(:, 0), second)
+                ! With w = d.d/2: l_q = w_q/l, l_qq = (w_qq - l_q l_q')/l.
+                gradient(:, 0) = gradient(:, 0)/length
+                gradient(:, 1) = (gradient(:, 1) - rate*gradient(:, 0))/length
+                call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
+                second = second/length
+                pull = [spring%stiffness*(length - spring%length) + spring%damping*rate, spring%stiffness, spring%damping]
+                if (spring%motion > 0) pull(0) = pull(0) + f(0, spring%motion)
+                if (spring%law > 0) then
+                    call laws(spring%law)%law%evaluate(t, length, rate, g)
+                    pull = pull + g
+                end if
+                call put_force(need, columns(pose(spring%span%first), pose(spring%span%second)), gradient, second, pull, &
+                    derivatives)
+            end associate
+        end do
+    end subroutine differentiate_springs
+
+    !> k (l - l0)^2/2.
+    pure real(wp) function spring_energy(spring, pose)
+        type(spring_type), intent(in) :: spring
+        type(pose_type), intent(in) :: pose(0:)
+
+        spring_energy = spring%stiffness*(norm2(span_way(spring%span, pose, 0)) - spring%length)**2/2
+    end function spring_energy
+
+    !> force := force - f x_q for every spring along the coordinate of a joint.
+    pure subroutine add_torsions(torsions, t, pose, f, laws, force)
+        type(torsion_type), intent(inout) :: torsions(:)
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        real(wp), intent(inout) :: force(:)
+        real(wp) :: x(0:2), gradient(n_local, 0:2), torque, g(0:2)
+        integer :: i
+
+        do i = 1, size(torsions)
+            associate (torsion => torsions(i))
+                call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+                torque = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
+                if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
+                if (torsion%law > 0) then
+                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                    torque = torque + g(0)
+                end if
+                call take_off(torsion%coordinate, pose, torque, gradient(:, 0), force)
+            end associate
+        end do
+    end subroutine add_torsions
+
+    !> force := force - f x_q.
+    pure subroutine take_off(coordinate, pose, f, gradient, force)
+        type(coordinate_type), intent(in) :: coordinate
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: f, gradient(n_local)
+        real(wp), intent(inout) :: force(:)
+        integer :: k, c(n_local)
+
+        c = columns(pose(coordinate%first), pose(coordinate%second))
+        do k = 1, n_local
+            if (c(k) > 0) force(c(k)) = force(c(k)) - f*gradient(k)
+        end do
+    end subroutine take_off
+
+    pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, derivatives)
+        type(torsion_type), intent(inout) :: torsions(:)
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), torque(0:2), g(0:2)
+        integer :: i
+
+        do i = 1, size(torsions)
+            associate (torsion => torsions(i))
+                call differentiate_coordinate(torsion%coordinate, pose, 1, 1, x, gradient, second)
+                torque = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
+                if (torsion%motion > 0) torque(0) = torque(0) + f(0, torsion%motion)
+                if (torsion%law > 0) then
+                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                    torque = torque + g
+                end if
+                call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &
+                    gradient(:, 0:1), second, torque, derivatives)
+            end associate
+        end do
+    end subroutine differentiate_torsions
+
+    !> k (x - x0)^2/2.
+    pure subroutine torsion_energy(torsion, pose, energy)
+        type(torsion_type), intent(inout) :: torsion
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(out) :: energy
+        real(wp) :: x
+
+        call measure(torsion%coordinate, pose, x)
+        energy = torsion%stiffness*(x - torsion%angle)**2/2
+    end subroutine torsion_energy
+
+    !> force := force - sum of f_i x_i,q for every bushing.
+    pure subroutine add_bushings(bushings, pose, force)
+        type(bushing_type), intent(inout) :: bushings(:)
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(inout) :: force(:)
+        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), f
+        integer :: i, k
+
+        do i = 1, size(bushings)
+            associate (it => bushings(i), n => bushings(i)%n)
+                do k = 1, n
+                    call differentiate_coordinate(it%coordinates(k), pose, 1, 0, x(:, k), gradient(:, :, k))
+                end do
+                do k = 1, n
+                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
+                    call take_off(it%coordinates(k), pose, f, gradient(:, 0, k), force)
+                end do
+            end associate
+        end do
+    end subroutine add_bushings
+
+    pure subroutine differentiate_bushings(bushings, need, pose, derivatives)
+        type(bushing_type), intent(inout) :: bushings(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), second(n_local, n_local, 6), by_q(n_local, n_local), &
+            by_qd(n_local, n_local), f
+        integer :: i, j, k, c(n_local)
+
+        do i = 1, size(bushings)
+            associate (it => bushings(i), n => bushings(i)%n)
+                do k = 1, n
+                    call differentiate_coordinate(it%coordinates(k), pose, 1, 1, x(:, k), gradient(:, :, k), second(:, :, k))
+                end do
+                by_q = 0.0_wp
+                by_qd = 0.0_wp
+                do k = 1, n
+                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
+                    by_q = by_q + f*second(:, :, k)
+                    do j = 1, n
+                        call add_outer(it%stiffness(k, j), gradient(:, 0, k), gradient(:, 0, j), by_q)
+                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 1, j), by_q)
+                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 0, j), by_qd)
+                    end do
+                end do
+                c = columns(pose(it%coordinates(1)%first), pose(it%coordinates(1)%second))
+                if (iand(need, need_dynamics_q) /= 0) call add_block(c, 1.0_wp, by_q, derivatives%dynamics_q)
+                if (iand(need, need_dynamics_qd) /= 0) call add_block(c, 1.0_wp, by_qd, derivatives%dynamics_qd)
+            end associate
+        end do
+    end subroutine differentiate_bushings
+
+    !> x' K x/2.
+    pure subroutine bushing_energy(bushing, pose, energy)
+        type(bushing_type), intent(inout) :: bushing
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(out) :: energy
+        real(wp) :: x(6)
+        integer :: k
+
+        x = 0.0_wp
+        do k = 1, bushing%n
+            call measure(bushing%coordinates(k), pose, x(k))
+        end do
+        energy = dot_product(x, matmul(bushing%stiffness, x))/2
+    end subroutine bushing_energy
+end module tandem_mechanism_force

@@ -1,0 +1,176 @@
+! SPDX-License-Identifier: MIT
+!> Expressions of the state: their variables are the time, places, angles and velocities of bodies, and coordinates of joints with
+!> their rates. Loads and rows at velocity level are made of them.
+module tandem_mechanism_formula
+    use tandem_kinds, only: wp
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_pair, only: columns, n_local, place_1, turn_1
+    use tandem_mechanism_piecewise, only: piecewise_type
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_rigid_euler_parameters, only: e_product, e_transposed_product
+    implicit none (type, external)
+    private
+
+    public :: variable_type, formula_type, variable_name_length
+    public :: is_time, is_place, is_turn, is_velocity, is_turn_rate, is_spin, is_joint, is_joint_rate
+
+    !> Kinds of variables: the time (s); an entry of a body's place (m), its angle (rad) or one of its Euler parameters; the rates
+    !> of these; an entry of its angular velocity in the world's frame (rad/s); a coordinate of a joint (m or rad), and its rate.
+    integer, parameter :: is_time = 0, is_place = 1, is_turn = 2, is_velocity = 3, is_turn_rate = 4, is_spin = 5, is_joint = 6, &
+        is_joint_rate = 7
+    !> The length of their names.
+    integer, parameter :: variable_name_length = 48
+
+    !> What a variable is.
+    type :: variable_type
+        character(len=variable_name_length) :: name = ''
+        integer :: kind = is_time
+        !> The body, or the number of the joint's coordinate; which entry.
+        integer :: of = 0, entry = 0
+    end type variable_type
+
+    !> An expression, and what its variables are.
+    type :: formula_type
+        type(piecewise_type) :: pieces
+        type(variable_type), allocatable :: variables(:)
+        !> Values of the variables, their rates, and derivatives by them.
+        real(wp), allocatable :: x(:), v(:), by(:), by_rate(:)
+    contains
+        procedure :: initialize
+        procedure :: read_state
+        procedure :: value
+        procedure :: evaluate_gradient
+        procedure :: variable_gradient
+    end type formula_type
+
+contains
+
+    !> Make a formula of an expression.
+    subroutine initialize(self, expression, variables)
+        class(formula_type), intent(out) :: self
+        type(expression_type), intent(in) :: expression
+        !> All variables that the expression was parsed with.
+        type(variable_type), intent(in) :: variables(:)
+        type(expression_type) :: short
+        integer, allocatable :: used(:)
+        integer :: time
+
+        short = expression
+        call short%renumber(used)
+        self%variables = variables(used)
+        time = findloc(self%variables%kind, is_time, dim=1)
+        call self%pieces%initialize(short, time)
+        allocate (self%x(size(used)), self%v(size(used)), self%by(size(used)), self%by_rate(size(used)), source=0.0_wp)
+    end subroutine initialize
+
+    !> The values of the variables; with rates, their derivatives along the motion too, of those that have one.
+    pure subroutine read_state(self, t, pose, coordinates, rates)
+        class(formula_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        !> Of the joints.
+        type(coordinate_type), intent(inout) :: coordinates(:)
+        logical, intent(in) :: rates
+        real(wp) :: x(0:2), gradient(n_local, 0:2), spin(3)
+        integer :: i
+
+        do i = 1, size(self%variables)
+            associate (of => self%variables(i)%of, entry => self%variables(i)%entry)
+                select case (self%variables(i)%kind)
+                case (is_time)
+                    self%x(i) = t
+                    self%v(i) = 1.0_wp
+                case (is_place)
+                    self%x(i) = pose(of)%r(entry, 0)
+                    if (rates) self%v(i) = pose(of)%r(entry, 1)
+                case (is_turn)
+                    self%x(i) = pose(of)%p(entry, 0)
+                    if (rates) self%v(i) = pose(of)%p(entry, 1)
+                case (is_velocity)
+                    self%x(i) = pose(of)%r(entry, 1)
+                case (is_turn_rate)
+                    self%x(i) = pose(of)%p(entry, 1)
+                case (is_spin)
+                    spin = 2*e_product(pose(of)%p(:, 0), pose(of)%p(:, 1))
+                    self%x(i) = spin(entry)
+                case (is_joint)
+                    if (rates) then
+                        call differentiate_coordinate(coordinates(of), pose, 1, 0, x, gradient)
+                        self%x(i) = x(0)
+                        self%v(i) = x(1)
+                    else
+                        call measure(coordinates(of), pose, self%x(i))
+                    end if
+                case (is_joint_rate)
+                    call differentiate_coordinate(coordinates(of), pose, 1, 0, x, gradient)
+                    self%x(i) = x(1)
+                end select
+            end associate
+        end do
+    end subroutine read_state
+
+    !> The value at the state that was read.
+    pure real(wp) function value(self)
+        class(formula_type), intent(in) :: self
+
+        value = self%pieces%evaluate_value(self%x)
+    end function value
+
+    !> The value, and the derivatives by the variables, which stay in `by`.
+    pure subroutine evaluate_gradient(self, f)
+        class(formula_type), intent(inout) :: self
+        real(wp), intent(out) :: f
+
+        call self%pieces%evaluate_gradient(self%x, f, self%by)
+    end subroutine evaluate_gradient
+
+    !> The gradients of a variable with respect to q and to qd, as those of an element between two bodies, and where they stand.
+    pure subroutine variable_gradient(self, i, pose, coordinates, by_q, by_qd, c)
+        class(formula_type), intent(in) :: self
+        !> Which of its variables.
+        integer, intent(in) :: i
+        type(pose_type), intent(in) :: pose(0:)
+        type(coordinate_type), intent(inout) :: coordinates(:)
+        real(wp), intent(out) :: by_q(n_local), by_qd(n_local)
+        integer, intent(out) :: c(n_local)
+        real(wp) :: x(0:2), gradient(n_local, 0:2), along(3)
+
+        by_q = 0.0_wp
+        by_qd = 0.0_wp
+        associate (of => self%variables(i)%of, entry => self%variables(i)%entry)
+            select case (self%variables(i)%kind)
+            case (is_joint, is_joint_rate)
+                c = columns(pose(coordinates(of)%first), pose(coordinates(of)%second))
+                call differentiate_coordinate(coordinates(of), pose, 1, 1, x, gradient)
+                if (self%variables(i)%kind == is_joint) then
+                    by_q = gradient(:, 0)
+                else
+                    by_q = gradient(:, 1)
+                    by_qd = gradient(:, 0)
+                end if
+                return
+            case (is_time)
+                c = 0
+                return
+            end select
+            c = columns(pose(of), pose(0))
+            select case (self%variables(i)%kind)
+            case (is_place)
+                by_q(place_1 + entry) = 1.0_wp
+            case (is_turn)
+                by_q(turn_1 + entry) = 1.0_wp
+            case (is_velocity)
+                by_qd(place_1 + entry) = 1.0_wp
+            case (is_turn_rate)
+                by_qd(turn_1 + entry) = 1.0_wp
+            case (is_spin)
+                ! E(p) pd = -E(pd) p.
+                along = 0.0_wp
+                along(entry) = 2.0_wp
+                by_q(turn_1 + 1:turn_1 + 4) = -e_transposed_product(pose(of)%p(:, 1), along)
+                by_qd(turn_1 + 1:turn_1 + 4) = e_transposed_product(pose(of)%p(:, 0), along)
+            end select
+        end associate
+    end subroutine variable_gradient
+end module tandem_mechanism_formula

@@ -1,0 +1,248 @@
+! SPDX-License-Identifier: MIT
+!> Rows of a joint at velocity level: the velocity of the second body's point as seen from the first body, along an axis that is
+!> fixed to the second, or the angular velocity of the second against the first about it, is e(t).
+!>
+!> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a it is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e, w1 = 2 E(p1) pd1 in the
+!> world's frame, w2' = 2 G(p2) pd2 in the body's. That of a turn is V = a'.w2' - n.w1 - e with n = a. V_q, its derivative along
+!> the motion and that of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
+module tandem_mechanism_glide
+    use tandem_kinds, only: wp
+    use tandem_mechanism_pair, only: add_block, columns, n_local, place_1, place_2, put_row, turn_1, turn_2
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, turned
+    use tandem_mechanism_vector, only: cross
+    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_dynamics_q, &
+        need_velocity_q
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, terms_type
+    use tandem_rigid_euler_parameters, only: e_product, e_transposed_gradient, e_transposed_product, g_transposed_product, &
+        skew, t_matrix
+    implicit none (type, external)
+    private
+
+    public :: glide_type, evaluate_glides, differentiate_glides, put_nonholonomic, turning_part, spinning_part, spin_of
+
+    type :: glide_type
+        !> The bodies, 0 for the ground, and the row of C.
+        integer :: first = 0, second = 0, row = 0
+        !> Whether it holds a way, else a turn.
+        logical :: is_way = .false.
+        !> a', s', and s' x a', of a turn a', in the second body's frame.
+        real(wp) :: axis(3) = 0.0_wp, point(3) = 0.0_wp, moment(3) = 0.0_wp
+        !> The number of the function whose rate is e, 0 for none.
+        integer :: motion = 0
+    end type glide_type
+
+contains
+
+    !> The k-th derivative along the motion of what a moment in the body's frame multiplies in the rates of the rotation.
+    pure function turning_part(body, k, moment) result(part)
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: k
+        real(wp), intent(in) :: moment(3)
+        real(wp) :: part(4)
+
+        part = 0.0_wp
+        if (body%n_turn == 4) then
+            part = 2*g_transposed_product(body%p(:, k), moment)
+        else if (body%n_turn == 1 .and. k == 0) then
+            part(1) = moment(3)
+        end if
+    end function turning_part
+
+    !> The same for a moment in the world's frame that does not change.
+    pure function spinning_part(body, k, moment) result(part)
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: k
+        real(wp), intent(in) :: moment(3)
+        real(wp) :: part(4)
+
+        part = 0.0_wp
+        if (body%n_turn == 4) then
+            part = 2*e_transposed_product(body%p(:, k), moment)
+        else if (body%n_turn == 1 .and. k == 0) then
+            part(1) = moment(3)
+        end if
+    end function spinning_part
+
+    !> The angular velocity in the world's frame, or where k is 1 its derivative.
+    pure function spin_of(body, k) result(w)
+        type(pose_type), intent(in) :: body
+        integer, intent(in) :: k
+        real(wp) :: w(3)
+
+        w = 0.0_wp
+        if (body%n_turn == 4) then
+            ! E(pd) pd = 0.
+            w = 2*e_product(body%p(:, 0), body%p(:, k + 1))
+        else if (body%n_turn == 1) then
+            w(3) = body%p(1, k + 1)
+        end if
+    end function spin_of
+
+    !> n with its first derivative.
+    pure subroutine lever(glide, one, two, last, a, d, n)
+        type(glide_type), intent(in) :: glide
+        type(pose_type), intent(in) :: one, two
+        integer, intent(in) :: last
+        !> a and D.
+        real(wp), intent(inout) :: a(3, 0:1), d(3, 0:1), n(3, 0:1)
+        integer :: k
+
+        do k = 0, last
+            a(:, k) = turned(two, k, glide%axis)
+            if (.not. glide%is_way) then
+                n(:, k) = a(:, k)
+                cycle
+            end if
+            d(:, k) = two%r(:, k) + turned(two, k, glide%point) - one%r(:, k)
+            n(:, k) = cross(d(:, 0), a(:, k))
+            if (k == 1) n(:, 1) = n(:, 1) + cross(d(:, 1), a(:, 0))
+        end do
+    end subroutine lever
+
+    !> Every row's part of the terms.
+    pure subroutine evaluate_glides(glides, need, pose, f, terms)
+        type(glide_type), intent(in) :: glides(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: a(3, 0:1), d(3, 0:1), n(3, 0:1), row(n_local), w(3)
+        integer :: i
+
+        if (iand(need, need_jacobian + need_gamma + need_nu) == 0) return
+        do i = 1, size(glides)
+            associate (glide => glides(i), one => pose(glides(i)%first), two => pose(glides(i)%second))
+                if (iand(need, need_jacobian + need_gamma) /= 0) &
+                    call lever(glide, one, two, merge(1, 0, iand(need, need_gamma) /= 0), a, d, n)
+                if (iand(need, need_jacobian) /= 0) then
+                    row = 0.0_wp
+                    if (glide%is_way) then
+                        row(place_1 + 1:place_1 + 3) = -a(:, 0)
+                        row(place_2 + 1:place_2 + 3) = a(:, 0)
+                    end if
+                    row(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 0, n(:, 0))
+                    row(turn_2 + 1:turn_2 + 4) = turning_part(two, 0, glide%moment)
+                    call put_row(columns(one, two), row, glide%row, terms%jacobian)
+                end if
+                if (iand(need, need_nu) /= 0) then
+                    terms%nu(glide%row) = 0.0_wp
+                    if (glide%motion > 0) terms%nu(glide%row) = f(1, glide%motion)
+                end if
+                if (iand(need, need_gamma) /= 0) then
+                    ! G(pd) pd = 0 and E(pd) pd = 0.
+                    w = spin_of(one, 0)
+                    terms%gamma(glide%row) = -sum(n(:, 1)*w)
+                    if (glide%is_way) terms%gamma(glide%row) = terms%gamma(glide%row) + &
+                        sum(a(:, 1)*(two%r(:, 1) - one%r(:, 1)))
+                    if (glide%motion > 0) terms%gamma(glide%row) = terms%gamma(glide%row) - f(2, glide%motion)
+                end if
+            end associate
+        end do
+    end subroutine evaluate_glides
+
+    !> Every row's part of the gradient blocks.
+    pure subroutine differentiate_glides(glides, need, pose, lambda, derivatives)
+        type(glide_type), intent(in) :: glides(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: a(3, 0:1), d(3, 0:1), n(3, 0:1), w(3, 0:1), v(3, 0:1), aw(3, 0:1), wd(3, 0:1), minus(3)
+        real(wp) :: v_q(n_local, 0:1), v_p(4, 0:1), e_rate(n_local), block(n_local, n_local), b_a(3, 4), b_n(3, 4), e_a(4, 3), &
+            column(3)
+        integer :: i, j, k, c(n_local)
+
+        do i = 1, size(glides)
+            associate (glide => glides(i), one => pose(glides(i)%first), two => pose(glides(i)%second))
+                c = columns(one, two)
+                call lever(glide, one, two, 1, a, d, n)
+                do k = 0, 1
+                    w(:, k) = spin_of(one, k)
+                    v(:, k) = two%r(:, k + 1) - one%r(:, k + 1)
+                end do
+                v_q = 0.0_wp
+                e_rate = 0.0_wp
+                e_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 1, n(:, 0)) - spinning_part(one, 0, n(:, 1))
+                e_rate(turn_2 + 1:turn_2 + 4) = turning_part(two, 1, glide%moment)
+                ! -n.w1 by p1, and m'.w2' by p2.
+                if (one%n_turn == 4) then
+                    v_q(turn_1 + 1:turn_1 + 4, 0) = spinning_part(one, 1, n(:, 0))
+                    v_q(turn_1 + 1:turn_1 + 4, 1) = spinning_part(one, 2, n(:, 0)) + spinning_part(one, 1, n(:, 1))
+                end if
+                v_p = 0.0_wp
+                if (two%n_turn == 4) then
+                    v_p(:, 0) = -turning_part(two, 1, glide%moment)
+                    v_p(:, 1) = -turning_part(two, 2, glide%moment)
+                end if
+                if (glide%is_way) then
+                    e_rate(place_1 + 1:place_1 + 3) = -a(:, 1)
+                    e_rate(place_2 + 1:place_2 + 3) = a(:, 1)
+                    ! n_q: -w1.(dD x a) = -dD.(a x w1), -w1.(D x da) = -da.(w1 x D).
+                    aw(:, 0) = cross(a(:, 0), w(:, 0))
+                    aw(:, 1) = cross(a(:, 1), w(:, 0)) + cross(a(:, 0), w(:, 1))
+                    wd(:, 0) = v(:, 0) - cross(w(:, 0), d(:, 0))
+                    wd(:, 1) = v(:, 1) - cross(w(:, 1), d(:, 0)) - cross(w(:, 0), d(:, 1))
+                    do k = 0, 1
+                        v_q(place_1 + 1:place_1 + 3, k) = aw(:, k)
+                        v_q(place_2 + 1:place_2 + 3, k) = -aw(:, k)
+                    end do
+                    call add_turned(two, glide%point, -aw, v_p)
+                    call add_turned(two, glide%axis, wd, v_p)
+                else
+                    call add_turned(two, glide%axis, -w, v_p)
+                end if
+                v_q(turn_2 + 1:turn_2 + 4, :) = v_p
+                call put_nonholonomic(need, glide%row, c, v_q(:, 0), v_q(:, 1), e_rate, derivatives)
+                if (iand(need, need_dynamics_q) == 0) cycle
+
+                ! The coefficients by q.
+                block = 0.0_wp
+                b_a = gradient_matrix(two, 0, glide%axis)
+                b_n = b_a
+                if (glide%is_way) then
+                    block(place_1 + 1:place_1 + 3, turn_2 + 1:turn_2 + 4) = -b_a
+                    block(place_2 + 1:place_2 + 3, turn_2 + 1:turn_2 + 4) = b_a
+                    b_n = matmul(skew(d(:, 0)), b_a) - matmul(skew(a(:, 0)), gradient_matrix(two, 0, glide%point))
+                    do j = 1, 3
+                        ! dD x a.
+                        column = 0.0_wp
+                        column(j) = 1.0_wp
+                        minus = cross(column, a(:, 0))
+                        e_a(:, j) = spinning_part(one, 0, minus)
+                    end do
+                    block(turn_1 + 1:turn_1 + 4, place_1 + 1:place_1 + 3) = e_a
+                    block(turn_1 + 1:turn_1 + 4, place_2 + 1:place_2 + 3) = -e_a
+                end if
+                do j = 1, 4
+                    block(turn_1 + 1:turn_1 + 4, turn_2 + j) = -spinning_part(one, 0, b_n(:, j))
+                end do
+                if (one%n_turn == 4) block(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -2*e_transposed_gradient(n(:, 0))
+                if (two%n_turn == 4) block(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = 2*t_matrix(glide%moment)
+                call add_block(c, lambda(glide%row), block, derivatives%dynamics_q)
+            end associate
+        end do
+    end subroutine differentiate_glides
+
+    !> Add x.(A s')_p with its derivative along the motion.
+    pure subroutine add_turned(body, s, x, v_p)
+        type(pose_type), intent(in) :: body
+        real(wp), intent(in) :: s(3), x(3, 0:1)
+        real(wp), intent(inout) :: v_p(4, 0:1)
+
+        v_p(:, 0) = v_p(:, 0) + gradient_of(body, 0, s, x(:, 0))
+        v_p(:, 1) = v_p(:, 1) + gradient_of(body, 1, s, x(:, 0)) + gradient_of(body, 0, s, x(:, 1))
+    end subroutine add_turned
+
+    !> The parts of a row V = E qd - e at velocity level in the three blocks of the constraints: V_q, its derivative along the
+    !> motion, and that of the row of E.
+    pure subroutine put_nonholonomic(need, row, c, v_q, v_q_rate, e_rate, derivatives)
+        integer, intent(in) :: need, row, c(n_local)
+        real(wp), intent(in) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)
+        type(derivatives_type), intent(inout) :: derivatives
+
+        if (iand(need, need_velocity_q) /= 0) call put_row(c, v_q, row, derivatives%velocity_q)
+        if (iand(need, need_acceleration_q) /= 0) call put_row(c, v_q_rate, row, derivatives%acceleration_q)
+        if (iand(need, need_acceleration_qd) /= 0) call put_row(c, v_q + e_rate, row, derivatives%acceleration_qd)
+    end subroutine put_nonholonomic
+end module tandem_mechanism_glide

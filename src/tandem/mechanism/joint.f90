@@ -1,0 +1,105 @@
+! SPDX-License-Identifier: MIT
+!> The joint primitive: a frame on each body, the same frame in the drawing, and for each of its six freedoms (in the plane three)
+!> whether it is free or held. Which of them a joint of a given name holds, and which one a motion may drive, is the table here.
+!>
+!> In space the freedoms are the ways along x1, y1, z1 and the turns about x, y, z. Turns are held by directions a1.b2 = 0: two
+!> held turns leave the third axis common, one held turn about z is a cross of x1 and y2 (a universal joint). In the plane they
+!> are the ways along x1 and y1 and the angle.
+module tandem_mechanism_joint
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: kind_type, joint_type, find_kind, kind_names, name_length, free
+
+    !> Length of the names of bodies, points and other elements.
+    integer, parameter :: name_length = 20
+    !> Freedoms of a joint in the drawing's space.
+    logical, parameter :: free = .false.
+
+    !> What a joint of some name holds.
+    type :: kind_type
+        character(len=16) :: name
+        !> Whether each of the six freedoms is held, or of the three in the plane.
+        logical :: held(6)
+        !> The freedom that a motion drives, 0 for none.
+        integer :: driven
+        !> Whether an axis has to be given.
+        logical :: has_axis
+    end type kind_type
+
+    !> A joint as it was added.
+    type :: joint_type
+        character(len=name_length) :: name = ''
+        type(kind_type) :: kind
+        !> The bodies, 0 for the ground, and the joint's frame on each in that body's own: point, and axes in columns.
+        integer :: first = 0, second = 0
+        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp, axes2(3, 3) = 0.0_wp
+        !> The freedoms that are held at velocity level.
+        logical :: glides(6) = .false.
+        !> Its rows of C at position level.
+        integer :: row = 0, n_rows = 0
+        !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
+        integer :: turn = 0, way = 0
+    end type joint_type
+
+    logical, parameter :: o = .true.
+    type(kind_type), parameter :: in_space(11) = [ &
+        kind_type('fixed', [o, o, o, o, o, o], 0, .false.), &
+        kind_type('revolute', [o, o, o, o, o, free], 6, .true.), &
+        kind_type('prismatic', [o, o, free, o, o, o], 3, .true.), &
+        kind_type('cylindrical', [o, o, free, o, o, free], 0, .true.), &
+        kind_type('spherical', [o, o, o, free, free, free], 0, .false.), &
+        kind_type('universal', [o, o, o, free, free, o], 0, .true.), &
+        kind_type('screw', [o, o, free, o, o, free], 0, .true.), &
+        kind_type('primitive', free, 0, .false.), &
+        kind_type('planar', [free, free, o, o, o, free], 0, .true.), &
+        kind_type('point_on_line', [o, o, free, free, free, free], 3, .true.), &
+        kind_type('point_on_plane', [free, free, o, free, free, free], 0, .true.)]
+    type(kind_type), parameter :: in_plane(5) = [ &
+        kind_type('fixed', [o, o, o, free, free, free], 0, .false.), &
+        kind_type('revolute', [o, o, free, free, free, free], 3, .false.), &
+        kind_type('prismatic', [free, o, o, free, free, free], 1, .true.), &
+        kind_type('point_on_line', [free, o, free, free, free, free], 1, .true.), &
+        kind_type('primitive', free, 0, .false.)]
+
+contains
+
+    !> The kind of a name; its own name is empty where there is none.
+    pure function find_kind(name, planar) result(kind)
+        character(len=*), intent(in) :: name
+        logical, intent(in) :: planar
+        type(kind_type) :: kind
+        integer :: i
+
+        kind = kind_type('', free, 0, .false.)
+        if (planar) then
+            do i = 1, size(in_plane)
+                if (in_plane(i)%name == name) kind = in_plane(i)
+            end do
+        else
+            do i = 1, size(in_space)
+                if (in_space(i)%name == name) kind = in_space(i)
+            end do
+        end if
+    end function find_kind
+
+    !> The names that there are, for messages.
+    pure function kind_names(planar) result(names)
+        logical, intent(in) :: planar
+        character(len=160) :: names
+        integer :: i
+
+        names = ''
+        if (planar) then
+            do i = 1, size(in_plane)
+                names = trim(names)//merge(',', ' ', i > 1)//' '//in_plane(i)%name
+            end do
+        else
+            do i = 1, size(in_space)
+                names = trim(names)//merge(',', ' ', i > 1)//' '//in_space(i)%name
+            end do
+        end if
+        names = adjustl(names)
+    end function kind_names
+end module tandem_mechanism_joint

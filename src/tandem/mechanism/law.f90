@@ -1,0 +1,136 @@
+! SPDX-License-Identifier: MIT
+!> Laws of forces along a coordinate, such as the length of a spring or the angle of a joint: f(t, x, xd), with its derivatives by
+!> x and xd, which is all that the gradient blocks need.
+module tandem_mechanism_law
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_piecewise, only: piecewise_type
+    use tandem_mechanism_table_function, only: table_type
+    implicit none (type, external)
+    private
+
+    public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law
+
+    !> A law; extend it for another one.
+    type, abstract :: law_type
+    contains
+        procedure(evaluate_interface), deferred :: evaluate
+        !> Only of a law with kinks in time: where they are, and the smooth piece that is held.
+        procedure :: find_kinks => find_no_kinks
+        procedure :: hold => hold_nothing
+    end type law_type
+
+    abstract interface
+        !> The force and its derivatives.
+        pure subroutine evaluate_interface(self, t, x, v, f)
+            import :: law_type, wp
+            implicit none (type, external)
+            class(law_type), intent(in) :: self
+            !> Time (s), coordinate (m or rad) and its rate.
+            real(wp), intent(in) :: t, x, v
+            !> f (N or N m), f_x and f_v.
+            real(wp), intent(out) :: f(0:2)
+        end subroutine evaluate_interface
+    end interface
+
+    !> One of a list of laws.
+    type :: law_item_type
+        class(law_type), allocatable :: law
+    end type law_item_type
+
+    !> An expression of time, coordinate and rate.
+    type, extends(law_type) :: expression_law_type
+        type(piecewise_type) :: pieces
+    contains
+        procedure :: evaluate => evaluate_expression
+        procedure :: find_kinks => find_expression_kinks
+        procedure :: hold => hold_expression
+    end type expression_law_type
+
+    !> A table over the coordinate.
+    type, extends(law_type) :: table_law_type
+        type(table_type) :: table
+    contains
+        procedure :: evaluate => evaluate_table
+    end type table_law_type
+
+contains
+
+    !> None.
+    subroutine find_no_kinks(self, from, to, places, orders, error)
+        class(law_type), intent(in) :: self
+        !> The interval of time; its ends do not count (s).
+        real(wp), intent(in) :: from, to
+        !> The times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
+        real(wp), allocatable, intent(out) :: places(:)
+        integer, allocatable, intent(out) :: orders(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        allocate (places(0), orders(0))
+    end subroutine find_no_kinks
+
+    !> A law without kinks in time is one piece.
+    pure subroutine hold_nothing(self, t)
+        class(law_type), intent(inout) :: self
+        !> A time within the piece, which is no kink (s).
+        real(wp), intent(in) :: t
+    end subroutine hold_nothing
+
+    !> The law of a parsed expression of the variables time, coordinate, rate, in this order.
+    function expression_law(expression) result(law)
+        type(expression_type), intent(in) :: expression
+        type(expression_law_type) :: law
+
+        call law%pieces%initialize(expression, 1)
+    end function expression_law
+
+    !> The law of a table over the coordinate.
+    function table_law(table) result(law)
+        type(table_type), intent(in) :: table
+        type(table_law_type) :: law
+
+        law%table = table
+    end function table_law
+
+    pure subroutine evaluate_expression(self, t, x, v, f)
+        class(expression_law_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp), intent(out) :: f(0:2)
+        real(wp) :: gradient(3), variables(3)
+
+        variables(1) = t
+        variables(2) = x
+        variables(3) = v
+        call self%pieces%evaluate_gradient(variables, f(0), gradient)
+        f(1) = gradient(2)
+        f(2) = gradient(3)
+    end subroutine evaluate_expression
+
+    subroutine find_expression_kinks(self, from, to, places, orders, error)
+        class(expression_law_type), intent(in) :: self
+        real(wp), intent(in) :: from, to
+        real(wp), allocatable, intent(out) :: places(:)
+        integer, allocatable, intent(out) :: orders(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        call self%pieces%find_kinks(from, to, places, orders, error)
+    end subroutine find_expression_kinks
+
+    pure subroutine hold_expression(self, t)
+        class(expression_law_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+
+        call self%pieces%hold(t)
+    end subroutine hold_expression
+
+    pure subroutine evaluate_table(self, t, x, v, f)
+        class(table_law_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp), intent(out) :: f(0:2)
+        real(wp) :: curvature
+
+        call self%table%evaluate(x, f(0), f(1), curvature)
+        f(2) = 0.0_wp
+    end subroutine evaluate_table
+end module tandem_mechanism_law

@@ -1,0 +1,537 @@
+! SPDX-License-Identifier: MIT
+!> A mechanism as a model: what was drawn by words (`tandem_mechanism_drawing`) becomes coordinates, rows and forces, with a gamma
+!> and gradient blocks that are exact.
+!>
+!> q holds the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the place alone for a point mass.
+!> Rows: the joints and distances as they were added, one for the Euler parameters of each turning body, then those at velocity
+!> level.
+!> Every body's rotation and every function of time is computed once a point; then a loop over the elements of each type.
+module tandem_mechanism
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
+    use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
+    use tandem_mechanism_drawing, only: drawing_type
+    use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
+        differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
+    use tandem_mechanism_load, only: add_loads, differentiate_loads
+    use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
+    use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
+    use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
+    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
+    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
+    use tandem_model, only: label_length, model_type, quantity_type
+    use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
+        need_dynamics_q, need_dynamics_qd, need_velocity_q
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use tandem_pack, only: pack_type
+    use tandem_rigid_euler_parameters, only: e_transposed_product
+    use tandem_status, only: status_invalid_model
+    implicit none (type, external)
+    private
+
+    public :: mechanism_type
+
+    !> Add bodies, joints and forces, call `define`, then `start` gives the state of the drawing.
+    type, extends(drawing_type) :: mechanism_type
+        !> The bodies' poses at the last point, 0 the ground; values and derivatives of the functions of time.
+        type(pose_type), allocatable, private :: pose(:)
+        real(wp), allocatable, private :: f(:, :)
+        !> The force of gravity (n).
+        real(wp), allocatable, private :: weight(:)
+        !> Rows of the Euler parameters begin after this one, and bodies that have them.
+        integer, private :: before_norms = 0
+        integer, allocatable, private :: turning(:)
+        !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
+        logical, private :: is_defined = .false.
+        !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
+        integer, private :: held_segment = 0
+    contains
+        procedure :: define
+        procedure :: start
+        procedure :: pack_state
+    end type mechanism_type
+
+contains
+
+    !> Number the coordinates and rows, and associate the procedures. Nothing may be added afterwards.
+    subroutine define(self, error)
+        class(mechanism_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: n_bodies
+
+        n_bodies = 0
+        if (allocated(self%bodies)) n_bodies = size(self%bodies)
+        if (n_bodies == 0) then
+            call set_error(error, status_invalid_model, 'the mechanism has no body', 'add one')
+            return
+        else if (self%is_defined) then
+            call set_error(error, status_invalid_model, 'the mechanism was defined before', 'define it once, after all was added')
+            return
+        end if
+        call find_breakpoints(self, error)
+        if (allocated(error)) return
+        self%is_defined = .true.
+        if (.not. allocated(self%name)) self%name = 'mechanism'
+        call number_coordinates(self)
+        call name_rows(self)
+        allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
+        self%constant_mass = self%planar .or. size(self%turning) == 0
+        self%evaluate => evaluate
+        self%provides = need_mass + need_force
+        if (self%n_holonomic > 0) self%provides = self%provides + need_phi
+        if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
+        if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
+            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%rate_rows%rhs] > 0)) then
+          self%provides = self%provides + need_nu
+        end if
+        self%evaluate_derivatives => evaluate_derivatives
+        self%provides_derivatives = need_all_derivatives
+        self%potential_energy => potential_energy
+        call list_quantities(self)
+    end subroutine define
+
+    !> What the sensors give.
+    subroutine list_quantities(self)
+        class(mechanism_type), intent(inout) :: self
+        integer :: i
+
+        if (size(self%sensors) == 0) return
+        self%measure => measure
+        allocate (self%quantities(0))
+        do i = 1, size(self%sensors)
+            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
+        end do
+        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
+    end subroutine list_quantities
+
+    !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
+    subroutine find_breakpoints(self, error)
+        class(mechanism_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: places(:), kinks(:)
+        integer, allocatable :: orders(:)
+        logical, allocatable :: jumps(:)
+        real(wp) :: first
+        integer :: i, k, n
+
+        allocate (kinks(0), jumps(0))
+        do i = 1, size(self%motions)
+            associate (motion => self%motions(i))
+                call motion%f%find_kinks(self%times(1), self%times(2), places, orders, error)
+                if (allocated(error)) return
+                if (any(orders < motion%jump_order)) then
+                    call set_error(error, status_invalid_model, 'the motion of '//trim(motion%name)//' jumps at t = '// &
+                        to_text(places(findloc(orders, 0, dim=1))), 'let it be continuous: a smooth_step does what a step does')
+                    return
+                end if
+                kinks = [kinks, places]
+                jumps = [jumps, orders == motion%jump_order]
+            end associate
+        end do
+        do i = 1, size(self%laws)
+            call self%laws(i)%law%find_kinks(self%times(1), self%times(2), places, orders, error)
+            if (allocated(error)) return
+            kinks = [kinks, places]
+            jumps = [jumps, spread(.false., 1, size(places))]
+        end do
+        do i = 1, size(self%formulas)
+            call self%formulas(i)%pieces%find_kinks(self%times(1), self%times(2), places, orders, error)
+            if (allocated(error)) return
+            kinks = [kinks, places]
+            jumps = [jumps, spread(.false., 1, size(places))]
+        end do
+        if (size(kinks) == 0) return
+
+        ! In their order; those that differ by rounding alone are one.
+        allocate (self%breakpoints(size(kinks)), self%nu_jumps(size(kinks)))
+        n = 0
+        do while (any(kinks < huge(first)))
+            k = minloc(kinks, dim=1)
+            first = kinks(k)
+            n = n + 1
+            self%breakpoints(n) = first
+            associate (same => kinks - first <= 1.0e-12_wp*max(abs(first), self%times(2) - self%times(1)))
+                self%nu_jumps(n) = any(same .and. jumps)
+                where (same) kinks = huge(first)
+            end associate
+        end do
+        self%breakpoints = self%breakpoints(:n)
+        self%nu_jumps = self%nu_jumps(:n)
+    end subroutine find_breakpoints
+
+    !> Let the functions hold the smooth pieces of the current segment.
+    pure subroutine hold_segment(self)
+        class(mechanism_type), intent(inout) :: self
+        real(wp) :: ends(2), t
+        integer :: i
+
+        self%held_segment = self%segment
+        if (.not. allocated(self%breakpoints)) return
+        ends = self%times
+        if (self%segment > 1) ends(1) = self%breakpoints(self%segment - 1)
+        if (self%segment <= size(self%breakpoints)) ends(2) = self%breakpoints(self%segment)
+        t = sum(ends)/2
+        do i = 1, size(self%motions)
+            call self%motions(i)%f%hold(t)
+        end do
+        do i = 1, size(self%laws)
+            call self%laws(i)%law%hold(t)
+        end do
+        do i = 1, size(self%formulas)
+            call self%formulas(i)%pieces%hold(t)
+        end do
+    end subroutine hold_segment
+
+    !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
+    subroutine number_coordinates(self)
+        class(mechanism_type), intent(inout) :: self
+        character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
+        integer :: i, k, n
+
+        if (allocated(self%pose)) deallocate (self%pose)
+        allocate (self%pose(0:size(self%bodies)))
+        self%coordinate_name = [character(len=label_length) ::]
+        self%coordinate_unit = [character(len=label_length) ::]
+        self%mass_blocks = [integer ::]
+        self%turning = [integer ::]
+        n = 0
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i), body => self%bodies(i))
+                pose%n_place = merge(2, 3, self%planar)
+                pose%place = n + 1
+                do k = 1, pose%n_place
+                    call add_coordinate(trim(body%name)//'.'//place(k), 'm', 1)
+                end do
+                if (.not. body%turns) cycle
+                pose%turn = n + 1
+                if (self%planar) then
+                    pose%n_turn = 1
+                    call add_coordinate(trim(body%name)//'.angle', 'rad', 1)
+                else
+                    pose%n_turn = 4
+                    do k = 1, 4
+                        call add_coordinate(trim(body%name)//'.'//turn(k), '1', merge(4, 0, k == 1))
+                    end do
+                    self%turning = [self%turning, i]
+                end if
+            end associate
+        end do
+        self%n = n
+        allocate (self%weight(n), source=0.0_wp)
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i))
+                self%weight(pose%place:pose%place + pose%n_place - 1) = self%bodies(i)%mass*self%gravity(:pose%n_place)
+            end associate
+        end do
+
+    contains
+
+        !> One coordinate more, and the block of M that begins there, 0 for none.
+        subroutine add_coordinate(name, unit, block)
+            character(len=*), intent(in) :: name, unit
+            integer, intent(in) :: block
+
+            n = n + 1
+            self%coordinate_name = [character(len=label_length) :: self%coordinate_name, name]
+            self%coordinate_unit = [character(len=label_length) :: self%coordinate_unit, unit]
+            if (block > 0) self%mass_blocks = [self%mass_blocks, block]
+        end subroutine add_coordinate
+    end subroutine number_coordinates
+
+    !> Rows and their names; those at velocity level come behind all others.
+    subroutine name_rows(self)
+        class(mechanism_type), intent(inout) :: self
+        integer :: i
+
+        self%before_norms = size(self%held_name)
+        self%n_holonomic = self%before_norms + size(self%turning)
+        self%n_nonholonomic = size(self%rolling_name)
+        self%holonomic_name = [character(len=label_length) :: self%held_name, &
+            (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
+        self%nonholonomic_name = self%rolling_name
+        self%multiplier_unit = [character(len=label_length) :: self%held_unit, ('J', i=1, size(self%turning)), &
+            self%rolling_unit]
+        self%glides%row = self%glides%row + self%n_holonomic
+        self%rate_rows%row = self%rate_rows%row + self%n_holonomic
+        self%edges%row = self%edges%row + self%n_holonomic
+        self%rollers%row = self%rollers%row + self%n_holonomic
+    end subroutine name_rows
+
+    !> The state of the drawing; `define` was called.
+    subroutine start(self, q, qd)
+        class(mechanism_type), intent(in) :: self
+        !> Coordinates and velocities (n).
+        real(wp), intent(out) :: q(:), qd(:)
+        integer :: i
+
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i), body => self%bodies(i))
+                q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
+                qd(pose%place:pose%place + pose%n_place - 1) = body%velocity(:pose%n_place)
+                if (pose%n_turn == 1) then
+                    q(pose%turn) = body%angle
+                    qd(pose%turn) = body%omega(3)
+                else if (pose%n_turn == 4) then
+                    q(pose%turn:pose%turn + 3) = body%p
+                    qd(pose%turn:pose%turn + 3) = 0.5_wp*e_transposed_product(body%p, body%omega)
+                end if
+            end associate
+        end do
+    end subroutine start
+
+    !> Any set of terms.
+    subroutine evaluate(self, need, t, q, qd, terms, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(out) :: stat
+
+        stat = 0
+        select type (self)
+        class is (mechanism_type)
+            call evaluate_mechanism(self, need, t, q, qd, terms, stat)
+        end select
+    end subroutine evaluate
+
+    subroutine evaluate_mechanism(self, need, t, q, qd, terms, stat)
+        type(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        integer, intent(inout) :: stat
+        integer :: i, k
+
+        if (self%segment /= self%held_segment) call hold_segment(self)
+        do i = 1, size(self%bodies)
+            call set_place(self%pose(i), q)
+        end do
+        if (iand(need, need_gamma + need_force) /= 0) then
+            do i = 1, size(self%bodies)
+                call set_rates(self%pose(i), qd)
+            end do
+        end if
+        do i = 1, size(self%motions)
+            call self%motions(i)%f%evaluate(t, self%f(:, i))
+        end do
+        if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
+            if (iand(need, need_jacobian) /= 0) terms%jacobian = 0.0_wp
+            if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
+            if (size(self%meetings) > 0) call evaluate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, terms)
+            if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
+            if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
+            if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
+            if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
+            if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
+            if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
+            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
+                self%coordinates, terms)
+            do i = 1, size(self%turning)
+                k = self%before_norms + i
+                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
+                    if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
+                    if (iand(need, need_jacobian) /= 0) terms%jacobian(k, turn:turn + 3) = p(:, 0)
+                    if (iand(need, need_gamma) /= 0) terms%gamma(k) = p(1, 1)**2 + p(2, 1)**2 + p(3, 1)**2 + p(4, 1)**2
+                end associate
+            end do
+        end if
+        if (iand(need, need_mass) /= 0) then
+            terms%mass = 0.0_wp
+            do i = 1, size(self%bodies)
+                call set_mass(self%bodies(i), self%pose(i), self%n, terms%mass)
+            end do
+        end if
+        if (iand(need, need_force) == 0) return
+        do i = 1, self%n
+            terms%force(i) = self%weight(i)
+        end do
+        do i = 1, size(self%turning)
+            call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
+        end do
+        if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
+        if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%pose, self%f, self%laws, terms%force)
+        if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)
+        if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
+    end subroutine evaluate_mechanism
+
+    !> Angles in the plane: linear rows.
+    subroutine evaluate_angles(self, need, terms)
+        type(mechanism_type), intent(in) :: self
+        integer, intent(in) :: need
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: f(0:2)
+        integer :: i
+
+        do i = 1, size(self%angles)
+            associate (angle => self%angles(i), one => self%pose(self%angles(i)%first), two => self%pose(self%angles(i)%second))
+                f = 0.0_wp
+                if (angle%motion > 0) f = self%f(:, angle%motion)
+                if (iand(need, need_phi) /= 0) terms%phi(angle%row) = two%p(1, 0) - one%p(1, 0) - angle%offset - f(0)
+                if (iand(need, need_jacobian) /= 0) then
+                    if (one%turn > 0) terms%jacobian(angle%row, one%turn) = -1.0_wp
+                    if (two%turn > 0) terms%jacobian(angle%row, two%turn) = 1.0_wp
+                end if
+                if (iand(need, need_nu) /= 0) terms%nu(angle%row) = f(1)
+                if (iand(need, need_gamma) /= 0) terms%gamma(angle%row) = -f(2)
+            end associate
+        end do
+    end subroutine evaluate_angles
+
+    !> The five gradient blocks.
+    subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        stat = 0
+        if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q = 0.0_wp
+        if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q = 0.0_wp
+        if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd = 0.0_wp
+        if (iand(need, need_dynamics_q) /= 0) derivatives%dynamics_q = 0.0_wp
+        if (iand(need, need_dynamics_qd) /= 0) derivatives%dynamics_qd = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            call differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
+        end select
+    end subroutine evaluate_derivatives
+
+    subroutine differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
+        type(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer :: i, j, k
+
+        if (self%segment /= self%held_segment) call hold_segment(self)
+        do i = 1, size(self%bodies)
+            call set_place(self%pose(i), q)
+            call set_rates(self%pose(i), qd)
+            call set_curve(self%pose(i), qdd)
+        end do
+        do i = 1, size(self%motions)
+            call self%motions(i)%f%evaluate(t, self%f(:, i))
+        end do
+        call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
+        call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
+        call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
+        call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
+        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
+            derivatives)
+        do i = 1, size(self%turning)
+            k = self%before_norms + i
+            associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
+                if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(k, turn:turn + 3) = p(:, 1)
+                if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(k, turn:turn + 3) = p(:, 2)
+                if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(k, turn:turn + 3) = 2*p(:, 1)
+                if (iand(need, need_dynamics_q) /= 0) then
+                    do j = turn, turn + 3
+                        derivatives%dynamics_q(j, j) = derivatives%dynamics_q(j, j) + lambda(k)
+                    end do
+                end if
+            end associate
+        end do
+        if (iand(need, need_dynamics_q + need_dynamics_qd) == 0) return
+        do i = 1, size(self%turning)
+            call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
+        end do
+        call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_bushings(self%bushings, need, self%pose, derivatives)
+        call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
+    end subroutine differentiate_mechanism
+
+    !> V of gravity, and of what springs and bushings have by numbers; laws have none.
+    subroutine potential_energy(self, t, q, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+        real(wp) :: energy
+        integer :: i
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            do i = 1, size(self%bodies)
+                call set_place(self%pose(i), q)
+            end do
+            value = -dot_product(self%weight, q)
+            do i = 1, size(self%springs)
+                value = value + spring_energy(self%springs(i), self%pose)
+            end do
+            do i = 1, size(self%torsions)
+                call torsion_energy(self%torsions(i), self%pose, energy)
+                value = value + energy
+            end do
+            do i = 1, size(self%bushings)
+                call bushing_energy(self%bushings(i), self%pose, energy)
+                value = value + energy
+            end do
+        end select
+    end subroutine potential_energy
+
+    !> What the sensors show.
+    subroutine measure(self, t, q, qd, qdd, values, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: values(:)
+        integer, intent(out) :: stat
+        real(wp) :: energies(2)
+        integer :: i, n, width
+
+        stat = 0
+        energies = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            do i = 1, size(self%bodies)
+                call set_place(self%pose(i), q)
+                call set_rates(self%pose(i), qd)
+                call set_curve(self%pose(i), qdd)
+            end do
+            if (any(self%sensors%kind == sensed_energy)) then
+                do i = 1, size(self%bodies)
+                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+                end do
+                call potential_energy(self, t, q, energies(2), stat)
+            end if
+            n = 0
+            do i = 1, size(self%sensors)
+                width = width_of_sensor(self%sensors(i))
+                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
+                n = n + width
+            end do
+        end select
+    end subroutine measure
+
+    !> The angles from which turns are counted.
+    subroutine pack_state(self, pack)
+        class(mechanism_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i, k
+
+        do i = 1, size(self%torsions)
+            call pack%item(self%torsions(i)%coordinate%last)
+        end do
+        do i = 1, size(self%coordinates)
+            call pack%item(self%coordinates(i)%last)
+        end do
+        do i = 1, size(self%couplings)
+            do k = 1, self%couplings(i)%n
+                call pack%item(self%couplings(i)%coordinates(k)%last)
+            end do
+        end do
+        do i = 1, size(self%sensors)
+            call pack_sensor(self%sensors(i), pack)
+        end do
+    end subroutine pack_state
+end module tandem_mechanism

@@ -1,0 +1,191 @@
+! SPDX-License-Identifier: MIT
+!> Where a body is, and how that changes: its place and its rotation with their first and second derivatives along a motion, made
+!> once a point and used by every element on the body.
+!>
+!> Planar and spatial bodies look alike from outside: vectors have three components (the third is zero in the plane), and a turning
+!> body has one or four coordinates for it. What depends on that is here and nowhere else: A a, its gradient with respect
+!> to these coordinates, and its second gradient. The ground, and a point mass, have none of them.
+module tandem_mechanism_pose
+    use tandem_kinds, only: wp
+    use tandem_rigid_euler_parameters, only: b_matrix, b_row, k_matrix, rotation, rotation_rate
+    implicit none (type, external)
+    private
+
+    public :: pose_type, turned, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
+
+    !> A body's pose; as it is declared, that of the ground.
+    type :: pose_type
+        !> How many coordinates the place has (0, 2 or 3), and how many the rotation (0, 1 or 4).
+        integer :: n_place = 0, n_turn = 0
+        !> The first column of either, 0 for none.
+        integer :: place = 0, turn = 0
+        !> Place, angle or Euler parameters, with first and second derivatives.
+        real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
+        !> The rotation from the body's frame to the world's, with first and second derivatives.
+        real(wp) :: a(3, 3, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
+            0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+            0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3, 3])
+    end type pose_type
+
+contains
+
+    !> The pose at q.
+    pure subroutine set_place(self, q)
+        type(pose_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        real(wp) :: c, s
+
+        if (self%n_place == 3) then
+            self%r(1, 0) = q(self%place)
+            self%r(2, 0) = q(self%place + 1)
+            self%r(3, 0) = q(self%place + 2)
+        else if (self%n_place == 2) then
+            self%r(1, 0) = q(self%place)
+            self%r(2, 0) = q(self%place + 1)
+        end if
+        if (self%n_turn == 4) then
+            self%p(1, 0) = q(self%turn)
+            self%p(2, 0) = q(self%turn + 1)
+            self%p(3, 0) = q(self%turn + 2)
+            self%p(4, 0) = q(self%turn + 3)
+            self%a(:, :, 0) = rotation(self%p(:, 0))
+        else if (self%n_turn == 1) then
+            self%p(1, 0) = q(self%turn)
+            c = cos(self%p(1, 0))
+            s = sin(self%p(1, 0))
+            self%a(1, 1, 0) = c
+            self%a(2, 1, 0) = s
+            self%a(1, 2, 0) = -s
+            self%a(2, 2, 0) = c
+        end if
+    end subroutine set_place
+
+    !> First derivatives along qd, and what the second ones are without qdd.
+    pure subroutine set_rates(self, qd)
+        type(pose_type), intent(inout) :: self
+        real(wp), intent(in) :: qd(:)
+        integer :: i
+        real(wp) :: w
+
+        do i = 1, self%n_place
+            self%r(i, 1) = qd(self%place + i - 1)
+            self%r(i, 2) = 0.0_wp
+        end do
+        if (self%n_turn == 4) then
+            do i = 1, 4
+                self%p(i, 1) = qd(self%turn + i - 1)
+                self%p(i, 2) = 0.0_wp
+            end do
+            self%a(:, :, 1) = rotation_rate(self%p(:, 0), self%p(:, 1))
+            ! A is quadratic in p: what is left of its second derivative is 2 A(pd).
+            self%a(:, :, 2) = 2*rotation(self%p(:, 1))
+        else if (self%n_turn == 1) then
+            w = qd(self%turn)
+            self%p(1, 1) = w
+            self%p(1, 2) = 0.0_wp
+            call set_plane(self%a(:, :, 1), -w*self%a(2, 1, 0), w*self%a(1, 1, 0))
+            call set_plane(self%a(:, :, 2), -w*w*self%a(1, 1, 0), -w*w*self%a(2, 1, 0))
+        end if
+    end subroutine set_rates
+
+    !> Second derivatives with qdd; the first ones are there.
+    pure subroutine set_curve(self, qdd)
+        type(pose_type), intent(inout) :: self
+        real(wp), intent(in) :: qdd(:)
+        integer :: i
+        real(wp) :: w
+
+        do i = 1, self%n_place
+            self%r(i, 2) = qdd(self%place + i - 1)
+        end do
+        if (self%n_turn == 4) then
+            do i = 1, 4
+                self%p(i, 2) = qdd(self%turn + i - 1)
+            end do
+            self%a(:, :, 2) = 2*rotation(self%p(:, 1)) + rotation_rate(self%p(:, 0), self%p(:, 2))
+        else if (self%n_turn == 1) then
+            w = qdd(self%turn)
+            self%p(1, 2) = w
+            associate (c => self%a(1, 1, 0), s => self%a(2, 1, 0), square => self%p(1, 1)**2)
+                call set_plane(self%a(:, :, 2), -square*c - w*s, w*c - square*s)
+            end associate
+        end if
+    end subroutine set_curve
+
+    !> [c, -s; s, c] in the plane.
+    pure subroutine set_plane(a, c, s)
+        real(wp), intent(inout) :: a(3, 3)
+        real(wp), intent(in) :: c, s
+
+        a(1, 1) = c
+        a(2, 1) = s
+        a(1, 2) = -s
+        a(2, 2) = c
+    end subroutine set_plane
+
+    !> A a, or a derivative of it, for a fixed a in the body's frame.
+    pure function turned(self, k, a) result(v)
+        type(pose_type), intent(in) :: self
+        !> Which derivative, 0 for none.
+        integer, intent(in) :: k
+        real(wp), intent(in) :: a(3)
+        real(wp) :: v(3)
+
+        v(1) = self%a(1, 1, k)*a(1) + self%a(1, 2, k)*a(2) + self%a(1, 3, k)*a(3)
+        v(2) = self%a(2, 1, k)*a(1) + self%a(2, 2, k)*a(2) + self%a(2, 3, k)*a(3)
+        v(3) = self%a(3, 1, k)*a(1) + self%a(3, 2, k)*a(2) + self%a(3, 3, k)*a(3)
+    end function turned
+
+    !> n' (A a)_p for a fixed n; in the plane the first entry alone counts. The k-th derivative of (A a)_p along the motion, where
+    !> k is not 0.
+    pure function gradient_of(self, k, a, n) result(row)
+        type(pose_type), intent(in) :: self
+        integer, intent(in) :: k
+        !> In the body's frame, and in the world's.
+        real(wp), intent(in) :: a(3), n(3)
+        real(wp) :: row(4)
+
+        select case (self%n_turn)
+        case (4)
+            ! It is linear in p.
+            row = b_row(self%p(:, k), a, n)
+        case (1)
+            row(1) = (self%a(1, 1, k)*a(1) + self%a(1, 2, k)*a(2))*n(2) - (self%a(2, 1, k)*a(1) + self%a(2, 2, k)*a(2))*n(1)
+            row(2:4) = 0.0_wp
+        case default
+            row = 0.0_wp
+        end select
+    end function gradient_of
+
+    !> (A a)_p (3, 4), or its k-th derivative along the motion; columns that there are not are zero.
+    pure function gradient_matrix(self, k, a) result(b)
+        type(pose_type), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp), intent(in) :: a(3)
+        real(wp) :: b(3, 4), v(3)
+
+        b = 0.0_wp
+        if (self%n_turn == 4) then
+            b = b_matrix(self%p(:, k), a)
+        else if (self%n_turn == 1) then
+            v = turned(self, k, a)
+            b(1, 1) = -v(2)
+            b(2, 1) = v(1)
+        end if
+    end function gradient_matrix
+
+    !> (n' A a)_pp (4, 4), symmetric.
+    pure function second_gradient(self, a, n) result(h)
+        type(pose_type), intent(in) :: self
+        real(wp), intent(in) :: a(3), n(3)
+        real(wp) :: h(4, 4), v(3)
+
+        h = 0.0_wp
+        if (self%n_turn == 4) then
+            h = k_matrix(a, n)
+        else if (self%n_turn == 1) then
+            v = turned(self, 0, a)
+            h(1, 1) = -(v(1)*n(1) + v(2)*n(2))
+        end if
+    end function second_gradient
+end module tandem_mechanism_pose

@@ -1,0 +1,277 @@
+! SPDX-License-Identifier: MIT
+!> Repeated elements: `repeat.bay.count` = "n", `repeat.bay.index` = "i", and below `repeat.bay` elements as they stand elsewhere,
+!> with `{i}` or `{i - 1}` in names and texts, and i in expressions. Each copy becomes elements of its own.
+module tandem_mechanism_repetition
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, number_value, text_value, value_type
+    use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
+    use tandem_status, only: status_invalid_model
+    implicit none (type, external)
+    private
+
+    public :: repeat_elements
+
+    !> Most elements that a repetition may make, so that a wrong count ends with an error.
+    integer, parameter :: most = 100000
+
+contains
+
+    !> The length of the first parts of a key, of all of it where it has no more. Dots in braces do not count.
+    pure integer function length_of(key, n_parts) result(length)
+        character(len=*), intent(in) :: key
+        integer, intent(in) :: n_parts
+        integer :: n, depth
+
+        n = 0
+        depth = 0
+        do length = 0, len(key) - 1
+            if (key(length + 1:length + 1) == '{') depth = depth + 1
+            if (key(length + 1:length + 1) == '}') depth = depth - 1
+            if (key(length + 1:length + 1) == '.' .and. depth <= 0) n = n + 1
+            if (n == n_parts) return
+        end do
+        length = len(key)
+    end function length_of
+
+    !> The first parts of a key, all of it where it has no more.
+    pure function heading(key, n_parts) result(head)
+        character(len=*), intent(in) :: key
+        integer, intent(in) :: n_parts
+        character(len=length_of(key, n_parts)) :: head
+
+        head = key
+    end function heading
+
+    !> Entries in which nothing is repeated. What `repeat` says of itself is left in `repeats`, with its defaults.
+    subroutine repeat_elements(entries, names, values, expanded, repeats, error, place)
+        type(entries_type), intent(in) :: entries
+        !> Parameters.
+        character(len=*), intent(in) :: names(:)
+        real(wp), intent(in) :: values(:)
+        type(entries_type), intent(out) :: expanded, repeats
+        type(error_type), allocatable, intent(out) :: error
+        !> The place of the entry that the error is about, 0 for none.
+        integer, intent(out) :: place
+        character(len=:), allocatable :: head
+        integer :: i
+
+        place = 0
+        do i = 1, entries%n
+            associate (entry => entries%list(i))
+                if (index(entry%key, 'repeat.') /= 1) then
+                    call expanded%append(entry)
+                    cycle
+                end if
+                head = heading(entry%key, 2)
+                if (len(head) == len(entry%key)) then
+                    call set_error(error, status_invalid_model, entry%key//' is no value but has keys below it', &
+                        'write '//entry%key//'.count = ... and the elements below it')
+                    place = entry%place
+                    return
+                end if
+                if (repeats%find(head//'.count') > 0) cycle
+                call expand(entries, head//'.', names, values, expanded, repeats, error, place)
+                if (allocated(error)) return
+            end associate
+        end do
+    end subroutine repeat_elements
+
+    !> The copies of what is below one head.
+    subroutine expand(entries, head, names, values, expanded, repeats, error, place)
+        type(entries_type), intent(in) :: entries
+        !> Such as `repeat.bay.`.
+        character(len=*), intent(in) :: head
+        character(len=*), intent(in) :: names(:)
+        real(wp), intent(in) :: values(:)
+        type(entries_type), intent(inout) :: expanded, repeats
+        type(error_type), allocatable, intent(inout) :: error
+        integer, intent(inout) :: place
+        type(entry_type) :: copy
+        character(len=:), allocatable :: index_name, below
+        integer :: i, k, count, first
+
+        index_name = 'i'
+        k = entries%find(head//'index')
+        if (k > 0) then
+            associate (given => entries%list(k))
+                place = given%place
+                if (given%value%is_list .or. given%value%atoms(1)%kind /= is_text) then
+                    call set_error(error, status_invalid_model, given%key//' is no text', 'give a name, such as "i"')
+                    return
+                end if
+                index_name = given%value%atoms(1)%text
+                call check_name(index_name, error)
+                if (allocated(error)) return
+                if (any(names == index_name)) then
+                    call set_error(error, status_invalid_model, given%key//': "'//index_name//'" is the name of a parameter', &
+                        'take another one')
+                    return
+                end if
+            end associate
+        end if
+        call get_count('count', -1, count)
+        if (allocated(error)) return
+        call get_count('first', 1, first)
+        if (allocated(error)) return
+        if (count < 0 .or. count > most) then
+            call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
+                'give a number from 0 to '//to_text(most))
+            k = entries%find(head//'count')
+            if (k > 0) place = entries%list(k)%place
+            return
+        end if
+        call repeats%set(head//'index', text_value(index_name))
+        do i = first, first + count - 1
+            do k = 1, entries%n
+                associate (entry => entries%list(k))
+                    if (index(entry%key, head) /= 1) cycle
+                    below = entry%key(len(head) + 1:)
+                    if (any(below == [character(len=5) :: 'count', 'index', 'first'])) cycle
+                    place = entry%place
+                    if (index(below, '.') == 0 .or. index(below, 'repeat.') == 1) then
+                        call set_error(error, status_invalid_model, 'unknown key "'//below//'" of '//head(:len(head) - 1), &
+                            'its keys are count, index, first, and elements: body.NAME.KEY, joint.NAME.KEY, ...')
+                        return
+                    end if
+                    copy = entry
+                    copy%template = entry%key
+                    copy%n_heading = len(heading(entry%key, 4))
+                    if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 3))
+                    copy%index_name = index_name
+                    copy%index_value = i
+                    copy%is_first = i == first
+                    call fill(below, entry%key, copy%key)
+                    if (allocated(error)) return
+                    call fill_texts(copy%value, entry%key)
+                    if (allocated(error)) return
+                    call expanded%append(copy)
+                end associate
+            end do
+        end do
+        if (count > 0) return
+        ! What has no copies is shown all the same.
+        do k = 1, entries%n
+            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
+              call repeats%append(entries%list(k))
+            end if
+        end do
+
+    contains
+
+        !> An integer, which parameters may give.
+        subroutine get_count(key, default, number)
+            character(len=*), intent(in) :: key
+            integer, intent(in) :: default
+            integer, intent(out) :: number
+            integer :: at
+
+            number = default
+            at = entries%find(head//key)
+            if (at > 0) then
+                associate (given => entries%list(at))
+                    place = given%place
+                    if (given%value%is_list .or. all(given%value%atoms(1)%kind /= [is_number, is_text])) then
+                        call set_error(error, status_invalid_model, given%key//' is no number', 'give an integer, or an '// &
+                            'expression as text')
+                    else if (given%value%atoms(1)%kind == is_number) then
+                        call round(given%value%atoms(1)%number, given%key, number)
+                    else
+                        call evaluate(given%value%atoms(1)%text, given%key, names, values, number)
+                    end if
+                    if (.not. allocated(error)) call repeats%set(given%key, given%value, given%place)
+                end associate
+            else if (default < 0) then
+                place = 0
+                if (entries%n > 0) place = place_below()
+                call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'give it')
+            else
+                call repeats%set(head//key, number_value(real(default, wp)))
+            end if
+        end subroutine get_count
+
+        !> Where something of this repetition stands.
+        integer function place_below()
+            integer :: j
+
+            place_below = 0
+            do j = entries%n, 1, -1
+                if (index(entries%list(j)%key, head) == 1) place_below = entries%list(j)%place
+            end do
+        end function place_below
+
+        !> The integer that a number is.
+        subroutine round(number, key, whole)
+            real(wp), intent(in) :: number
+            character(len=*), intent(in) :: key
+            integer, intent(out) :: whole
+
+            whole = 0
+            if (.not. abs(number) < huge(1)) then
+                call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+                return
+            end if
+            whole = nint(number)
+            if (abs(number - whole) > 1.0e-9_wp) then
+              call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+            end if
+        end subroutine round
+
+        !> The integer that an expression gives.
+        subroutine evaluate(text, key, known, numbers, whole)
+            character(len=*), intent(in) :: text, key, known(:)
+            real(wp), intent(in) :: numbers(:)
+            integer, intent(out) :: whole
+            type(expression_type) :: expression
+
+            whole = 0
+            call parse_expression(expression, text, [character(len=1) ::], error, known, numbers, key)
+            if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole)
+        end subroutine evaluate
+
+        !> A text with numbers in the place of what stands in braces.
+        subroutine fill(text, key, filled)
+            character(len=*), intent(in) :: text, key
+            character(len=:), allocatable, intent(inout) :: filled
+            character(len=max(len(names), len(index_name))) :: known(size(names) + 1)
+            integer :: at, from, to, whole
+
+            known(:size(names)) = names
+            known(size(known)) = index_name
+            filled = ''
+            at = 1
+            do
+                from = index(text(at:), '{')
+                if (from == 0) exit
+                from = from + at - 1
+                to = index(text(from:), '}') + from - 1
+                if (to < from) then
+                    call set_error(error, status_invalid_model, key//': "'//text//'" has a brace that does not end', 'write {'// &
+                        index_name//'}')
+                    return
+                end if
+                call evaluate(text(from + 1:to - 1), key, known, [values, real(i, wp)], whole)
+                if (allocated(error)) return
+                filled = filled//text(at:from - 1)//to_text(whole)
+                at = to + 1
+            end do
+            filled = filled//text(at:)
+        end subroutine fill
+
+        !> The same in all texts of a value.
+        subroutine fill_texts(value, key)
+            type(value_type), intent(inout) :: value
+            character(len=*), intent(in) :: key
+            character(len=:), allocatable :: filled
+            integer :: j
+
+            do j = 1, size(value%atoms)
+                if (value%atoms(j)%kind /= is_text) cycle
+                if (index(value%atoms(j)%text, '{') == 0) cycle
+                call fill(value%atoms(j)%text, key, filled)
+                if (allocated(error)) return
+                value%atoms(j)%text = filled
+            end do
+        end subroutine fill_texts
+    end subroutine expand
+end module tandem_mechanism_repetition

@@ -1,0 +1,51 @@
+! SPDX-License-Identifier: MIT
+!> Masses and moments of inertia of simple shapes with an equal density.
+module tandem_mechanism_shape
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: shape_names, shape_sizes, set_mass_of_shape
+
+    !> The shapes, and how many lengths each has: in the plane a bar (length, width); in space a box (edges), a cylinder about z
+    !> (radius, length), a sphere (radius).
+    character(len=8), parameter :: shape_names(4) = [character(len=8) :: 'bar', 'box', 'cylinder', 'sphere']
+    integer, parameter :: shape_sizes(4) = [2, 3, 2, 1]
+
+contains
+
+    !> The inertia about the centre of mass in the shape's axes, and the mass where a density is given; no inertia where the shape
+    !> has none in the plane or in space.
+    subroutine set_mass_of_shape(shape, sizes, planar, density, mass, inertia)
+        character(len=*), intent(in) :: shape
+        !> m, as the shape has them.
+        real(wp), intent(in) :: sizes(:)
+        logical, intent(in) :: planar
+        !> kg/m^3, or kg/m^2 in the plane.
+        real(wp), intent(in), optional :: density
+        real(wp), allocatable, intent(inout) :: mass
+        real(wp), allocatable, intent(out) :: inertia(:)
+        real(wp), parameter :: pi = acos(-1.0_wp)
+        real(wp) :: volume
+
+        if (planar .neqv. shape == 'bar') return
+        associate (a => sizes**2)
+            select case (shape)
+            case ('bar')
+                volume = product(sizes)
+                inertia = [(a(1) + a(2))/12]
+            case ('box')
+                volume = product(sizes)
+                inertia = [a(2) + a(3), a(1) + a(3), a(1) + a(2)]/12
+            case ('cylinder')
+                volume = pi*a(1)*sizes(2)
+                inertia = [a(1)/4 + a(2)/12, a(1)/4 + a(2)/12, a(1)/2]
+            case default
+                volume = 4*pi*a(1)*sizes(1)/3
+                inertia = [0.4_wp*a(1), 0.4_wp*a(1), 0.4_wp*a(1)]
+            end select
+        end associate
+        if (present(density)) mass = density*volume
+        inertia = mass*inertia
+    end subroutine set_mass_of_shape
+end module tandem_mechanism_shape

@@ -1,0 +1,231 @@
+! SPDX-License-Identifier: MIT
+!> The way d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another: where they coincide, d = 0 (two rows or
+!> three along the world's axes); where their distance is given, (d.d - l(t)^2)/(2 w) = 0, w a length that makes the multiplier a
+!> force; and the length |d| that springs see.
+module tandem_mechanism_span
+    use tandem_kinds, only: wp
+    use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
+    implicit none (type, external)
+    private
+
+    public :: span_type, span_way, span_gradient, span_second
+    public :: evaluate_meetings, differentiate_meetings, evaluate_distances, differentiate_distances
+
+    type :: span_type
+        !> The two bodies, 0 for the ground, and the (first) row.
+        integer :: first = 0, second = 0, row = 0
+        !> The points, each in its body's frame.
+        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp
+        !> The length, and the number of the function that it is instead, 0 for none; w.
+        real(wp) :: length = 0.0_wp, weight = 1.0_wp
+        integer :: motion = 0
+    end type span_type
+
+    real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
+        1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
+
+contains
+
+    !> d, or its k-th derivative along the motion.
+    pure function span_way(span, pose, k) result(d)
+        type(span_type), intent(in) :: span
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: k
+        real(wp) :: d(3)
+
+        d = pose(span%second)%r(:, k) - pose(span%first)%r(:, k) + turned(pose(span%second), k, span%s2) - &
+            turned(pose(span%first), k, span%s1)
+    end function span_way
+
+    !> The gradient of d.d/2 with its derivatives along the motion, up to the `last`.
+    pure subroutine span_gradient(span, pose, last, d, gradient)
+        type(span_type), intent(in) :: span
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last
+        !> d with its derivatives.
+        real(wp), intent(in) :: d(3, 0:last)
+        real(wp), intent(out) :: gradient(n_local, 0:last)
+        integer :: k, l
+
+        gradient = 0.0_wp
+        do k = 0, last
+            gradient(place_1 + 1:place_1 + 3, k) = -d(:, k)
+            gradient(place_2 + 1:place_2 + 3, k) = d(:, k)
+            do l = 0, k
+                gradient(turn_1 + 1:turn_1 + 4, k) = gradient(turn_1 + 1:turn_1 + 4, k) - &
+                    binomial(l, k)*gradient_of(pose(span%first), l, span%s1, d(:, k - l))
+                gradient(turn_2 + 1:turn_2 + 4, k) = gradient(turn_2 + 1:turn_2 + 4, k) + &
+                    binomial(l, k)*gradient_of(pose(span%second), l, span%s2, d(:, k - l))
+            end do
+        end do
+    end subroutine span_gradient
+
+    !> The second gradient of d.d/2, d_q' d_q + d.d_qq.
+    pure subroutine span_second(span, pose, d, second)
+        type(span_type), intent(in) :: span
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: d(3)
+        real(wp), intent(out) :: second(n_local, n_local)
+        real(wp) :: d_q(3, n_local)
+        integer :: i, j
+
+        d_q = 0.0_wp
+        do i = 1, 3
+            d_q(i, place_1 + i) = -1.0_wp
+            d_q(i, place_2 + i) = 1.0_wp
+        end do
+        d_q(:, turn_1 + 1:turn_1 + 4) = -gradient_matrix(pose(span%first), 0, span%s1)
+        d_q(:, turn_2 + 1:turn_2 + 4) = gradient_matrix(pose(span%second), 0, span%s2)
+        do j = 1, n_local
+            do i = 1, n_local
+                second(i, j) = d_q(1, i)*d_q(1, j) + d_q(2, i)*d_q(2, j) + d_q(3, i)*d_q(3, j)
+            end do
+        end do
+        associate (p1 => second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4), &
+            p2 => second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4))
+            p1 = p1 - second_gradient(pose(span%first), span%s1, d)
+            p2 = p2 + second_gradient(pose(span%second), span%s2, d)
+        end associate
+    end subroutine span_second
+
+    !> Points that meet: as many rows as there are directions.
+    pure subroutine evaluate_meetings(meetings, n_rows, need, pose, terms)
+        type(span_type), intent(in) :: meetings(:)
+        !> 2 in the plane, 3 in space.
+        integer, intent(in) :: n_rows, need
+        type(pose_type), intent(in) :: pose(0:)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: d(3)
+        integer :: i, k
+
+        do i = 1, size(meetings)
+            associate (span => meetings(i))
+                if (iand(need, need_phi) /= 0) then
+                    d = span_way(span, pose, 0)
+                    do k = 1, n_rows
+                        terms%phi(span%row + k - 1) = d(k)
+                    end do
+                end if
+                if (iand(need, need_jacobian) /= 0) then
+                    call put_end(pose(span%first), span%s1, -1.0_wp, n_rows, span%row, terms%jacobian)
+                    call put_end(pose(span%second), span%s2, 1.0_wp, n_rows, span%row, terms%jacobian)
+                end if
+                if (iand(need, need_gamma) /= 0) then
+                    d = turned(pose(span%second), 2, span%s2) - turned(pose(span%first), 2, span%s1)
+                    do k = 1, n_rows
+                        terms%gamma(span%row + k - 1) = d(k)
+                    end do
+                end if
+            end associate
+        end do
+    end subroutine evaluate_meetings
+
+    !> The columns of one end of d.
+    pure subroutine put_end(pose, s, sign, n_rows, row, jacobian)
+        type(pose_type), intent(in) :: pose
+        real(wp), intent(in) :: s(3), sign
+        integer, intent(in) :: n_rows, row
+        real(wp), intent(inout) :: jacobian(:, :)
+        real(wp) :: b(3, 4)
+        integer :: j, k
+
+        do k = 1, pose%n_place
+            jacobian(row + k - 1, pose%place + k - 1) = sign
+        end do
+        if (pose%n_turn == 0) return
+        b = gradient_matrix(pose, 0, s)
+        do j = 1, pose%n_turn
+            do k = 1, n_rows
+                jacobian(row + k - 1, pose%turn + j - 1) = sign*b(k, j)
+            end do
+        end do
+    end subroutine put_end
+
+    pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)
+        type(span_type), intent(in) :: meetings(:)
+        integer, intent(in) :: n_rows, need
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: gradient(n_local, 0:2), second(n_local, n_local), along(3)
+        integer :: i, k, l, c(n_local)
+
+        do i = 1, size(meetings)
+            associate (span => meetings(i))
+                c = columns(pose(span%first), pose(span%second))
+                do k = 1, n_rows
+                    along = 0.0_wp
+                    along(k) = 1.0_wp
+                    gradient = 0.0_wp
+                    gradient(place_1 + k, 0) = -1.0_wp
+                    gradient(place_2 + k, 0) = 1.0_wp
+                    do l = 0, 2
+                        gradient(turn_1 + 1:turn_1 + 4, l) = -gradient_of(pose(span%first), l, span%s1, along)
+                        gradient(turn_2 + 1:turn_2 + 4, l) = gradient_of(pose(span%second), l, span%s2, along)
+                    end do
+                    second = 0.0_wp
+                    second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -second_gradient(pose(span%first), span%s1, along)
+                    second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = second_gradient(pose(span%second), span%s2, along)
+                    call put_holonomic(need, span%row + k - 1, c, gradient, second, lambda(span%row + k - 1), derivatives)
+                end do
+            end associate
+        end do
+    end subroutine differentiate_meetings
+
+    !> Distances that are given.
+    pure subroutine evaluate_distances(distances, need, pose, f, terms)
+        type(span_type), intent(in) :: distances(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: d(3), d1(3), d2(3), l(0:2), gradient(n_local, 0:0)
+        integer :: i
+
+        do i = 1, size(distances)
+            associate (span => distances(i))
+                l = [span%length, 0.0_wp, 0.0_wp]
+                if (span%motion > 0) l = f(:, span%motion)
+                d = span_way(span, pose, 0)
+                if (iand(need, need_phi) /= 0) terms%phi(span%row) = (sum(d*d) - l(0)**2)/(2*span%weight)
+                if (iand(need, need_jacobian) /= 0) then
+                    call span_gradient(span, pose, 0, d, gradient)
+                    call put_row(columns(pose(span%first), pose(span%second)), gradient(:, 0)/span%weight, span%row, &
+                        terms%jacobian)
+                end if
+                if (iand(need, need_nu) /= 0) terms%nu(span%row) = l(0)*l(1)/span%weight
+                if (iand(need, need_gamma) /= 0) then
+                    d1 = span_way(span, pose, 1)
+                    d2 = turned(pose(span%second), 2, span%s2) - turned(pose(span%first), 2, span%s1)
+                    terms%gamma(span%row) = (sum(d1*d1) + sum(d*d2) - l(1)**2 - l(0)*l(2))/span%weight
+                end if
+            end associate
+        end do
+    end subroutine evaluate_distances
+
+    pure subroutine differentiate_distances(distances, need, pose, lambda, derivatives)
+        type(span_type), intent(in) :: distances(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: d(3, 0:2), gradient(n_local, 0:2), second(n_local, n_local)
+        integer :: i, k
+
+        do i = 1, size(distances)
+            associate (span => distances(i))
+                do k = 0, 2
+                    d(:, k) = span_way(span, pose, k)
+                end do
+                call span_gradient(span, pose, 2, d, gradient)
+                call span_second(span, pose, d(:, 0), second)
+                call put_holonomic(need, span%row, columns(pose(span%first), pose(span%second)), gradient/span%weight, &
+                    second/span%weight, lambda(span%row), derivatives)
+            end associate
+        end do
+    end subroutine differentiate_distances
+end module tandem_mechanism_span

@@ -1,0 +1,278 @@
+! SPDX-License-Identifier: MIT
+!> Tests of rows of mechanisms beyond those of simple joints, each alone against differences at random states: freedoms of the
+!> primitive at either level, couplings, rows by expression, what rolls on planes that move; and runs against closed forms.
+module test_mechanism_rows
+    use asserts, only: check_count, check_no_failure, check_true
+    use mechanism_checks, only: check_drawing, draw, verify
+    use tandem, only: expression_type, failure_type => error_type, mechanism_type, parse_expression, polynomial_type, ramp, &
+        sine_type, wp
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_mechanism_rows
+
+    real(wp), parameter :: at(3) = [0.7_wp, 0.5_wp, 0.2_wp], axis(3) = [1.0_wp, 2.0_wp, -0.5_wp]
+
+contains
+
+    !> The suite.
+    subroutine collect_mechanism_rows(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('freedoms-of-the-primitive', test_primitive), &
+            new_unittest('freedoms-at-velocity-level', test_glides), &
+            new_unittest('couplings', test_couplings), &
+            new_unittest('rows-by-expression', test_rate_rows), &
+            new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
+            new_unittest('what-cannot-be', test_words)]
+    end subroutine collect_mechanism_rows
+
+    !> Every freedom alone, with and without a motion, and all pairs; revolute joints as primitives have the same rows.
+    subroutine test_primitive(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(polynomial_type) :: law
+        integer :: hold(6), i, k, n, rows
+        logical :: planar
+
+        law%coefficient = [0.0_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        do k = 1, 2
+            planar = k == 1
+            n = merge(3, 6, planar)
+            do i = 1, 2*n
+                hold = 0
+                hold(1 + mod(i - 1, n)) = 1
+                call draw(mechanism, planar)
+                if (i > n) then
+                    call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at(:merge(2, 3, planar)), &
+                        axis=axis(:merge(2, 3, planar)), hold=hold(:n), drive=i - n, motion=law)
+                else
+                    call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at(:merge(2, 3, planar)), &
+                        axis=axis(:merge(2, 3, planar)), hold=hold(:n))
+                end if
+                call check_no_failure(error, failure)
+                call verify(mechanism, 'one freedom', error)
+                call check_count(error, mechanism%n_holonomic, merge(1, 3, planar), 'rows')
+                call check_drawing(mechanism, 'one freedom', error)
+                if (allocated(error)) return
+            end do
+        end do
+        do i = 0, 63
+            hold = [(merge(1, 0, btest(i, k)), k=0, 5)]
+            if (i == 0) cycle
+            rows = count(hold == 1)
+            call draw(mechanism, .false.)
+            call mechanism%add_joint('it', 'primitive', 'second', 'first', failure, at=at, axis=axis, hold=hold)
+            call check_no_failure(error, failure)
+            call verify(mechanism, 'some freedoms', error)
+            call check_count(error, mechanism%n_holonomic, rows + 2, 'rows')
+            call check_drawing(mechanism, 'some freedoms', error)
+            if (allocated(error)) return
+        end do
+    end subroutine test_primitive
+
+    !> At velocity level: each freedom alone, between two bodies and against the ground, with and without a motion.
+    subroutine test_glides(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(sine_type), parameter :: swing = sine_type(offset=0.9_wp, amplitude=0.3_wp, rate=2.0_wp, phase=0.5_wp)
+        character(len=*), parameter :: between(2, 3) = reshape([character(len=6) :: 'first', 'second', 'ground', 'first', &
+            'second', 'ground'], [2, 3])
+        integer :: hold(6), i, k, j, n
+        logical :: planar
+
+        do k = 1, 2
+            planar = k == 1
+            n = merge(3, 6, planar)
+            do i = 1, n
+                do j = 1, 3
+                    hold = 0
+                    hold(i) = 2
+                    call draw(mechanism, planar)
+                    if (j == 1) then
+                        call mechanism%add_joint('it', 'primitive', trim(between(1, j)), trim(between(2, j)), failure, &
+                            at=at(:merge(2, 3, planar)), axis=axis(:merge(2, 3, planar)), hold=hold(:n), drive=i, motion=swing)
+                    else
+                        call mechanism%add_joint('it', 'primitive', trim(between(1, j)), trim(between(2, j)), failure, &
+                            at=at(:merge(2, 3, planar)), axis=axis(:merge(2, 3, planar)), hold=hold(:n))
+                    end if
+                    call check_no_failure(error, failure)
+                    call verify(mechanism, 'velocity '//trim(between(1, j)), error)
+                    call check_count(error, mechanism%n_nonholonomic, 1, 'rows')
+                    if (allocated(error)) return
+                end do
+            end do
+        end do
+    end subroutine test_glides
+
+    !> Gears and racks of joints that share a body, a screw.
+    subroutine test_couplings(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(sine_type), parameter :: swing = sine_type(offset=0.0_wp, amplitude=0.3_wp, rate=2.0_wp, phase=0.0_wp)
+        integer :: i, k
+        logical :: planar
+
+        do k = 1, 2
+            planar = k == 1
+            associate (n => merge(2, 3, planar))
+                call draw(mechanism, planar)
+                call mechanism%add_joint('pin', 'revolute', 'ground', 'first', failure, at=at(:n), axis=axis(:n))
+                call check_no_failure(error, failure)
+                call mechanism%add_joint('pivot', 'revolute', 'first', 'second', failure, at=at(:n), axis=axis(n:1:-1))
+                call check_no_failure(error, failure)
+                call mechanism%add_body('cart', 0.4_wp, at(:n), failure, inertia=[(0.3_wp, i=1, merge(1, 3, planar))])
+                call check_no_failure(error, failure)
+                call mechanism%add_joint('rail', 'prismatic', 'cart', 'ground', failure, at=at(:n), axis=axis(:n))
+                call check_no_failure(error, failure)
+                call mechanism%add_coupling('gear', [character(len=8) :: 'pin', 'pivot'], [2.0_wp, -3.0_wp], failure)
+                call check_no_failure(error, failure)
+                call mechanism%add_coupling('rack', [character(len=8) :: 'rail.way', 'pivot', 'pin'], [1.0_wp, 0.3_wp, -0.1_wp], &
+                    failure, motion=swing)
+                call check_no_failure(error, failure)
+            end associate
+            call verify(mechanism, 'couplings', error)
+            call check_drawing(mechanism, 'couplings', error)
+        end do
+        call draw(mechanism, .false.)
+        call mechanism%add_joint('thread', 'screw', 'first', 'second', failure, at=at, axis=axis, pitch=0.02_wp)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'screw', error)
+        call check_count(error, mechanism%n_holonomic, 7, 'rows')
+    end subroutine test_couplings
+
+    subroutine test_rate_rows(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(expression_type) :: c(2), rhs
+
+        call draw(mechanism, .true.)
+        call parse_expression(c(1), 'sin(first.angle)*(1 + t*second.x)', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call parse_expression(c(2), '-cos(second.angle*first.y) + t^2', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call parse_expression(rhs, '0.3*sin(2*t)*first.x', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('blade', [character(len=12) :: 'first.vx', 'second.omega'], c, failure, rhs=rhs)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('constant', [character(len=12) :: 'first.vx', 'first.vx'], c, failure)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'rows by expression in the plane', error)
+        call draw(mechanism, .false.)
+        call parse_expression(c(1), 'first.e1*second.e2 + second.z', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call parse_expression(c(2), 'exp(first.x*t)', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('it', [character(len=12) :: 'first.vx', 'second.vz'], c, failure)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'rows by expression in space', error)
+    end subroutine test_rate_rows
+
+    subroutine test_rolling(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(sine_type), parameter :: swing = sine_type(offset=0.1_wp, amplitude=0.3_wp, rate=2.0_wp, phase=0.5_wp)
+        type(polynomial_type) :: law
+        real(wp), parameter :: normal(3) = [0.1_wp, 0.9_wp, -0.4_wp], along(3) = [4.0_wp, 0.0_wp, 1.0_wp]
+
+        law%coefficient = [0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        call draw(mechanism, .true.)
+        call mechanism%add_knife_edge('wheel', 'first.tip', [0.3_wp, 1.0_wp], failure, steer=law)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'steered wheel in the plane', error)
+        call draw(mechanism, .false.)
+        call mechanism%add_knife_edge('wheel', 'first.tip', [0.3_wp, 1.0_wp, 0.0_wp], failure, steer=law, &
+            about=[1.0_wp, -0.3_wp, 2.0_wp])
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'steered wheel in space', error)
+        call draw(mechanism, .false.)
+        call mechanism%add_rolling_ellipsoid('egg', 'first', [0.8_wp, 0.5_wp, 0.3_wp], failure, open=.true.)
+        call check_no_failure(error, failure)
+        call mechanism%add_rolling_ellipsoid('pebble', 'second.tip', [0.3_wp, 0.5_wp, 0.4_wp], failure, normal=normal, &
+            open=.true., turn=law, pivot=at, rise=swing, slide=swing, along=along)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'ellipsoids', error)
+        call draw(mechanism, .false.)
+        call mechanism%add_rolling_disk('tyre', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, open=.true., crown=0.2_wp)
+        call check_no_failure(error, failure)
+        call mechanism%add_rolling_disk('wheel', 'second.tip', 0.4_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, &
+            normal=normal, height=-0.2_wp, open=.true., crown=0.1_wp, turn=law, pivot=at, rise=law, slide=law, along=along)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'round rims', error)
+        call draw(mechanism, .false.)
+        call mechanism%add_rolling_sphere('ball', 'first.tip', 0.8_wp, failure, open=.true., turn=swing)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'sphere on a turntable', error)
+    end subroutine test_rolling
+
+    !> Every error names the element and says what to do.
+    subroutine test_words(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(expression_type) :: c(1)
+
+        call draw(mechanism, .false.)
+        call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at)
+        call expect('joint it: hold has 0 entries; give 6')
+        call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[0, 0, 0, 0, 0, 0])
+        call expect('holds nothing')
+        call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[1, 0, 0, 0, 3, 0])
+        call expect('an entry that is not 0, 1, 2')
+        call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[1, 0, 0, 0, 0, 0], drive=2, &
+            motion=ramp(0.0_wp, 1.0_wp))
+        call expect('motion that drives nothing')
+        call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[0, 0, 0, 1, 1, 0], drive=4, &
+            motion=ramp(0.0_wp, 1.0_wp))
+        call expect('drives a turn beside one')
+        call mechanism%add_joint('it', 'revolute', 'first', 'second', failure, at=at, axis=axis, hold=[0, 0, 0, 1, 1, 0])
+        call expect('which its type does')
+        call mechanism%add_joint('it', 'screw', 'first', 'second', failure, at=at, axis=axis)
+        call expect('joint it has a pitch, or needs one')
+        call mechanism%add_joint('pin', 'revolute', 'first', 'second', failure, at=at, axis=axis)
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('ball', 'spherical', 'ground', 'second', failure, at=at)
+        call check_no_failure(error, failure)
+        call mechanism%add_coupling('gear', ['pin ', 'ball'], [1.0_wp, 1.0_wp], failure)
+        call expect('coupling gear: the joint ball has no axis')
+        call mechanism%add_coupling('gear', ['pin ', 'pen '], [1.0_wp, 1.0_wp], failure)
+        call expect('coupling gear: there is no joint pen')
+        call mechanism%add_coupling('gear', ['pin'], [0.0_wp], failure)
+        call expect('a factor that is zero')
+        call mechanism%add_coupling('gear', ['pin'], [1.0_wp, 2.0_wp], failure)
+        call expect('1 joints and 2 factors')
+        call parse_expression(c(1), 'first.vx', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('it', ['first.vx'], c, failure)
+        call expect('row it depends on first.vx')
+        call parse_expression(c(1), 'first.x', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('it', ['first.x'], c, failure)
+        call expect('first.x is no velocity')
+        call mechanism%add_rolling_ellipsoid('egg', 'first', [1.0_wp, 0.0_wp, 1.0_wp], failure)
+        call expect('a semi-axis that is not positive')
+        call mechanism%add_rolling_disk('rim', 'first', 0.3_wp, axis, failure, crown=0.3_wp)
+        call expect('a crown that is not between')
+        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp))
+        call expect('slides without saying')
+        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp), along=axis)
+        call expect('slides out of itself')
+
+    contains
+
+        subroutine expect(text)
+            character(len=*), intent(in) :: text
+
+            call check_true(error, allocated(failure), 'no error: '//text)
+            if (.not. allocated(failure)) return
+            call check_true(error, index(failure%message, text) > 0, failure%message//' instead of '//text)
+        end subroutine expect
+    end subroutine test_words
+end module test_mechanism_rows
