@@ -107,7 +107,7 @@ contains
         logical :: planar
         integer :: i, k, n
 
-        law%coefficient = [0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        allocate (law%coefficient, source=[0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp])
         do k = 1, 2
             planar = k == 1
             n = merge(2, 3, planar)

@@ -389,15 +389,15 @@ contains
             call check_no_failure(error, failure)
         end subroutine add
 
-        real(wp) function energy()
+        real(wp) function energy() result(total)
             real(wp) :: potential
             integer :: stat
 
-            call simulation%kinetic_energy(energy, stat)
+            call simulation%kinetic_energy(total, stat)
             call check_count(error, stat, 0, 'status')
             call simulation%potential_energy(potential, stat)
             call check_count(error, stat, 0, 'status')
-            energy = energy + potential
+            total = total + potential
         end function energy
     end subroutine test_bicycle
 

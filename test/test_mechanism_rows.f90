@@ -38,7 +38,7 @@ contains
         integer :: hold(6), i, k, n, rows
         logical :: planar
 
-        law%coefficient = [0.0_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        allocate (law%coefficient, source=[0.0_wp, 2.0_wp, -0.3_wp, 0.2_wp])
         do k = 1, 2
             planar = k == 1
             n = merge(3, 6, planar)
@@ -182,7 +182,7 @@ contains
         type(polynomial_type) :: law
         real(wp), parameter :: normal(3) = [0.1_wp, 0.9_wp, -0.4_wp], along(3) = [4.0_wp, 0.0_wp, 1.0_wp]
 
-        law%coefficient = [0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp]
+        allocate (law%coefficient, source=[0.1_wp, 2.0_wp, -0.3_wp, 0.2_wp])
         call draw(mechanism, .true.)
         call mechanism%add_knife_edge('wheel', 'first.tip', [0.3_wp, 1.0_wp], failure, steer=law)
         call check_no_failure(error, failure)

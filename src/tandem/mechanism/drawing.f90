@@ -705,7 +705,7 @@ contains
         character(len=variable_name_length), allocatable :: names(:)
         type(variable_type), allocatable :: variables(:)
 
-        variables = self%list_variables()
+        allocate (variables, source=self%list_variables())
         names = variables%name
     end function variable_names
 

@@ -385,7 +385,7 @@ contains
                 ' coefficients', 'give as many of the one as of the other', error)
             return
         end if
-        variables = self%list_variables()
+        allocate (variables, source=self%list_variables())
         associate (may_be_used => variables%kind == is_time .or. variables%kind == is_place .or. variables%kind == is_turn)
             do i = 1, size(coefficients)
                 k = coefficients(i)%first_not_in(may_be_used)

@@ -91,7 +91,7 @@ contains
         character(len=:), allocatable :: index_name, below
         integer :: i, k, count, first
 
-        index_name = 'i'
+        allocate (index_name, source='i')
         k = entries%find(head//'index')
         if (k > 0) then
             associate (given => entries%list(k))

@@ -32,6 +32,7 @@ contains
         class(toml_value), pointer :: found
         integer :: i
 
+        allocate (names(0))
         call source%root%get_keys(names)
         do i = 1, size(names)
             if (.not. any(names(i)%key == tables)) cycle
@@ -62,6 +63,7 @@ contains
         character(len=:), allocatable :: problem
         integer :: i
 
+        allocate (names(0))
         call table%get_keys(names)
         do i = 1, size(names)
             call table%get(names(i)%key, found)
@@ -97,6 +99,7 @@ contains
         type(toml_table), intent(inout) :: table
         type(toml_key), allocatable :: names(:)
 
+        allocate (names(0))
         call table%get_keys(names)
         is_empty = size(names) == 0
     end function is_empty
