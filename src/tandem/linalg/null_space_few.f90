@@ -4,8 +4,7 @@
 !> over columns stay in registers, in two chains, so that an addition need not wait for the one before; systems of order three are
 !> solved where they stand, two degrees of freedom being three of which the last is at rest.
 module tandem_linalg_null_space_few
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, short
+    use tandem_kinds, only: lane, short, wp
     use tandem_linalg_small, only: smallest_definite_pivot
     implicit none (type, external)
     private

@@ -4,8 +4,8 @@
 !> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_chart_dense_position
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, largest_small, short
+    use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_elimination, only: largest_small
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_products, only: multiply_first
