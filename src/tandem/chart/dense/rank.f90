@@ -93,8 +93,9 @@ contains
         end if
         ! Columns that have turned far have small pivots too; these are those of A' A.
         associate (m => self%m, n => self%n, k => self%n_massless, from => self%step_jacobian, to => self%model%terms%jacobian)
-            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%ties, self%loosest, before, keeps)
-            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%ties, self%loosest, after, keeps)
+            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%x, self%ties, self%loosest, before, &
+                keeps)
+            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%x, self%ties, self%loosest, after, keeps)
         end associate
         before = sqrt(max(before, 0.0_wp))
         after = sqrt(max(after, 0.0_wp))
@@ -171,8 +172,8 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
 
-        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%loosest, &
-            self%weakest_tie, keeps_ties)
+        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%x, self%ties, &
+            self%loosest, self%weakest_tie, keeps_ties)
         if (.not. keeps_ties) self%failed_coordinate = self%loosest
     end function keeps_ties
 
@@ -193,18 +194,18 @@ contains
 
     !> Whether det(A' B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with rows of unit
     !> length in A and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
-    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weakest, smallest, is_positive)
+    pure subroutine compare_columns(m, n, k, columns, scale, a, b, weight, product, weakest, smallest, is_positive)
         !> Rows, columns, those to compare and their numbers.
         integer, intent(in) :: m, n, k, columns(n)
         !> Scales of the unknowns, A and B.
         real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
         !> Work space.
-        real(wp), intent(inout) :: product(m, m)
+        real(wp), intent(inout) :: weight(m), product(m, m)
         !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive
-        real(wp) :: weight(m), f
+        real(wp) :: f
         integer :: i, j, l
 
         weakest = 0
@@ -214,6 +215,8 @@ contains
         weight = 0.0_wp
         do j = 1, n
             f = scale(j)**2
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 2
             do l = 1, m
                 weight(l) = weight(l) + f*a(l, j)**2
             end do
@@ -224,6 +227,8 @@ contains
         do j = 1, k
             do i = 1, k
                 f = 0.0_wp
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 2
                 do l = 1, m
                     f = f + weight(l)*a(l, columns(i))*b(l, columns(j))
                 end do
