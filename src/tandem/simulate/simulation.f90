@@ -173,9 +173,9 @@ module tandem_simulation
     end interface
 
     interface
-        !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors: invalid_model,
-        !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite. After an
-        !> error there is no run, also where there was one before.
+        !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors:
+        !> invalid_model, invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable,
+        !> not_finite. After an error there is no run, also where there was one before.
         module subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -253,8 +253,8 @@ module tandem_simulation
             logical :: turns_off
         end function turns_off
 
-        !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
-        !> On an error the state is that of the segment that ends.
+        !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next
+        !> step. On an error the state is that of the segment that ends.
         module subroutine cross_breakpoint(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
