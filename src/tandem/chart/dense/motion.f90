@@ -91,21 +91,19 @@ contains
 
         stat = status_ok
         if (self%has_velocity_basis) return
-        associate (jacobian => self%model%terms%jacobian, nu => self%model%terms%nu)
-            if (self%has_bases) then
-                call self%refuse_infinite(stat)
-                if (stat /= status_ok) return
-                if (self%refines) call self%position%refine(jacobian, self%counts, stat)
-                if (stat /= status_ok) return
-                call self%velocity_basis%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
-            else
-                ! It notices when C is not finite.
-                call self%velocity_basis%eliminate(self%n, jacobian, self%scale, self%counts, stat)
-                if (stat == status_ok .and. self%has_nu) then
-                    if (.not. is_finite(self%m, nu)) stat = status_not_finite
-                end if
+        if (self%has_bases) then
+            call self%refuse_infinite(stat)
+            if (stat /= status_ok) return
+            if (self%refines) call self%position%refine(self%model%terms%jacobian, self%counts, stat)
+            if (stat /= status_ok) return
+            call self%velocity_basis%update(self%model%terms%jacobian, self%x_basis, self%w_basis, self%counts, stat)
+        else
+            ! It notices when C is not finite.
+            call self%velocity_basis%eliminate(self%n, self%model%terms%jacobian, self%scale, self%counts, stat)
+            if (stat == status_ok .and. self%has_nu) then
+                if (.not. is_finite(self%m, self%model%terms%nu)) stat = status_not_finite
             end if
-        end associate
+        end if
         if (stat /= status_ok) then
             call blame_velocity_basis(self, stat)
             return
