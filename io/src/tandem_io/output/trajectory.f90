@@ -11,7 +11,8 @@ module tandem_io_output_trajectory
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
     use tandem_io_output_events, only: event_output_type, event_paths
-    use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, output_type
+    use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, &
+        index_of, output_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_profile, only: write_profile
     use tandem_io_output_report, only: write_global_error, write_report
@@ -90,8 +91,7 @@ module tandem_io_output_trajectory
         procedure, private :: save
         procedure, private :: save_simulation
         procedure, private :: close_datasets
-        procedure, private :: prepare
-        procedure, private :: fail
+        procedure, private :: prepare, fail
     end type trajectory_type
 
     interface
