@@ -233,15 +233,17 @@ contains
         real(wp), intent(in) :: a(lane, m), x(m)
         real(wp), intent(out) :: y(lane)
         real(wp) :: more(lane)
-        integer :: b, j
+        integer :: b, first, j, p
 
         do b = 1, lane, short
             y(b:b + short - 1) = merge(a(b:b + short - 1, 1)*x(1), 0.0_wp, is_alone)
             more(b:b + short - 1) = 0.0_wp
         end do
+        first = merge(3, 2, is_alone)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do j = merge(3, 2, is_alone), m, 2
+        do p = 1, (m - first + 2)/2
+            j = first + 2*(p - 1)
             do b = 1, lane, short
                 call add_multiple(a(b, j - 1), x(j - 1), y(b))
                 call add_multiple(a(b, j), x(j), more(b))

@@ -21,7 +21,7 @@ module tandem_models_motorcycle
 
     public :: motorcycle_type
 
-    real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+    real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp]
 
     !> The fork at a time, in the chassis' frame: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
     type :: fork_type
@@ -351,14 +351,6 @@ contains
 
         c = [b(2), -b(1), 0.0_wp]
     end function sideways
-
-    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
-    pure function crossways(b) result(c)
-        real(wp), intent(in) :: b(3)
-        real(wp) :: c(3)
-
-        c = [-b(2), b(1), 0.0_wp]
-    end function crossways
 
     !> V = m g rz + k (s - sf)^2 / 2.
     subroutine potential_energy(self, t, q, value, stat)

@@ -6,6 +6,8 @@ submodule(tandem_models_motorcycle) tandem_models_motorcycle_derivatives
     use tandem_rigid_euler_parameters, only: g_sandwich, k_matrix, t_matrix
     implicit none (type, external)
 
+    real(wp), parameter :: uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+
 contains
 
     !> The gradients of the velocity and acceleration constraints and of the equations of motion.
@@ -254,4 +256,12 @@ contains
 
         row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
     end function along
+
+    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
+    pure function crossways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [-b(2), b(1), 0.0_wp]
+    end function crossways
 end submodule tandem_models_motorcycle_derivatives

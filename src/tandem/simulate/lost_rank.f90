@@ -3,6 +3,9 @@
 submodule(tandem_simulation) tandem_simulate_lost_rank
     implicit none (type, external)
 
+    !> The statuses of a motion that is no longer determined.
+    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
+
 contains
 
     !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.

@@ -41,9 +41,6 @@ module tandem_simulation
     !> where an event changes the motion with the state before its action; `at_step` follows with the state after it.
     integer, parameter :: at_start = 0, at_step = 1, at_end = 2, at_event = 3
 
-    !> The statuses of a motion that is no longer determined.
-    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
-
     !> Most rows that a message names: more help nobody.
     integer, parameter :: most_names = 8
 

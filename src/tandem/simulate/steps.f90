@@ -3,6 +3,9 @@
 submodule(tandem_simulation) tandem_simulate_steps
     implicit none (type, external)
 
+    !> The statuses of a motion that is no longer determined.
+    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
+
     !> Steps approach a loss of rank, or of what ties a coordinate without mass, until its singular value has fallen to this part:
     !> closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
