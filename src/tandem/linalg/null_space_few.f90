@@ -5,7 +5,6 @@
 !> solved where they stand, two degrees of freedom being three of which the last is at rest.
 module tandem_linalg_null_space_few
     use tandem_kinds, only: lane, short, wp
-    use tandem_linalg_null_space_kernels, only: multiply_mass
     use tandem_linalg_small, only: smallest_definite_pivot
     implicit none (type, external)
     private
@@ -33,18 +32,68 @@ contains
         real(wp), intent(inout) :: qd(n)
         !> 1 where D0' D wants a search for pivots: then the velocity is as it was.
         integer, intent(out) :: stat
-        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
-        !> scales do not matter to that.
-        real(wp), parameter :: smallest_determinant = 1.0e-2_wp
-        real(wp) :: s1(short), s2(short), s3(short), sums(short), more(short), r(lane), z(3), c1, c2, c3, determinant, f
-        integer :: i, l
+        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
+            f, f1, f2, f3, g, g1, g2, g3
+        integer :: b, i, l, p
 
-        call multiply_by_transpose(n, origin, basis, origin, qd, s1, s2, s3, sums, more)
-        sums = sums + more
+        s1 = 0.0_wp
+        s2 = 0.0_wp
+        s3 = 0.0_wp
+        sums = 0.0_wp
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        more = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, n/2
+            l = 2*p - 1
+            f1 = basis(1, l)
+            f2 = basis(2, l)
+            f3 = basis(3, l)
+            f = qd(l)
+            g1 = basis(1, l + 1)
+            g2 = basis(2, l + 1)
+            g3 = basis(3, l + 1)
+            g = qd(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + origin(i, l)*f1
+                s2(i) = s2(i) + origin(i, l)*f2
+                s3(i) = s3(i) + origin(i, l)*f3
+                sums(i) = sums(i) + origin(i, l)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t1(i) = t1(i) + origin(i, l + 1)*g1
+                t2(i) = t2(i) + origin(i, l + 1)*g2
+                t3(i) = t3(i) + origin(i, l + 1)*g3
+                more(i) = more(i) + origin(i, l + 1)*g
+            end do
+        end do
+        if (iand(n, 1) == 1) then
+            f1 = basis(1, n)
+            f2 = basis(2, n)
+            f3 = basis(3, n)
+            f = qd(n)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + origin(i, n)*f1
+                s2(i) = s2(i) + origin(i, n)*f2
+                s3(i) = s3(i) + origin(i, n)*f3
+                sums(i) = sums(i) + origin(i, n)*f
+            end do
+        end if
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = s1(i) + t1(i)
+            s2(i) = s2(i) + t2(i)
+            s3(i) = s3(i) + t3(i)
+            sums(i) = sums(i) + more(i)
+        end do
         if (n - m == 2) s3(3) = 1.0_wp
-        r = 0.0_wp
         if (has_nu) then
-            call multiply(m, iand(m, 1) == 1, a, nu, r)
+            call multiply(m, a, nu, r)
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do l = 1, m
@@ -55,22 +104,20 @@ contains
                 end do
             end do
         end if
-        ! By cofactors, with one division: near the chart's origin the matrix is near a definite one.
-        c1 = s2(2)*s3(3) - s2(3)*s3(2)
-        c2 = s2(3)*s3(1) - s2(1)*s3(3)
-        c3 = s2(1)*s3(2) - s2(2)*s3(1)
-        determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
-        f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
-            abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
-        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
+        call solve_by_cofactors(s1, s2, s3, sums, z, stat)
         if (stat /= 0) return
-        f = 1.0_wp/determinant
-        z(1) = f*(c1*sums(1) + (c2*sums(2) + c3*sums(3)))
-        z(2) = f*((s1(3)*s3(2) - s1(2)*s3(3))*sums(1) + ((s1(1)*s3(3) - s1(3)*s3(1))*sums(2) + &
-            (s1(2)*s3(1) - s1(1)*s3(2))*sums(3)))
-        z(3) = f*((s1(2)*s2(3) - s1(3)*s2(2))*sums(1) + ((s1(3)*s2(1) - s1(1)*s2(3))*sums(2) + &
-            (s1(1)*s2(2) - s1(2)*s2(1))*sums(3)))
-        call finish(m, n, order, a, z, r, qd)
+        if (.not. has_nu) then
+            f = z(1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = -a(b + i, m + 1)*f
+                end do
+            end do
+            call finish(2, m, n, order, a, z, r, qd)
+        else
+            call finish(1, m, n, order, a, z, r, qd)
+        end if
     end subroutine find_few_velocity
 
     !> qdd = D z - R gamma with D' (M qdd - S - Q_A) = 0.
@@ -85,29 +132,142 @@ contains
         real(wp), intent(inout) :: basis_mass(short, n), qdd(n)
         !> > 0 where D' M D is not positive definite; -1 where the acceleration is not finite.
         integer, intent(out) :: stat
-        real(wp) :: s1(short), s2(short), s3(short), sums(short), more(short), r(lane), z(3)
-        integer :: l
+        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), &
+            z(3), f, f1, f2, f3, g, g1, g2, g3
+        integer :: b, i, l, p
 
-        call multiply_mass(n, short, n_blocks, blocks, basis, mass, basis_mass)
-        call multiply_by_transpose(n, basis_mass, basis, basis, force, s1, s2, s3, sums, more)
-        if (n - m == 2) s3(3) = 1.0_wp
-        call multiply(m, .true., a, gamma, r)
-        ! D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots'.
+        call multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
+        s1 = 0.0_wp
+        s2 = 0.0_wp
+        s3 = 0.0_wp
+        sums = 0.0_wp
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        more = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do l = 2, m, 2
-            call add_multiple(basis_mass(1, order(l - 1)), r(l - 1), sums)
-            call add_multiple(basis_mass(1, order(l)), r(l), more)
+        do p = 1, n/2
+            l = 2*p - 1
+            f1 = basis(1, l)
+            f2 = basis(2, l)
+            f3 = basis(3, l)
+            f = force(l)
+            g1 = basis(1, l + 1)
+            g2 = basis(2, l + 1)
+            g3 = basis(3, l + 1)
+            g = force(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + basis_mass(i, l)*f1
+                s2(i) = s2(i) + basis_mass(i, l)*f2
+                s3(i) = s3(i) + basis_mass(i, l)*f3
+                sums(i) = sums(i) + basis(i, l)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t1(i) = t1(i) + basis_mass(i, l + 1)*g1
+                t2(i) = t2(i) + basis_mass(i, l + 1)*g2
+                t3(i) = t3(i) + basis_mass(i, l + 1)*g3
+                more(i) = more(i) + basis(i, l + 1)*g
+            end do
         end do
-        if (iand(m, 1) == 1) call add_multiple(basis_mass(1, order(m)), r(m), sums)
-        sums = sums + more
+        if (iand(n, 1) == 1) then
+            f1 = basis(1, n)
+            f2 = basis(2, n)
+            f3 = basis(3, n)
+            f = force(n)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + basis_mass(i, n)*f1
+                s2(i) = s2(i) + basis_mass(i, n)*f2
+                s3(i) = s3(i) + basis_mass(i, n)*f3
+                sums(i) = sums(i) + basis(i, n)*f
+            end do
+        end if
+        call multiply_from_first(m, a, gamma, r)
+        call add_pivots(m, n, order, basis_mass, r, sums, more)
+        !GCC$ UNROLL 1
+        do i = 1, short
+            s1(i) = s1(i) + t1(i)
+            s2(i) = s2(i) + t2(i)
+            s3(i) = s3(i) + t3(i)
+            sums(i) = sums(i) + more(i)
+        end do
+        if (n - m == 2) s3(3) = 1.0_wp
         call solve_definite(s1, s2, s3, sums, z, stat)
         if (stat /= 0) return
-        r = -r
-        call finish(m, n, order, a, z, r, qdd)
+        f = z(1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                r(b + i) = -r(b + i) - a(b + i, m + 1)*f
+            end do
+        end do
+        call finish(2, m, n, order, a, z, r, qdd)
         ! What is not finite in gamma or the forces is in each sum.
         if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
     end subroutine find_few_acceleration
+
+    !> The part of D' M R gamma in D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots', in two chains.
+    pure subroutine add_pivots(m, n, order, basis_mass, r, sums, more)
+        integer, intent(in) :: m, n, order(n)
+        real(wp), intent(in) :: basis_mass(short, n), r(lane)
+        real(wp), intent(inout) :: sums(short), more(short)
+        real(wp) :: f, g
+        integer :: i, l, p
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, m/2
+            l = 2*p - 1
+            f = r(l)
+            g = r(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + basis_mass(i, order(l))*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                more(i) = more(i) + basis_mass(i, order(l + 1))*g
+            end do
+        end do
+        if (iand(m, 1) == 1) then
+            f = r(m)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + basis_mass(i, order(m))*f
+            end do
+        end if
+    end subroutine add_pivots
+
+    !> Solve a system of order 3 by cofactors, with one division: near the chart's origin the matrix is near a definite one.
+    pure subroutine solve_by_cofactors(s1, s2, s3, b, z, stat)
+        !> The columns of the matrix, the right side.
+        real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
+        real(wp), intent(out) :: z(3)
+        !> 1 where too many digits of the determinant are lost.
+        integer, intent(out) :: stat
+        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
+        !> scales do not matter to that.
+        real(wp), parameter :: smallest_determinant = 1.0e-2_wp
+        real(wp) :: c1, c2, c3, determinant, f
+
+        c1 = s2(2)*s3(3) - s2(3)*s3(2)
+        c2 = s2(3)*s3(1) - s2(1)*s3(3)
+        c3 = s2(1)*s3(2) - s2(2)*s3(1)
+        determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
+        f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
+            abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
+        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
+        if (stat /= 0) return
+        f = 1.0_wp/determinant
+        z(1) = f*(c1*b(1) + (c2*b(2) + c3*b(3)))
+        z(2) = f*((s1(3)*s3(2) - s1(2)*s3(3))*b(1) + ((s1(1)*s3(3) - s1(3)*s3(1))*b(2) + &
+            (s1(2)*s3(1) - s1(1)*s3(2))*b(3)))
+        z(3) = f*((s1(2)*s2(3) - s1(3)*s2(2))*b(1) + ((s1(3)*s2(1) - s1(1)*s2(3))*b(2) + &
+            (s1(1)*s2(2) - s1(2)*s2(1))*b(3)))
+    end subroutine solve_by_cofactors
 
     !> Solve a symmetric, definite system of order 3 by L diag(d) L', as `factor_definite` does.
     pure subroutine solve_definite(s1, s2, s3, b, z, stat)
@@ -139,77 +299,19 @@ contains
         if (.not. d1 > 0.0_wp) stat = 1
     end subroutine solve_definite
 
-    !> S := A B' and z + more := C x: the first three columns of S. Even columns of A and C make sums of their own.
-    pure subroutine multiply_by_transpose(n, a, b, c, x, s1, s2, s3, z, more)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: a(short, n), b(short, n), c(short, n), x(n)
-        real(wp), intent(out), dimension(short) :: s1, s2, s3, z, more
-        real(wp), dimension(short) :: t1, t2, t3
-        integer :: l
-
-        s1 = 0.0_wp
-        s2 = 0.0_wp
-        s3 = 0.0_wp
-        z = 0.0_wp
-        t1 = 0.0_wp
-        t2 = 0.0_wp
-        t3 = 0.0_wp
-        more = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do l = 2, n, 2
-            call add_column(a(1, l - 1), b(1, l - 1), c(1, l - 1), x(l - 1), s1, s2, s3, z)
-            call add_column(a(1, l), b(1, l), c(1, l), x(l), t1, t2, t3, more)
-        end do
-        if (iand(n, 1) == 1) call add_column(a(1, n), b(1, n), c(1, n), x(n), s1, s2, s3, z)
-        s1 = s1 + t1
-        s2 = s2 + t2
-        s3 = s3 + t3
-    end subroutine multiply_by_transpose
-
-    !> What one column gives.
-    pure subroutine add_column(a, b, c, x, s1, s2, s3, z)
-        real(wp), intent(in) :: a(short), b(short), c(short), x
-        real(wp), intent(inout), dimension(short) :: s1, s2, s3, z
-        real(wp) :: b1, b2, b3, f
-        integer :: i
-
-        b1 = b(1)
-        b2 = b(2)
-        b3 = b(3)
-        f = x
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = s1(i) + a(i)*b1
-            s2(i) = s2(i) + a(i)*b2
-            s3(i) = s3(i) + a(i)*b3
-            z(i) = z(i) + c(i)*f
-        end do
-    end subroutine add_column
-
-    !> y := y + f x.
-    pure subroutine add_multiple(x, f, y)
-        real(wp), intent(in) :: x(short), f
-        real(wp), intent(inout) :: y(short)
-        integer :: i
-
-        !GCC$ UNROLL 1
-        do i = 1, short
-            y(i) = y(i) + x(i)*f
-        end do
-    end subroutine add_multiple
-
-    !> y := r + D z, r given by its rows of pivots.
-    pure subroutine finish(m, n, order, a, z, r, y)
+    !> y := r + D z, r given by its rows of pivots; r has the first terms already.
+    pure subroutine finish(first, m, n, order, a, z, r, y)
+        integer, intent(in), value :: first
         integer, intent(in) :: m, n, order(n)
         real(wp), intent(in) :: a(lane, n), z(3)
         real(wp), intent(inout) :: r(lane), y(n)
         real(wp) :: f
         integer :: b, i, j
 
+        y(order(m + 1)) = z(1)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do j = 1, n - m
+        do j = first, n - m
             f = z(j)
             y(order(m + j)) = f
             do b = 0, lane - short, short
@@ -226,34 +328,157 @@ contains
         end do
     end subroutine finish
 
-    !> y := A x, m columns in two chains, or the first alone and the others in two.
-    pure subroutine multiply(m, is_alone, a, x, y)
+    !> y := A x, m columns.
+    pure subroutine multiply(m, a, x, y)
         integer, intent(in) :: m
-        logical, intent(in) :: is_alone
         real(wp), intent(in) :: a(lane, m), x(m)
         real(wp), intent(out) :: y(lane)
-        real(wp) :: more(lane)
-        integer :: b, first, j, p
+        real(wp) :: more(lane), f, g
+        integer :: b, i, j, p
 
-        do b = 1, lane, short
-            y(b:b + short - 1) = merge(a(b:b + short - 1, 1)*x(1), 0.0_wp, is_alone)
-            more(b:b + short - 1) = 0.0_wp
+        f = x(1)
+        if (iand(m, 1) == 0) f = 0.0_wp
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = a(b + i, 1)*f
+                more(b + i) = 0.0_wp
+            end do
         end do
-        first = merge(3, 2, is_alone)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do p = 1, (m - first + 2)/2
-            j = first + 2*(p - 1)
-            do b = 1, lane, short
-                call add_multiple(a(b, j - 1), x(j - 1), y(b))
-                call add_multiple(a(b, j), x(j), more(b))
+        do p = 1, m/2
+            j = 2*p - 1 + iand(m, 1)
+            f = x(j)
+            g = x(j + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(b + i) = y(b + i) + a(b + i, j)*f
+                end do
+            end do
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    more(b + i) = more(b + i) + a(b + i, j + 1)*g
+                end do
             end do
         end do
-        if (is_alone .and. iand(m, 1) == 0) then
-            do b = 1, lane, short
-                call add_multiple(a(b, m), x(m), more(b))
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = y(b + i) + more(b + i)
+            end do
+        end do
+    end subroutine multiply
+
+    !> y := A x, m columns in two chains, of which the first takes column 1 for its start.
+    pure subroutine multiply_from_first(m, a, x, y)
+        integer, intent(in) :: m
+        real(wp), intent(in) :: a(lane, m), x(m)
+        real(wp), intent(out) :: y(lane)
+        real(wp) :: rest(lane), f, g
+        integer :: b, i, l, p
+
+        f = x(1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = a(b + i, 1)*f
+                rest(b + i) = 0.0_wp
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, (m - 1)/2
+            l = 2*p
+            f = x(l)
+            g = x(l + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(b + i) = y(b + i) + a(b + i, l)*f
+                end do
+            end do
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, l + 1)*g
+                end do
+            end do
+        end do
+        if (iand(m, 1) == 0) then
+            f = x(m)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, m)*f
+                end do
             end do
         end if
-        y = y + more
-    end subroutine multiply
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = y(b + i) + rest(b + i)
+            end do
+        end do
+    end subroutine multiply_from_first
+
+    !> D' M, block by block, two columns at a time.
+    pure subroutine multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
+        integer, intent(in) :: n, n_blocks, blocks(2, n_blocks)
+        real(wp), intent(in) :: basis(short, n), mass(n, n)
+        real(wp), intent(inout) :: basis_mass(short, n)
+        real(wp) :: y1(short), y2(short), f, g
+        integer :: b, first, i, j, l, last
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            f = mass(j, j)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                basis_mass(i, j) = basis(i, j)*f
+            end do
+        end do
+        do b = 1, n_blocks
+            first = blocks(1, b)
+            last = blocks(2, b)
+            j = first
+            do
+                f = mass(first, j)
+                g = mass(first, j + 1)
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y1(i) = basis(i, first)*f
+                    y2(i) = basis(i, first)*g
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = first + 1, last
+                    f = mass(l, j)
+                    g = mass(l, j + 1)
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y1(i) = y1(i) + basis(i, l)*f
+                    end do
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        y2(i) = y2(i) + basis(i, l)*g
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis_mass(i, j) = y1(i)
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    basis_mass(i, j + 1) = y2(i)
+                end do
+                if (j + 1 == last) exit
+                ! The last column of an odd number is taken with the one before once more.
+                j = min(j + 2, last - 1)
+            end do
+        end do
+    end subroutine multiply_mass
 end module tandem_linalg_null_space_few

@@ -38,10 +38,11 @@ contains
         ! What has failed there may work now.
         if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
         if (allocated(error)) return
-        associate (tally => self%tally)
-            before = before_type(self%errors, [tally%position_error, tally%velocity_error, tally%acceleration_error], &
-                tally%velocity_gap, self%grid_steps, self%on_grid)
-        end associate
+        before%errors = self%errors
+        before%largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
+        before%gap = self%tally%velocity_gap
+        before%grid_steps = self%grid_steps
+        before%on_grid = self%on_grid
         ! What a failed step leaves behind is no dense output.
         self%has_step = .false.
         call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)

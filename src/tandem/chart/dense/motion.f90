@@ -69,19 +69,18 @@ contains
     module procedure find_velocity_basis
         stat = status_ok
         if (self%has_velocity_basis) return
-        if (self%has_bases) then
-            call self%refuse_infinite(stat)
-            if (stat /= status_ok) return
-            if (self%refines) call self%position%refine(self%model%terms%jacobian, self%counts, stat)
-            if (stat /= status_ok) return
-            call self%velocity_basis%update(self%model%terms%jacobian, self%x_basis, self%w_basis, self%counts, stat)
-        else
-            ! It notices when C is not finite.
-            call self%velocity_basis%eliminate(self%n, self%model%terms%jacobian, self%scale, self%counts, stat)
-            if (stat == status_ok .and. self%has_nu) then
-                if (.not. is_finite(self%m, self%model%terms%nu)) stat = status_not_finite
+        ! An elimination notices when C is not finite.
+        if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
+        if (stat /= status_ok) return
+        associate (jacobian => self%model%terms%jacobian)
+            if (self%has_bases) then
+                if (self%refines) call self%position%refine(jacobian, self%counts, stat)
+                if (stat /= status_ok) return
+                call self%velocity_basis%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
+            else
+                call self%velocity_basis%eliminate(self%n, jacobian, self%scale, self%counts, stat)
             end if
-        end if
+        end associate
         if (stat /= status_ok) then
             call blame_velocity_basis(self, stat)
             return
@@ -217,10 +216,39 @@ contains
         remembers = .not. self%is_stage
         call restore_position(self, t, increment, q, stat)
         if (stat == status_ok) call go_to(self, t, q, remembers, stat)
-        if (stat == status_ok) call self%find_velocity_basis(stat)
-        if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
-        if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
-        if (stat == status_ok) call solve_here(self, qdd, stat)
+        if (stat /= status_ok) return
+        if (self%has_bases .or. self%m == 0) then
+            call self%find_velocity_basis(stat)
+            if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat == status_ok) call solve_here(self, qdd, stat)
+            return
+        end if
+        ! The same in a row, as explicit steps spend their time here.
+        associate (terms => self%model%terms, elimination => self%velocity_basis%elimination)
+            call self%velocity_basis%eliminate(self%n, terms%jacobian, self%scale, self%counts, stat)
+            if (stat == status_ok .and. self%has_nu) then
+                if (.not. is_finite(self%m, terms%nu)) stat = status_not_finite
+            end if
+            if (stat /= status_ok) then
+                call blame_velocity_basis(self, stat)
+                return
+            end if
+            self%has_velocity_basis = .true.
+            self%is_finite_here = .true.
+            call self%free_motion%load(elimination)
+            if (self%is_stage .and. self%skips_basis) then
+                call self%position%follow(self%t_point, elimination%height, elimination%matrix, self%counts)
+            end if
+            call add(self%n, self%qd0, increment_qd, qd)
+            call self%free_motion%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat /= status_ok) return
+            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
+            call self%free_motion%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &
+                terms%mass, terms%gamma, terms%force, qdd, stat)
+            if (stat /= status_ok) call self%name_infinite(stat)
+        end associate
     end procedure restore_motion
 
     !> gamma by differences.
