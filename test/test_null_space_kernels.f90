@@ -6,7 +6,8 @@ module test_null_space_kernels
     use differences, only: random_vector
     use svd, only: singular_values
     use tandem, only: wp
-    use tandem_linalg_elimination, only: elimination_type, lane, short
+    use tandem_kinds, only: lane, short
+    use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_kernels, only: add, copy
     use tandem_linalg_null_space_large, only: invert_large_gram
     use tandem_chart_dense_position, only: correct, place

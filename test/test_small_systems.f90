@@ -6,7 +6,8 @@ module test_small_systems
     use tandem, only: wp
     use tandem_linalg_kernels, only: add, are_same, is_finite
     use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
-    use tandem_stepper_combination, only: combination_type, lane
+    use tandem_kinds, only: lane
+    use tandem_stepper_combination, only: combination_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)

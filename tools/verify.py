@@ -254,6 +254,7 @@ PARTS = [
         minutes=5,
     ),
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
+    Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),

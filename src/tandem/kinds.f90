@@ -1,14 +1,18 @@
 ! SPDX-License-Identifier: MIT
-!> Kinds of the numbers that tandem computes with.
+!> Kinds of the numbers that tandem computes with, and how many of them loops take at once.
 module tandem_kinds
     use, intrinsic :: iso_fortran_env, only: real64, int64
     implicit none (type, external)
     private
 
-    public :: wp, long
+    public :: wp, long, lane, short
 
     !> Working precision of every real number: IEEE double.
     integer, parameter :: wp = real64
     !> Kind of counters that may pass 2**31 in a long run.
     integer, parameter :: long = int64
+    !> The length of innermost loops: one vector register. With that said, gfortran spends nothing on how to take the rest.
+    integer, parameter :: short = 4
+    !> Columns of small matrices are padded with zeros to a multiple of this.
+    integer, parameter :: lane = 2*short
 end module tandem_kinds

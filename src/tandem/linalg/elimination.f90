@@ -10,16 +10,14 @@
 !> mechanism that is worth more than the arithmetic it wastes. With more than `largest_small` rows, where the matrix leaves the
 !> nearest cache, remembered pivot columns are taken by LAPACK, with row pivoting and without the inverse of Cd.
 module tandem_linalg_elimination
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, short, wp
     use tandem_linalg_kernels, only: is_finite
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
-    public :: elimination_type, lane, largest_small, short
+    public :: elimination_type, largest_small
 
-    !> Columns are padded to multiples of `lane`; innermost loops have the length `short`, one vector register.
-    integer, parameter :: lane = 8, short = 4
     !> Most rows for which loops are faster than LAPACK: measured with OpenBLAS, where at 128 rows a step takes them twice as long.
     integer, parameter :: largest_small = 64
     !> A row of which at most this part is left depends on the rows before it; as the rank decision of `tandem_linalg_basis`.

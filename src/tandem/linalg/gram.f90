@@ -2,8 +2,7 @@
 !> The loops of `tandem_chart_dense_position` but for those of its iteration. Over the rows of Phi matrices and vectors are padded
 !> with zeros to `width`.
 module tandem_linalg_gram
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: short
+    use tandem_kinds, only: short, wp
     implicit none (type, external)
     private
 

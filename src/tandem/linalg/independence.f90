@@ -2,8 +2,7 @@
 !> How independent the rows of C are, from an elimination of it. A module of its own, as gfortran stops inlining where a file has
 !> too many copies of loops for given lengths; the padding is that of `tandem_linalg_null_space_kernels`.
 module tandem_linalg_independence
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, short
+    use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
     private
 

@@ -2,15 +2,13 @@
 !> Products of dense matrices and vectors, and passes over vectors. At the sizes of most mechanisms a call of BLAS or an out-of-line
 !> `matmul` costs more than what it does: loops do that, and BLAS the products of matrices from order 10 on.
 module tandem_linalg_kernels
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: short, wp
     use tandem_linalg_lapack, only: dgemm
     implicit none (type, external)
     private
 
     public :: add, add_product, add_transposed_product, are_same, copy, is_finite, is_zero_where, set_gram, set_product
 
-    !> Entries are taken so many at a time, one vector register; with that said, gfortran spends nothing on how to take the rest.
-    integer, parameter :: short = 4
     !> From so many multiplications on OpenBLAS is much faster than loops. Measured with square matrices: of order 10 it takes half
     !> as long for A B and for A' B, of order 128 four ninths and an eighth.
     integer, parameter :: worth_a_call = 1000

@@ -4,8 +4,7 @@
 !> over columns stay in registers, in two chains, so that an addition need not wait for the one before; systems of order three are
 !> solved where they stand, two degrees of freedom being three of which the last is at rest.
 module tandem_linalg_null_space_few
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, short
+    use tandem_kinds, only: lane, short, wp
     use tandem_linalg_small, only: smallest_definite_pivot
     implicit none (type, external)
     private
@@ -33,24 +32,18 @@ contains
         real(wp), intent(inout) :: qd(n)
         !> 1 where D0' D wants a search for pivots: then the velocity is as it was.
         integer, intent(out) :: stat
-        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
-        !> scales do not matter to that.
-        real(wp), parameter :: smallest_determinant = 1.0e-2_wp
         real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
-            c1, c2, c3, determinant, f, f1, f2, f3, g, g1, g2, g3
+            f, f1, f2, f3, g, g1, g2, g3
         integer :: b, i, l, p
 
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = 0.0_wp
-            s2(i) = 0.0_wp
-            s3(i) = 0.0_wp
-            sums(i) = 0.0_wp
-            t1(i) = 0.0_wp
-            t2(i) = 0.0_wp
-            t3(i) = 0.0_wp
-            more(i) = 0.0_wp
-        end do
+        s1 = 0.0_wp
+        s2 = 0.0_wp
+        s3 = 0.0_wp
+        sums = 0.0_wp
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        more = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do p = 1, n/2
@@ -111,21 +104,8 @@ contains
                 end do
             end do
         end if
-        ! By cofactors, with one division: near the chart's origin the matrix is near a definite one.
-        c1 = s2(2)*s3(3) - s2(3)*s3(2)
-        c2 = s2(3)*s3(1) - s2(1)*s3(3)
-        c3 = s2(1)*s3(2) - s2(2)*s3(1)
-        determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
-        f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
-            abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
-        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
+        call solve_by_cofactors(s1, s2, s3, sums, z, stat)
         if (stat /= 0) return
-        f = 1.0_wp/determinant
-        z(1) = f*(c1*sums(1) + (c2*sums(2) + c3*sums(3)))
-        z(2) = f*((s1(3)*s3(2) - s1(2)*s3(3))*sums(1) + ((s1(1)*s3(3) - s1(3)*s3(1))*sums(2) + &
-            (s1(2)*s3(1) - s1(1)*s3(2))*sums(3)))
-        z(3) = f*((s1(2)*s2(3) - s1(3)*s2(2))*sums(1) + ((s1(3)*s2(1) - s1(1)*s2(3))*sums(2) + &
-            (s1(1)*s2(2) - s1(2)*s2(1))*sums(3)))
         if (.not. has_nu) then
             f = z(1)
             do b = 0, lane - short, short
@@ -153,21 +133,18 @@ contains
         !> > 0 where D' M D is not positive definite; -1 where the acceleration is not finite.
         integer, intent(out) :: stat
         real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), &
-            rest(lane), z(3), f, f1, f2, f3, g, g1, g2, g3
+            z(3), f, f1, f2, f3, g, g1, g2, g3
         integer :: b, i, l, p
 
         call multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = 0.0_wp
-            s2(i) = 0.0_wp
-            s3(i) = 0.0_wp
-            sums(i) = 0.0_wp
-            t1(i) = 0.0_wp
-            t2(i) = 0.0_wp
-            t3(i) = 0.0_wp
-            more(i) = 0.0_wp
-        end do
+        s1 = 0.0_wp
+        s2 = 0.0_wp
+        s3 = 0.0_wp
+        sums = 0.0_wp
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        more = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do p = 1, n/2
@@ -208,50 +185,38 @@ contains
                 sums(i) = sums(i) + basis(i, n)*f
             end do
         end if
-        ! R gamma, in two chains as well.
-        f = gamma(1)
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                r(b + i) = a(b + i, 1)*f
-                rest(b + i) = 0.0_wp
-            end do
-        end do
-        !GCC$ NOVECTOR
+        call multiply_from_first(m, a, gamma, r)
+        call add_pivots(m, n, order, basis_mass, r, sums, more)
         !GCC$ UNROLL 1
-        do p = 1, (m - 1)/2
-            l = 2*p
-            f = gamma(l)
-            g = gamma(l + 1)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    r(b + i) = r(b + i) + a(b + i, l)*f
-                end do
-            end do
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    rest(b + i) = rest(b + i) + a(b + i, l + 1)*g
-                end do
-            end do
+        do i = 1, short
+            s1(i) = s1(i) + t1(i)
+            s2(i) = s2(i) + t2(i)
+            s3(i) = s3(i) + t3(i)
+            sums(i) = sums(i) + more(i)
         end do
-        if (iand(m, 1) == 0) then
-            f = gamma(m)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    rest(b + i) = rest(b + i) + a(b + i, m)*f
-                end do
-            end do
-        end if
+        if (n - m == 2) s3(3) = 1.0_wp
+        call solve_definite(s1, s2, s3, sums, z, stat)
+        if (stat /= 0) return
+        f = z(1)
         do b = 0, lane - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                r(b + i) = r(b + i) + rest(b + i)
+                r(b + i) = -r(b + i) - a(b + i, m + 1)*f
             end do
         end do
-        ! D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots'.
+        call finish(2, m, n, order, a, z, r, qdd)
+        ! What is not finite in gamma or the forces is in each sum.
+        if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
+    end subroutine find_few_acceleration
+
+    !> The part of D' M R gamma in D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots', in two chains.
+    pure subroutine add_pivots(m, n, order, basis_mass, r, sums, more)
+        integer, intent(in) :: m, n, order(n)
+        real(wp), intent(in) :: basis_mass(short, n), r(lane)
+        real(wp), intent(inout) :: sums(short), more(short)
+        real(wp) :: f, g
+        integer :: i, l, p
+
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do p = 1, m/2
@@ -274,27 +239,35 @@ contains
                 sums(i) = sums(i) + basis_mass(i, order(m))*f
             end do
         end if
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = s1(i) + t1(i)
-            s2(i) = s2(i) + t2(i)
-            s3(i) = s3(i) + t3(i)
-            sums(i) = sums(i) + more(i)
-        end do
-        if (n - m == 2) s3(3) = 1.0_wp
-        call solve_definite(s1, s2, s3, sums, z, stat)
+    end subroutine add_pivots
+
+    !> Solve a system of order 3 by cofactors, with one division: near the chart's origin the matrix is near a definite one.
+    pure subroutine solve_by_cofactors(s1, s2, s3, b, z, stat)
+        !> The columns of the matrix, the right side.
+        real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
+        real(wp), intent(out) :: z(3)
+        !> 1 where too many digits of the determinant are lost.
+        integer, intent(out) :: stat
+        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
+        !> scales do not matter to that.
+        real(wp), parameter :: smallest_determinant = 1.0e-2_wp
+        real(wp) :: c1, c2, c3, determinant, f
+
+        c1 = s2(2)*s3(3) - s2(3)*s3(2)
+        c2 = s2(3)*s3(1) - s2(1)*s3(3)
+        c3 = s2(1)*s3(2) - s2(2)*s3(1)
+        determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
+        f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
+            abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
+        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
         if (stat /= 0) return
-        f = z(1)
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                r(b + i) = -r(b + i) - a(b + i, m + 1)*f
-            end do
-        end do
-        call finish(2, m, n, order, a, z, r, qdd)
-        ! What is not finite in gamma or the forces is in each sum.
-        if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
-    end subroutine find_few_acceleration
+        f = 1.0_wp/determinant
+        z(1) = f*(c1*b(1) + (c2*b(2) + c3*b(3)))
+        z(2) = f*((s1(3)*s3(2) - s1(2)*s3(3))*b(1) + ((s1(1)*s3(3) - s1(3)*s3(1))*b(2) + &
+            (s1(2)*s3(1) - s1(1)*s3(2))*b(3)))
+        z(3) = f*((s1(2)*s2(3) - s1(3)*s2(2))*b(1) + ((s1(3)*s2(1) - s1(1)*s2(3))*b(2) + &
+            (s1(1)*s2(2) - s1(2)*s2(1))*b(3)))
+    end subroutine solve_by_cofactors
 
     !> Solve a symmetric, definite system of order 3 by L diag(d) L', as `factor_definite` does.
     pure subroutine solve_definite(s1, s2, s3, b, z, stat)
@@ -398,6 +371,58 @@ contains
             end do
         end do
     end subroutine multiply
+
+    !> y := A x, m columns in two chains, of which the first takes column 1 for its start.
+    pure subroutine multiply_from_first(m, a, x, y)
+        integer, intent(in) :: m
+        real(wp), intent(in) :: a(lane, m), x(m)
+        real(wp), intent(out) :: y(lane)
+        real(wp) :: rest(lane), f, g
+        integer :: b, i, l, p
+
+        f = x(1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = a(b + i, 1)*f
+                rest(b + i) = 0.0_wp
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, (m - 1)/2
+            l = 2*p
+            f = x(l)
+            g = x(l + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    y(b + i) = y(b + i) + a(b + i, l)*f
+                end do
+            end do
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, l + 1)*g
+                end do
+            end do
+        end do
+        if (iand(m, 1) == 0) then
+            f = x(m)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    rest(b + i) = rest(b + i) + a(b + i, m)*f
+                end do
+            end do
+        end if
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(b + i) = y(b + i) + rest(b + i)
+            end do
+        end do
+    end subroutine multiply_from_first
 
     !> D' M, block by block, two columns at a time.
     pure subroutine multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)

@@ -6,8 +6,7 @@
 !> from vectorising the loops around them instead. Sums over columns stay in registers where the loop over the columns holds two
 !> innermost loops; around a single one gfortran takes two columns in one pass, in halves of registers.
 module tandem_linalg_null_space_kernels
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, short
+    use tandem_kinds, only: lane, short, wp
     use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
     implicit none (type, external)
     private

@@ -2,8 +2,7 @@
 !> Velocities and accelerations at stages with one degree of freedom, where D is a vector d, and D0' D and D' M D are numbers: what
 !> `tandem_linalg_null_space_kernels` gives, without the padding.
 module tandem_linalg_null_space_single
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, short
+    use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
     private
 

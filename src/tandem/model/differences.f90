@@ -166,11 +166,29 @@ contains
         !> The procedures' own status.
         integer, intent(out) :: stat
 
-        stat = 0
         missing_q = 0
         missing_qd = 0
+        stat = 0
+        if (self%has_constraints) call add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, &
+            missing_qd, stat)
+        if (stat == 0) call add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, &
+            stat)
+    end subroutine add_single
+
+    !> Those of the constraints.
+    subroutine add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(inout) :: missing_q, missing_qd
+        integer, intent(out) :: stat
+
+        stat = 0
         associate (model => self%model, d => derivatives)
-            if (self%has_constraints .and. iand(fused, need_velocity_q) == 0) then
+            if (iand(fused, need_velocity_q) == 0) then
                 d%velocity_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
                     if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
@@ -187,9 +205,9 @@ contains
                 else if (iand(self%has, need_nu) /= 0) then
                     missing_q = ior(missing_q, from_nu)
                 end if
-                call count_single(1, iand(missing_q, from_jacobian + from_nu) == 0)
+                if (iand(missing_q, from_jacobian + from_nu) == 0) counts%derivatives(1) = counts%derivatives(1) + 1
             end if
-            if (self%has_constraints .and. iand(fused, need_acceleration_q) == 0) then
+            if (iand(fused, need_acceleration_q) == 0) then
                 d%acceleration_q = 0.0_wp
                 if (associated(model%jacobian_derivative)) then
                     if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
@@ -206,9 +224,9 @@ contains
                 else
                     missing_q = ior(missing_q, from_gamma)
                 end if
-                call count_single(2, iand(missing_q, from_jacobian + from_gamma) == 0)
+                if (iand(missing_q, from_jacobian + from_gamma) == 0) counts%derivatives(2) = counts%derivatives(2) + 1
             end if
-            if (self%has_constraints .and. iand(fused, need_acceleration_qd) == 0) then
+            if (iand(fused, need_acceleration_qd) == 0) then
                 d%acceleration_qd = 0.0_wp
                 if (associated(model%gamma_qd)) then
                     if (associated(model%timer)) call model%timer%begin_call(of_gamma_qd)
@@ -217,8 +235,24 @@ contains
                 else
                     missing_qd = ior(missing_qd, from_gamma)
                 end if
-                call count_single(3, iand(missing_qd, from_gamma) == 0)
+                if (iand(missing_qd, from_gamma) == 0) counts%derivatives(3) = counts%derivatives(3) + 1
             end if
+        end associate
+    end subroutine add_single_constraints
+
+    !> Those of the equations of motion.
+    subroutine add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(inout) :: missing_q, missing_qd
+        integer, intent(out) :: stat
+
+        stat = 0
+        associate (model => self%model, d => derivatives)
             if (iand(fused, need_dynamics_q) == 0) then
                 d%dynamics_q = 0.0_wp
                 if (.not. model%constant_mass) then
@@ -248,7 +282,7 @@ contains
                 else if (iand(self%has, need_force) /= 0) then
                     missing_q = ior(missing_q, from_force)
                 end if
-                call count_single(4, iand(missing_q, from_mass + from_reaction + from_force) == 0)
+                if (iand(missing_q, from_mass + from_reaction + from_force) == 0) counts%derivatives(4) = counts%derivatives(4) + 1
             end if
             if (iand(fused, need_dynamics_qd) == 0) then
                 d%dynamics_qd = 0.0_wp
@@ -259,20 +293,10 @@ contains
                 else if (iand(self%has, need_force) /= 0) then
                     missing_qd = ior(missing_qd, from_force)
                 end if
-                call count_single(5, iand(missing_qd, from_force) == 0)
+                if (iand(missing_qd, from_force) == 0) counts%derivatives(5) = counts%derivatives(5) + 1
             end if
         end associate
-
-    contains
-
-        !> Count a sum that the model gave completely.
-        subroutine count_single(number, complete)
-            integer, intent(in) :: number
-            logical, intent(in) :: complete
-
-            if (complete) counts%derivatives(number) = counts%derivatives(number) + 1
-        end subroutine count_single
-    end subroutine add_single
+    end subroutine add_single_dynamics
 
     !> Add forward differences of what is missing, with respect to q or to qd.
     subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)

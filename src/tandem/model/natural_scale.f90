@@ -5,14 +5,11 @@
 !> |y_j| by the coordinate's typical magnitude s_j (for qd and qdd: s_j a unit of time, s_j a unit of time squared), so that a
 !> mechanism at rest or at the origin has a scale too.
 module tandem_model_natural_scale
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
     private
 
     public :: constraint_errors, position_errors, velocity_errors
-
-    !> Rows are taken so many at a time: no work space, and inner loops of constant length, one vector register each.
-    integer, parameter :: lane = 8, short = 4
 
 contains
 
@@ -47,7 +44,7 @@ contains
         if (size(phi) == 0) errors(1) = 0.0_wp
     end subroutine constraint_errors
 
-    !> The three errors in one pass through C.
+    !> The three errors in one pass through C, `lane` rows at a time: no work space, and inner loops of constant length.
     pure subroutine find_all(nh, m, n, phi, nu, gamma, c, q, qd, qdd, scale, errors, rows)
         integer, intent(in) :: nh, m, n
         real(wp), intent(in) :: phi(nh), nu(m), gamma(m), c(m*n), q(n), qd(n), qdd(n), scale(n)

@@ -343,22 +343,6 @@ contains
         c = [b(2), -b(1), 0.0_wp]
     end function sideways
 
-    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
-    pure function crossways(b) result(c)
-        real(wp), intent(in) :: b(3)
-        real(wp) :: c(3)
-
-        c = [-b(2), b(1), 0.0_wp]
-    end function crossways
-
-    !> a' B (4).
-    pure function along(a, block) result(row)
-        real(wp), intent(in) :: a(3), block(3, 4)
-        real(wp) :: row(4)
-
-        row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
-    end function along
-
     !> The gradients of the velocity and acceleration constraints and of the equations of motion.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
@@ -372,7 +356,8 @@ contains
         class is (motorcycle_type)
             call self%turn_fork(t)
             if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) then
-                call differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+                call differentiate_rear(self, need, q, qd, qdd, derivatives)
+                call differentiate_front(self, need, q, qd, qdd, derivatives)
             end if
             if (iand(need, need_dynamics_q) /= 0) call differentiate_dynamics(self, t, q, qd, qdd, lambda, derivatives%dynamics_q)
             if (iand(need, need_dynamics_qd) /= 0) then
@@ -384,27 +369,85 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    !> velocity_q, acceleration_q, acceleration_qd. The front contact point is r + A b + a1 (A y1) + (a2 - s) (A es), its rim's
-    !> tangent a1 (A es) - a2 (A y1), so that their gradients by a and s are A y1 and A es and their time derivatives.
-    subroutine differentiate_constraints(self, need, t, q, qd, qdd, derivatives)
+    !> velocity_q, acceleration_q, acceleration_qd: the rows of the rear wheels, of the parameters' norms, and of the rear axle.
+    subroutine differentiate_rear(self, need, q, qd, qdd, derivatives)
         class(motorcycle_type), intent(in) :: self
         integer, intent(in) :: need
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: q(:), qd(:), qdd(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp), dimension(3) :: rear, right, left, n, nd, v, a
+        real(wp) :: p(4), pd(4), pdd(4), frame(3, 3), axle(3, 4), block(3, 4)
+
+        p = q(4:7)
+        pd = qd(4:7)
+        pdd = qdd(4:7)
+        rear = [0.0_wp, -self%rear_length, 0.0_wp]
+        right = rear + self%half_track*ux
+        left = rear - self%half_track*ux
+        ! The axle's direction and its gradient by p, velocity and acceleration of its middle.
+        frame = rotation(p)
+        n = frame(:, 1)
+        nd = b_product(p, ux, pd)
+        v = qd(1:3) + b_product(p, rear, pd)
+        a = qdd(1:3) + b_product(p, rear, pdd) + b_product(pd, rear, pd)
+        axle = b_matrix(p, ux)
+        if (iand(need, need_velocity_q) /= 0) then
+            associate (d => derivatives%velocity_q)
+                d = 0.0_wp
+                block = b_matrix(pd, right)
+                d(1, 4:7) = block(3, :)
+                block = b_matrix(pd, left)
+                d(2, 4:7) = block(3, :)
+                d(5, 4:7) = pd
+                d(6, 8:9) = qd(8:9)
+                d(7, 4:7) = along(v, axle) + along(n, b_matrix(pd, rear))
+            end associate
+        end if
+        if (iand(need, need_acceleration_q) /= 0) then
+            associate (d => derivatives%acceleration_q)
+                d = 0.0_wp
+                block = b_matrix(pdd, right)
+                d(1, 4:7) = block(3, :)
+                block = b_matrix(pdd, left)
+                d(2, 4:7) = block(3, :)
+                d(5, 4:7) = pdd
+                d(6, 8:9) = qdd(8:9)
+                d(7, 4:7) = along(a, axle) + along(n, b_matrix(pdd, rear)) + along(v, b_matrix(pd, ux)) + &
+                    along(nd, b_matrix(pd, rear))
+            end associate
+        end if
+        if (iand(need, need_acceleration_qd) /= 0) then
+            associate (d => derivatives%acceleration_qd)
+                d = 0.0_wp
+                block = b_matrix(pd, right)
+                d(1, 4:7) = 2*block(3, :)
+                block = b_matrix(pd, left)
+                d(2, 4:7) = 2*block(3, :)
+                d(5, 4:7) = 2*pd
+                d(6, 8:9) = 2*qd(8:9)
+                d(7, 1:3) = nd
+                d(7, 4:7) = 2*along(n, b_matrix(pd, rear)) + along(v, axle) + along(nd, b_matrix(p, rear))
+            end associate
+        end if
+    end subroutine differentiate_rear
+
+    !> The same, the rows of the front wheel, after those. Its contact point is r + A b + a1 (A y1) + (a2 - s) (A es), its rim's
+    !> tangent a1 (A es) - a2 (A y1), so that their gradients by a and s are A y1 and A es and their time derivatives.
+    subroutine differentiate_front(self, need, q, qd, qdd, derivatives)
+        class(motorcycle_type), intent(in) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: q(:), qd(:), qdd(:)
         type(derivatives_type), intent(inout) :: derivatives
         type(fork_type) :: f
-        real(wp) :: p(4), pd(4), pdd(4), a(3, 3), y(3), z(3), yd(3), zd(3), ydd(3), zdd(3), rear(3), right(3), left(3)
-        real(wp) :: y1(3), es(3), y1d(3), esd(3), y1dd(3), esdd(3), v_rear(3), a_rear(3), v_front(3), a_front(3)
-        real(wp) :: n(3), nd(3), g(3), gd(3), k(3), kd(3)
-        real(wp) :: front_p(3, 4), tangent_p(3, 4), front_vp(3, 4), tangent_vp(3, 4), block(3, 4), axle(3, 4)
+        real(wp) :: p(4), pd(4), pdd(4), a(3, 3)
+        real(wp), dimension(3) :: y, z, yd, zd, ydd, zdd, y1, es, y1d, esd, y1dd, esdd, v_front, a_front, g, gd, k, kd
+        real(wp), dimension(3, 4) :: front_p, tangent_p, front_vp, tangent_vp, block
 
         p = q(4:7)
         pd = qd(4:7)
         pdd = qdd(4:7)
         f = self%f
         a = rotation(p)
-        rear = [0.0_wp, -self%rear_length, 0.0_wp]
-        right = rear + self%half_track*ux
-        left = rear - self%half_track*ux
         y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
         z = q(8)*f%es - q(9)*f%y1
         call move_fork(f, q, qd, yd, zd)
@@ -419,38 +462,24 @@ contains
         y1dd = b_product(p, f%y1, pdd) + b_product(pd, f%y1, pd) + 2*f%rate*b_product(p, f%y1_theta, pd) + &
             rotate(a, f%second_rate*f%y1_theta - f%rate**2*f%y1)
         esdd = b_product(p, f%es, pdd) + b_product(pd, f%es, pd)
-        ! The rear axle's direction and the front wheel's sideways one; velocities and accelerations of the two points.
-        n = a(:, 1)
-        nd = b_product(p, ux, pd)
+        ! The wheel's sideways direction; velocity and acceleration of the contact point.
         g = sideways(rotate(a, z))
         gd = sideways(b_product(p, z, pd) + rotate(a, zd))
-        v_rear = qd(1:3) + b_product(p, rear, pd)
-        a_rear = qdd(1:3) + b_product(p, rear, pdd) + b_product(pd, rear, pd)
         v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
         a_front = qdd(1:3) + b_product(p, y, pdd) + rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
         k = crossways(v_front)
         kd = crossways(a_front)
-        ! Gradients by p of the positions and of the velocities of the front point and of the tangent; axle is that of n.
+        ! Gradients by p of the positions and of the velocities of that point and of the tangent.
         front_p = b_matrix(p, y)
         tangent_p = b_matrix(p, z)
         front_vp = b_matrix(pd, y) + b_matrix(p, yd)
         tangent_vp = b_matrix(pd, z) + b_matrix(p, zd)
-        axle = b_matrix(p, ux)
-
         if (iand(need, need_velocity_q) /= 0) then
             associate (d => derivatives%velocity_q)
-                d = 0.0_wp
-                block = b_matrix(pd, right)
-                d(1, 4:7) = block(3, :)
-                block = b_matrix(pd, left)
-                d(2, 4:7) = block(3, :)
                 d(3, 4:7) = front_vp(3, :)
                 d(3, 8:10) = [y1d(3), esd(3), -esd(3)]
                 d(4, 4:7) = tangent_vp(3, :)
                 d(4, 8:9) = [esd(3), -y1d(3)]
-                d(5, 4:7) = pd
-                d(6, 8:9) = qd(8:9)
-                d(7, 4:7) = along(v_rear, axle) + along(n, b_matrix(pd, rear))
                 d(8, 4:7) = along(k, tangent_p) + along(g, front_vp)
                 d(8, 8:10) = [dot_product(k, es) + dot_product(g, y1d), -dot_product(k, y1) + dot_product(g, esd), &
                     -dot_product(g, esd)]
@@ -458,18 +487,9 @@ contains
         end if
         if (iand(need, need_acceleration_q) /= 0) then
             associate (d => derivatives%acceleration_q)
-                d = 0.0_wp
-                block = b_matrix(pdd, right)
-                d(1, 4:7) = block(3, :)
-                block = b_matrix(pdd, left)
-                d(2, 4:7) = block(3, :)
                 block = b_matrix(pdd, z) + b_matrix(p, zdd) + 2*b_matrix(pd, zd)
                 d(4, 4:7) = block(3, :)
                 d(4, 8:9) = [esdd(3), -y1dd(3)]
-                d(5, 4:7) = pdd
-                d(6, 8:9) = qdd(8:9)
-                d(7, 4:7) = along(a_rear, axle) + along(n, b_matrix(pdd, rear)) + along(v_rear, b_matrix(pd, ux)) + &
-                    along(nd, b_matrix(pd, rear))
                 block = b_matrix(pdd, y) + b_matrix(p, ydd) + 2*b_matrix(pd, yd)
                 d(3, 4:7) = block(3, :)
                 d(3, 8:10) = [y1dd(3), esdd(3), -esdd(3)]
@@ -481,19 +501,10 @@ contains
         end if
         if (iand(need, need_acceleration_qd) /= 0) then
             associate (d => derivatives%acceleration_qd)
-                d = 0.0_wp
-                block = b_matrix(pd, right)
-                d(1, 4:7) = 2*block(3, :)
-                block = b_matrix(pd, left)
-                d(2, 4:7) = 2*block(3, :)
                 d(3, 4:7) = 2*front_vp(3, :)
                 d(3, 8:10) = 2*[y1d(3), esd(3), -esd(3)]
                 d(4, 4:7) = 2*tangent_vp(3, :)
                 d(4, 8:9) = 2*[esd(3), -y1d(3)]
-                d(5, 4:7) = 2*pd
-                d(6, 8:9) = 2*qd(8:9)
-                d(7, 1:3) = nd
-                d(7, 4:7) = 2*along(n, b_matrix(pd, rear)) + along(v_rear, axle) + along(nd, b_matrix(p, rear))
                 d(8, 1:3) = gd
                 d(8, 4:7) = 2*along(g, front_vp) + along(k, tangent_p) + along(gd, front_p)
                 d(8, 8) = 2*dot_product(g, y1d) + dot_product(k, es) + dot_product(gd, y1)
@@ -501,7 +512,7 @@ contains
                 d(8, 10) = -2*dot_product(g, esd) - dot_product(gd, es)
             end associate
         end if
-    end subroutine differentiate_constraints
+    end subroutine differentiate_front
 
     !> The gradient dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along
     !> lambda3 uz + lambda8 g, whose g turns with the tangent, and at the rear axle along lambda7 A ux.
@@ -570,6 +581,22 @@ contains
             d(4:7, 4:7) = d(4:7, 4:7) - 2*self%wheel_radius*self%driving_force*t_matrix(ux)
         end if
     end subroutine differentiate_dynamics
+
+    !> a' B (4).
+    pure function along(a, block) result(row)
+        real(wp), intent(in) :: a(3), block(3, 4)
+        real(wp) :: row(4)
+
+        row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
+    end function along
+
+    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
+    pure function crossways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [-b(2), b(1), 0.0_wp]
+    end function crossways
 
     !> V = m g rz + k (s - sf)^2 / 2.
     subroutine potential_energy(self, t, q, value, stat)

@@ -234,8 +234,7 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         integer, intent(out) :: stat
         real(wp) :: p(4), pd(4), pdd(4), alpha(3), beta(3), alphad(3), betad(3), alphadd(3), betadd(3)
-        real(wp) :: rate(3, 3), second_rate(3, 3), block(3, 4), mixed(3, 4), uz(3), a_uz(3), force_c(3, 4)
-        integer :: j
+        real(wp) :: rate(3, 3), second_rate(3, 3), block(3, 4), mixed(3, 4)
 
         stat = 0
         p = q(4:7)
@@ -302,31 +301,8 @@ contains
         end if
         select type (self)
         class is (rolling_disk_type)
-            if (iand(need, need_dynamics_q) /= 0) then
-                associate (d => derivatives%dynamics_q)
-                    ! M2(q, qdd) - S_q + (C' lambda)_q; the rows of contact forces act along (lambda5, lambda6, lambda1).
-                    d = 0.0_wp
-                    uz = [0.0_wp, 0.0_wp, 1.0_wp]
-                    a_uz = [lambda(5), lambda(6), lambda(1)]
-                    d(4:7, 4:7) = 4*t_matrix(self%inertia*g_product(p, pdd)) &
-                        - 4*g_sandwich(p, self%inertia, pdd) - 8*g_sandwich(pd, self%inertia, pd) &
-                        + k_matrix(alpha, a_uz) + lambda(2)*k_matrix(beta, uz)
-                    do j = 4, 7
-                        d(j, j) = d(j, j) + lambda(3)
-                    end do
-                    ! (B(p, a)' b)_a = C(p, b)'; no-slip rows do not act on a.
-                    force_c = c_matrix(p, a_uz)
-                    d(4:7, 8) = force_c(2, :)
-                    d(4:7, 9) = force_c(3, :)
-                    force_c = c_matrix(p, uz)
-                    d(4:7, 8) = d(4:7, 8) + lambda(2)*force_c(3, :)
-                    d(4:7, 9) = d(4:7, 9) - lambda(2)*force_c(2, :)
-                    d(8, 4:7) = lambda(1)*force_c(2, :) + lambda(2)*force_c(3, :)
-                    d(9, 4:7) = lambda(1)*force_c(3, :) - lambda(2)*force_c(2, :)
-                    d(8, 8) = lambda(4)
-                    d(9, 9) = lambda(4)
-                end associate
-            end if
+            if (iand(need, need_dynamics_q) /= 0) call differentiate_dynamics(self%inertia, q, qd, qdd, lambda, &
+                derivatives%dynamics_q)
             if (iand(need, need_dynamics_qd) /= 0) then
                 derivatives%dynamics_qd = 0.0_wp
                 derivatives%dynamics_qd(4:7, 4:7) = 8*g_sandwich(pd, self%inertia, p) &
@@ -334,6 +310,41 @@ contains
             end if
         end select
     end subroutine evaluate_derivatives
+
+    !> The gradient dynamics_q: M2(q, qdd) - S_q + (C' lambda)_q.
+    pure subroutine differentiate_dynamics(inertia, q, qd, qdd, lambda, d)
+        real(wp), intent(in) :: inertia(3), q(:), qd(:), qdd(:), lambda(:)
+        real(wp), intent(out) :: d(:, :)
+        real(wp) :: p(4), pd(4), pdd(4), alpha(3), beta(3), uz(3), a_uz(3), force_c(3, 4)
+        integer :: j
+
+        p = q(4:7)
+        pd = qd(4:7)
+        pdd = qdd(4:7)
+        alpha = [0.0_wp, q(8), q(9)]
+        beta = [0.0_wp, -q(9), q(8)]
+        ! The rows of contact forces act along (lambda5, lambda6, lambda1).
+        d = 0.0_wp
+        uz = [0.0_wp, 0.0_wp, 1.0_wp]
+        a_uz = [lambda(5), lambda(6), lambda(1)]
+        d(4:7, 4:7) = 4*t_matrix(inertia*g_product(p, pdd)) &
+            - 4*g_sandwich(p, inertia, pdd) - 8*g_sandwich(pd, inertia, pd) &
+            + k_matrix(alpha, a_uz) + lambda(2)*k_matrix(beta, uz)
+        do j = 4, 7
+            d(j, j) = d(j, j) + lambda(3)
+        end do
+        ! (B(p, a)' b)_a = C(p, b)'; no-slip rows do not act on a.
+        force_c = c_matrix(p, a_uz)
+        d(4:7, 8) = force_c(2, :)
+        d(4:7, 9) = force_c(3, :)
+        force_c = c_matrix(p, uz)
+        d(4:7, 8) = d(4:7, 8) + lambda(2)*force_c(3, :)
+        d(4:7, 9) = d(4:7, 9) - lambda(2)*force_c(2, :)
+        d(8, 4:7) = lambda(1)*force_c(2, :) + lambda(2)*force_c(3, :)
+        d(9, 4:7) = lambda(1)*force_c(3, :) - lambda(2)*force_c(2, :)
+        d(8, 8) = lambda(4)
+        d(9, 9) = lambda(4)
+    end subroutine differentiate_dynamics
 
     !> V = m g rz.
     subroutine potential_energy(self, t, q, value, stat)

@@ -7,7 +7,7 @@
 !> a step is judged with the next step, which shows whether g goes on or turns back.
 submodule(tandem_simulation) tandem_simulate_event_search
     use tandem_simulate_event, only: threshold_event_type
-    use tandem_simulate_root, only: bracket_type, minimum_type, vertex
+    use tandem_simulate_root, only: bracket_type, minimum_type, sign_of, vertex
     use tandem_status, only: status_event_limit
     implicit none (type, external)
 
@@ -26,6 +26,15 @@ submodule(tandem_simulation) tandem_simulate_event_search
     integer, parameter :: most_zeros = 2*n_samples
     !> Events without an advance of time, one after the other, before they count as endless.
     integer, parameter :: most_at_once = 100
+
+    !> The function of one event as the samples of a step show it.
+    type :: sampled_type
+        !> The event, and the first sample from which on its zeros count; 0 until that is known.
+        integer :: number = 0, first = 0
+        !> Places and values, the largest modulus of these, and their signs.
+        real(wp) :: x(n_samples) = place, value(n_samples) = 0.0_wp, largest = 0.0_wp
+        integer :: sign(n_samples) = 0
+    end type sampled_type
 
 contains
 
@@ -199,214 +208,236 @@ contains
         !> Whether a zero at the end of the step counts.
         logical, intent(in) :: is_last
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: x(n_samples), value(n_samples), largest
-        integer :: s(n_samples), first, last, k
+        type(sampled_type) :: g
+        integer :: k
+
+        associate (watched => self%watched(number))
+            g%number = number
+            g%value = self%samples(number, :n_samples)
+            g%largest = maxval(abs(g%value))
+            watched%largest = g%largest
+            if (.not. g%largest > 0.0_wp .and. .not. watched%is_open) return
+            do k = 1, n_samples
+                g%sign(k) = sign_of(g%value(k), max(zero*g%largest, watched%noise))
+            end do
+            if (watched%rests) call begin_behind(watched, self%samples(number, n_samples + 1), g)
+        end associate
+        if (g%first == 0) call judge_start(self, g)
+        if (self%watched(number)%is_sent_back) call judge_return(self, g, error)
+        if (allocated(error)) return
+        call find_crossings(self, g, is_last, error)
+        do k = g%first, n_samples
+            if (.not. allocated(error)) call look_for_minimum(self, g, k, error)
+        end do
+    end subroutine find_zeros
+
+    !> The event has happened at the start of the step: begin a little behind it.
+    pure subroutine begin_behind(watched, early_value, g)
+        type(watched_type), intent(inout) :: watched
+        real(wp), intent(in) :: early_value
+        type(sampled_type), intent(inout) :: g
+
+        g%first = 2
+        watched%is_open = .false.
+        g%sign(1) = sign_of(early_value, max(early_zero*g%largest, watched%noise))
+        if (g%sign(1) == 0) return
+        g%first = 1
+        g%x(1) = early
+        g%value(1) = early_value
+    end subroutine begin_behind
+
+    !> A zero at the start of the step: one of the start of the run, one that the last step has left open, or a jump.
+    subroutine judge_start(self, g)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(inout) :: g
+        integer :: after, k
+
+        g%first = 1
+        k = findloc(g%sign /= 0, .true., dim=1)
+        after = 0
+        if (k > 0) after = g%sign(k)
+        associate (s => g%sign, is_open => self%watched(g%number)%is_open, before => self%watched(g%number)%sign_before, &
+            wanted => self%watched(g%number)%event%direction)
+            if (.not. is_open) then
+                if (s(1)*before < 0) call add_if_wanted(self, g, 0.0_wp, s(1))
+                ! What is zero here is not there yet, or was counted.
+                if (s(1) == 0 .and. s(2) /= 0) s(1) = before
+                return
+            end if
+            is_open = .false.
+            if (after == 0) then
+                ! g stays at zero: that is one zero, now, or a crossing where it leaves.
+                if (wanted == 0) call add_if_wanted(self, g, 0.0_wp, 0)
+                is_open = wanted /= 0
+            else if (before == 0) then
+                if (s(1) == 0 .and. (wanted == 0 .or. wanted == after)) call self%zeros%add(g%number, 0.0_wp, 0)
+            else if (before /= after) then
+                call add_if_wanted(self, g, 0.0_wp, after)
+            else if (s(1) == 0 .or. s(2) == s(1)) then
+                call add_if_wanted(self, g, 0.0_wp, 0)
+            end if
+        end associate
+    end subroutine judge_start
+
+    !> An action that has sent g back has done so for longer than what is seen here, or for nothing: g comes out on the side
+    !> that it was sent away from.
+    subroutine judge_return(self, g, error)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        associate (watched => self%watched(g%number))
+            do i = g%first, n_samples
+                if (g%sign(i) == 0 .or. abs(g%value(i)) <= 1.0e-9_wp*watched%reach) cycle
+                watched%is_sent_back = .false.
+                if (g%sign(i) == watched%direction) call set_error(error, status_event_limit, 'the event "'// &
+                    trim(watched%event%name)//'" at t = '//to_text(self%start%t)//' would follow itself at once', &
+                    'stop the run where its motion comes to rest, or change the model there')
+                return
+            end do
+            watched%is_sent_back = self%next%t < watched%judged_until
+        end associate
+    end subroutine judge_return
+
+    !> Crossings between samples; at samples crossings or touches, as the signs around them say.
+    subroutine find_crossings(self, g, is_last, error)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        logical, intent(in) :: is_last
+        type(error_type), allocatable, intent(out) :: error
+        integer :: k, last
         logical :: is_found
 
-        x = place
-        value = self%samples(number, :n_samples)
-        largest = maxval(abs(value))
-        self%watched(number)%largest = largest
-        if (.not. largest > 0.0_wp .and. .not. self%watched(number)%is_open) return
-        do k = 1, n_samples
-            s(k) = sign_of(value(k), max(zero*largest, self%watched(number)%noise))
-        end do
-        if (self%watched(number)%rests) then
-            call judge_rest()
-        else
-            call judge_start()
-        end if
-        if (self%watched(number)%is_sent_back) call judge_return()
-        ! Crossings between samples; at samples crossings or touches, as the signs around them say.
         last = 0
-        do k = first, n_samples
+        do k = g%first, n_samples
             if (allocated(error)) return
-            if (s(k) == 0) cycle
+            if (g%sign(k) == 0) cycle
             if (last > 0) then
-                if (last < k - 1 .and. s(k) /= s(last)) then
-                    call add_if_wanted(x(last + 1), s(k))
+                if (last < k - 1 .and. g%sign(k) /= g%sign(last)) then
+                    call add_if_wanted(self, g, g%x(last + 1), g%sign(k))
                 else if (last < k - 1) then
                     ! It may also be one of two crossings.
-                    call search_minimum(x(last), value(last), x(k), value(k), is_found)
-                    if (.not. is_found) call add_if_wanted(x(last + 1), 0)
-                else if (s(k) /= s(last)) then
-                    call locate(x(last), value(last), x(k), value(k))
+                    call search_minimum(self, g, g%x(last), g%value(last), g%x(k), g%value(k), is_found, error)
+                    if (.not. is_found) call add_if_wanted(self, g, g%x(last + 1), 0)
+                else if (g%sign(k) /= g%sign(last)) then
+                    call locate(self, g, g%x(last), g%value(last), g%x(k), g%value(k), error)
                 end if
             end if
             last = k
         end do
-        if (last > 0 .and. last < n_samples .and. is_last) call add_if_wanted(x(last + 1), -s(last))
-        self%watched(number)%is_open = self%watched(number)%is_open .or. &
-            (last > 0 .and. last < n_samples .and. .not. is_last)
-        do k = first, n_samples
-            if (.not. allocated(error)) call look_for_minimum(k)
+        if (last == 0 .or. last == n_samples) return
+        if (is_last) then
+            call add_if_wanted(self, g, g%x(last + 1), -g%sign(last))
+        else
+            self%watched(g%number)%is_open = .true.
+        end if
+    end subroutine find_crossings
+
+    !> Narrow a sign change between two places.
+    subroutine locate(self, g, a, value_a, b, value_b, error)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        real(wp), intent(in) :: a, value_a, b, value_b
+        type(error_type), allocatable, intent(out) :: error
+        !> More than two secants to a bisection take.
+        integer, parameter :: most_points = 150
+        type(bracket_type) :: bracket
+        real(wp) :: point, value_there
+        integer :: j
+
+        bracket = bracket_type(a, b, value_a, value_b)
+        do j = 1, most_points
+            if (bracket%b - bracket%a <= resolution) exit
+            point = bracket%next_point()
+            if (point <= bracket%a .or. point >= bracket%b) exit
+            call evaluate_at(self, g%number, point, value_there, error)
+            if (allocated(error)) return
+            call bracket%narrow(point, value_there)
         end do
+        ! Behind the zero, so that the motion goes on from where the sign has changed; what is left of a step is a step.
+        point = bracket%b
+        if ((1.0_wp - point)*(self%next%t - self%start%t) <= 8*spacing(abs(self%next%t))) point = 1.0_wp
+        call add_if_wanted(self, g, point, merge(1, -1, value_b > 0.0_wp))
+    end subroutine locate
 
-    contains
+    !> Is |g| at a sample smaller than beside it, and may it reach zero there?
+    subroutine look_for_minimum(self, g, k, error)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        integer, intent(in) :: k
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: at, extreme
+        integer :: i, low, high
+        logical :: is_found
 
-        !> It has happened at the start of the step: begin a little behind it.
-        subroutine judge_rest()
-            first = 2
-            self%watched(number)%is_open = .false.
-            s(1) = sign_of(self%samples(number, n_samples + 1), max(early_zero*largest, self%watched(number)%noise))
-            if (s(1) /= 0) then
-                first = 1
-                x(1) = early
-                value(1) = self%samples(number, n_samples + 1)
-            end if
-        end subroutine judge_rest
-
-        !> An action that has sent g back has done so for longer than what is seen here, or for nothing: g comes out on the side
-        !> that it was sent away from.
-        subroutine judge_return()
-            integer :: i
-
-            associate (watched => self%watched(number))
-                do i = first, n_samples
-                    if (s(i) == 0 .or. abs(value(i)) <= 1.0e-9_wp*watched%reach) cycle
-                    watched%is_sent_back = .false.
-                    if (s(i) /= watched%direction) return
-                    call set_error(error, status_event_limit, 'the event "'//trim(watched%event%name)//'" at t = '// &
-                        to_text(self%start%t)//' would follow itself at once', &
-                        'stop the run where its motion comes to rest, or change the model there')
-                    return
-                end do
-                watched%is_sent_back = self%next%t < watched%judged_until
-            end associate
-        end subroutine judge_return
-
-        !> A zero at the start of the step: one of the start of the run, one that the last step has left open, or a jump.
-        subroutine judge_start()
-            integer :: after
-
-            first = 1
-            associate (watched => self%watched(number))
-                k = findloc(s /= 0, .true., dim=1)
-                after = 0
-                if (k > 0) after = s(k)
-                associate (before => watched%sign_before, wanted => watched%event%direction)
-                    if (.not. watched%is_open) then
-                        if (s(1)*before < 0) call add_if_wanted(0.0_wp, s(1))
-                        ! What is zero here is not there yet, or was counted.
-                        if (s(1) == 0 .and. s(2) /= 0) s(1) = before
-                        return
-                    end if
-                    watched%is_open = .false.
-                    if (after == 0) then
-                        ! g stays at zero: that is one zero, now, or a crossing where it leaves.
-                        if (wanted == 0) call add_if_wanted(0.0_wp, 0)
-                        watched%is_open = wanted /= 0
-                    else if (before == 0) then
-                        if (s(1) == 0 .and. (wanted == 0 .or. wanted == after)) call self%zeros%add(number, 0.0_wp, 0)
-                    else if (before /= after) then
-                        call add_if_wanted(0.0_wp, after)
-                    else if (s(1) == 0 .or. s(2) == s(1)) then
-                        call add_if_wanted(0.0_wp, 0)
-                    end if
-                end associate
-            end associate
-        end subroutine judge_start
-
-        !> Narrow a sign change between two places.
-        subroutine locate(a, value_a, b, value_b)
-            real(wp), intent(in) :: a, value_a, b, value_b
-            !> More than two secants to a bisection take.
-            integer, parameter :: most_points = 150
-            type(bracket_type) :: bracket
-            real(wp) :: point, value_there
-            integer :: j
-
-            bracket = bracket_type(a, b, value_a, value_b)
-            do j = 1, most_points
-                if (bracket%b - bracket%a <= resolution) exit
-                point = bracket%next_point()
-                if (point <= bracket%a .or. point >= bracket%b) exit
-                call evaluate_at(self, number, point, value_there, error)
-                if (allocated(error)) return
-                call bracket%narrow(point, value_there)
-            end do
-            ! Behind the zero, so that the motion goes on from where the sign has changed; what is left of a step is a step.
-            point = bracket%b
-            if ((1.0_wp - point)*(self%next%t - self%start%t) <= 8*spacing(abs(self%next%t))) point = 1.0_wp
-            call add_if_wanted(point, merge(1, -1, value_b > 0.0_wp))
-        end subroutine locate
-
-        !> Is |g| at a sample smaller than beside it, and may it reach zero there?
-        subroutine look_for_minimum(k)
-            integer, intent(in) :: k
-            real(wp) :: at, extreme
-            integer :: i, low, high
-
-            i = min(max(k - 1, first), n_samples - 2)
-            low = max(k - 1, first)
-            high = min(k + 1, n_samples)
-            if (s(i) == 0 .or. any(s(i:i + 2) /= s(i))) return
+        i = min(max(k - 1, g%first), n_samples - 2)
+        low = max(k - 1, g%first)
+        high = min(k + 1, n_samples)
+        associate (x => g%x, value => g%value)
+            if (g%sign(i) == 0 .or. any(g%sign(i:i + 2) /= g%sign(i))) return
             if (k > low .and. abs(value(k)) > abs(value(low))) return
             if (k < high .and. abs(value(k)) >= abs(value(high))) return
             call vertex(x(i:i + 2), abs(value(i:i + 2)), at, extreme)
             if (extreme > 0.25_wp*maxval(abs(value(i:i + 2)))) return
             ! At an end: only an extremum of this step, or one too near to the end to tell.
-            associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(number)%rests))
+            associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(g%number)%rests))
                 if (k == low .and. (at > x(high) .or. at < x(low) - reach)) return
                 if (k == high .and. (at < x(low) .or. at > x(high) + x(high) - x(low))) return
             end associate
-            call search_minimum(x(low), value(low), x(high), value(high), is_found)
-        end subroutine look_for_minimum
+            call search_minimum(self, g, x(low), value(low), x(high), value(high), is_found, error)
+        end associate
+    end subroutine look_for_minimum
 
-        !> Find out what a minimum of |g| near zero is.
-        subroutine search_minimum(a, value_a, b, value_b, is_found)
-            real(wp), intent(in) :: a, value_a, b, value_b
-            !> Whether g gets to zero there.
-            logical, intent(out) :: is_found
-            !> Golden sections alone take 45.
-            integer, parameter :: most_points = 60
-            type(minimum_type) :: minimum
-            real(wp) :: point, value_there, toward
-            integer :: j
+    !> Find out what a minimum of |g| near zero is.
+    subroutine search_minimum(self, g, a, value_a, b, value_b, is_found, error)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        real(wp), intent(in) :: a, value_a, b, value_b
+        !> Whether g gets to zero there.
+        logical, intent(out) :: is_found
+        type(error_type), allocatable, intent(out) :: error
+        !> Golden sections alone take 45.
+        integer, parameter :: most_points = 60
+        type(minimum_type) :: minimum
+        real(wp) :: point, value_there, toward
+        integer :: j
 
-            is_found = .false.
-            toward = sign(1.0_wp, value_a)
-            call minimum%begin(a, b)
-            do j = 1, most_points
-                point = minimum%next_point()
-                if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
-                ! Far above zero: no parabola will bring it there.
-                if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
-                    minimum%value > 1.0e3_wp*touch*largest .and. minimum%n_points > 4) return
-                if (point <= minimum%a .or. point >= minimum%b) exit
-                call evaluate_at(self, number, point, value_there, error)
-                if (allocated(error)) return
-                call minimum%narrow(point, toward*value_there)
-                is_found = minimum%value < -touch*largest
-                if (is_found) then
-                    call locate(a, value_a, minimum%x, toward*minimum%value)
-                    if (.not. allocated(error)) call locate(minimum%x, toward*minimum%value, b, value_b)
-                    return
-                end if
-            end do
-            is_found = minimum%value <= touch*largest .and. minimum%value < min(abs(value_a), abs(value_b))
-            if (is_found) call add_if_wanted(minimum%x, 0)
-        end subroutine search_minimum
+        is_found = .false.
+        toward = sign(1.0_wp, value_a)
+        call minimum%begin(a, b)
+        do j = 1, most_points
+            point = minimum%next_point()
+            if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
+            ! Far above zero: no parabola will bring it there.
+            if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
+                minimum%value > 1.0e3_wp*touch*g%largest .and. minimum%n_points > 4) return
+            if (point <= minimum%a .or. point >= minimum%b) exit
+            call evaluate_at(self, g%number, point, value_there, error)
+            if (allocated(error)) return
+            call minimum%narrow(point, toward*value_there)
+            is_found = minimum%value < -touch*g%largest
+            if (is_found) then
+                call locate(self, g, a, value_a, minimum%x, toward*minimum%value, error)
+                if (.not. allocated(error)) call locate(self, g, minimum%x, toward*minimum%value, b, value_b, error)
+                return
+            end if
+        end do
+        is_found = minimum%value <= touch*g%largest .and. minimum%value < min(abs(value_a), abs(value_b))
+        if (is_found) call add_if_wanted(self, g, minimum%x, 0)
+    end subroutine search_minimum
 
-        !> Add a zero where the event asks for its direction.
-        subroutine add_if_wanted(at, direction)
-            real(wp), intent(in) :: at
-            integer, intent(in) :: direction
+    !> Add a zero where the event asks for its direction.
+    subroutine add_if_wanted(self, g, at, direction)
+        class(simulation_type), intent(inout) :: self
+        type(sampled_type), intent(in) :: g
+        real(wp), intent(in) :: at
+        integer, intent(in) :: direction
 
-            associate (wanted => self%watched(number)%event%direction)
-                if (wanted == 0 .or. wanted == direction) call self%zeros%add(number, at, direction)
-            end associate
-        end subroutine add_if_wanted
-    end subroutine find_zeros
-
-    !> -1, 0 or 1.
-    pure integer function sign_of(value, smallest)
-        real(wp), intent(in) :: value
-        !> What counts as zero.
-        real(wp), intent(in) :: smallest
-
-        sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
-    end function sign_of
+        associate (wanted => self%watched(g%number)%event%direction)
+            if (wanted == 0 .or. wanted == direction) call self%zeros%add(g%number, at, direction)
+        end associate
+    end subroutine add_if_wanted
 
     !> Keep what has happened.
     subroutine record(self, number, direction, x, error)

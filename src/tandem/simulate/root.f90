@@ -10,7 +10,7 @@ module tandem_simulate_root
     implicit none (type, external)
     private
 
-    public :: bracket_type, minimum_type, zeros_type, vertex
+    public :: bracket_type, minimum_type, sign_of, vertex, zeros_type
 
     !> A sign change between a and b.
     type :: bracket_type
@@ -58,6 +58,15 @@ module tandem_simulate_root
     real(wp), parameter :: golden = 0.381966011250105_wp, finest = 1.0e-9_wp
 
 contains
+
+    !> The sign of a value: -1, 0 or 1.
+    pure integer function sign_of(value, smallest)
+        real(wp), intent(in) :: value
+        !> What counts as zero.
+        real(wp), intent(in) :: smallest
+
+        sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
+    end function sign_of
 
     !> Where to evaluate next.
     real(wp) function next_secant(self)

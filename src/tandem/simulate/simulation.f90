@@ -170,6 +170,94 @@ module tandem_simulation
     end interface
 
     interface
+        !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors:
+        !> invalid_model, invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable,
+        !> not_finite. After an error there is no run, also where there was one before.
+        module subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> The model; it must outlive the simulation and serves only this one.
+            class(model_type), intent(inout), target :: model
+            type(options_type), intent(in) :: options
+            !> Start time, coordinates (n) and velocities (n).
+            real(wp), intent(in) :: t, q(:), qd(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> How to assemble the start, and what that did; without it a start that violates the constraints is refused.
+            type(assembly_type), intent(inout), optional :: assembly
+            !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
+            class(chart_type), intent(in), optional :: chart
+        end subroutine initialize
+
+        !> A chart that knows nothing yet.
+        module subroutine allocate_chart(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine allocate_chart
+
+        !> Make the current state the origin of a new chart and count the reason.
+        module subroutine renew_chart(self, reason, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> One of the reasons of `tandem_simulate_statistics`.
+            integer, intent(in) :: reason
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine renew_chart
+
+        !> Make a new chart before the step where the policy wants one.
+        module subroutine renew_by_policy(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine renew_by_policy
+
+        !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
+        pure module function stands_at_breakpoint(self)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            logical :: stands_at_breakpoint
+        end function stands_at_breakpoint
+
+        !> Whether C has lost rank between the current state and the next.
+        module subroutine check_rank(self, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> ok, or what `measure_rank` has found.
+            integer, intent(out) :: stat
+        end subroutine check_rank
+
+        !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
+        module subroutine look_for_lost_rank(self, h, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(in) :: h
+            !> The reason, replaced where this is it.
+            integer, intent(inout) :: stat
+        end subroutine look_for_lost_rank
+
+        !> Take note of a try that was given up, where it has met a loss of rank or a reason that may hide one.
+        pure module subroutine remember_loss(self, h, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(in) :: h
+            !> The reason.
+            integer, intent(in) :: stat
+        end subroutine remember_loss
+
+        !> Whether the step to the next state, shorter than one that was given up, has turned off there onto another branch.
+        module function turns_off(self)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            logical :: turns_off
+        end function turns_off
+
+        !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next
+        !> step. On an error the state is that of the segment that ends.
+        module subroutine cross_breakpoint(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine cross_breakpoint
+
         !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold
         !> with all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part
         !> in the integration: the steps are bitwise the same with and without.
@@ -338,116 +426,6 @@ module tandem_simulation
 
 contains
 
-    !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors: invalid_model,
-    !> invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable, not_finite. After an error
-    !> there is no run, also where there was one before.
-    subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
-        class(simulation_type), intent(inout) :: self
-        !> The model; it must outlive the simulation and serves only this one.
-        class(model_type), intent(inout), target :: model
-        type(options_type), intent(in) :: options
-        !> Start time, coordinates (n) and velocities (n).
-        real(wp), intent(in) :: t, q(:), qd(:)
-        type(error_type), allocatable, intent(out) :: error
-        !> How to assemble the start, and what that did; without it a start that violates the constraints is refused.
-        type(assembly_type), intent(inout), optional :: assembly
-        !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
-        class(chart_type), intent(in), optional :: chart
-
-        self%is_ready = .false.
-        self%is_looking = .false.
-        call check_model(model, error)
-        if (allocated(error)) return
-        call options%check_sizes(model%n, error)
-        if (.not. allocated(error)) call options%check(error)
-        if (allocated(error)) return
-        if (size(q) /= model%n .or. size(qd) /= model%n) then
-            call set_error(error, status_invalid_option, 'q0 and qd0 have '//to_text(size(q))//' and '// &
-                to_text(size(qd))//' entries, the model has n = '//to_text(model%n), 'give n entries each')
-            return
-        end if
-        if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
-            call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
-            return
-        end if
-        call new_stepper(options%stepper, self%stepper)
-        self%model => model
-        self%options = options
-        self%tally = statistics_type()
-        self%stiffness = stiffness_type()
-        call self%work%set(options%max_evaluations, options%max_seconds)
-        self%grid_steps = 0
-        self%on_grid = .true.
-        self%last_step = 0.0_wp
-        self%t_start = t
-        self%hindrance = status_ok
-        self%is_interrupted = .false.
-        self%last_gap = huge(1.0_wp)
-        self%loss = status_ok
-        self%loss_until = -huge(1.0_wp)
-        self%tries = 0
-        self%tries_from = t
-        self%chart_is_current = .false.
-        if (allocated(self%warnings)) deallocate (self%warnings)
-        self%n_redundant = 0
-        if (allocated(self%blank)) deallocate (self%blank)
-        if (present(chart)) allocate (self%blank, source=chart)
-        call self%allocate_chart()
-        self%method = self%stepper%properties()
-        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
-        self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
-        if (options%is_adaptive() .and. self%method%estimate_order == 0) then
-            call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
-                ' has no error estimate', 'choose another stepper, or a fixed step')
-            return
-        end if
-        if (options%projection /= projections(1) .and. self%method%implicit) then
-            call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but the stages of '// &
-                trim(options%stepper)//' are implicit: Newton''s iteration solves for points of the manifold', &
-                'use projection = "stages", or an explicit stepper')
-            return
-        end if
-        self%stepper%projects_stages = options%projection == projections(1)
-        call self%chart%initialize(model, options, self%method%implicit, error)
-        if (allocated(error)) return
-        self%state%q = spread(1.0_wp, 1, model%n)
-        if (allocated(model%coordinate_scale)) self%state%q = model%coordinate_scale
-        call self%control%initialize(options, self%state%q, self%method)
-        call self%local_error%initialize(self%state%q)
-        call self%stepper%initialize(self%state%q, options%newton_tolerance())
-        call self%state%allocate(model%n)
-        call self%next%allocate(model%n)
-        call self%start%allocate(model%n)
-        call self%kept%allocate(model%n)
-        self%has_step = .false.
-        self%slope = spread(self%state%q, 2, 2)
-        self%renewal = 0
-        self%n_events = 0
-        self%n_at_once = 0
-        self%room = huge(1.0_wp)
-        self%is_stopped = .false.
-        self%stopped_by = ''
-        self%values_are_stale = .true.
-        self%has_to_act = .false.
-        if (allocated(self%watched)) deallocate (self%watched)
-        if (allocated(self%events)) deallocate (self%events)
-        if (allocated(self%lambda)) deallocate (self%lambda)
-        self%state%t = t
-        self%state%q = q
-        self%state%qd = qd
-        model%segment = 1
-        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
-        if (present(assembly)) then
-            call assemble(model, assembly, t, self%state%q, self%state%qd, error)
-            if (allocated(error)) return
-        end if
-        call self%accept_start(error)
-        self%is_ready = .not. allocated(error)
-        if (.not. present(assembly)) return
-        self%tally%start_moved_q = maxval(abs(self%state%q - q))
-        self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
-    end subroutine initialize
-
     !> Refuse what needs a run where there is none.
     subroutine check_ready(self, error)
         class(simulation_type), intent(in) :: self
@@ -555,44 +533,6 @@ contains
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end function statistics
-
-    !> A chart that knows nothing yet.
-    subroutine allocate_chart(self)
-        class(simulation_type), intent(inout) :: self
-
-        if (allocated(self%chart)) deallocate (self%chart)
-        if (allocated(self%blank)) then
-            allocate (self%chart, source=self%blank)
-        else
-            allocate (dense_chart_type :: self%chart)
-        end if
-    end subroutine allocate_chart
-
-    !> Make the current state the origin of a new chart and count the reason.
-    subroutine renew_chart(self, reason, error)
-        class(simulation_type), intent(inout) :: self
-        !> One of the reasons of `tandem_simulate_statistics`.
-        integer, intent(in) :: reason
-        type(error_type), allocatable, intent(out) :: error
-        integer :: stat
-
-        self%next%dq(:) = 0.0_wp
-        if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
-        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
-        if (self%chart%wants_other_rows()) then
-            call self%choose_rows_anew(stat)
-            self%room = huge(1.0_wp)
-        end if
-        if (stat /= status_ok) then
-            call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
-            return
-        end if
-        self%state%dq(:) = self%next%dq
-        self%state%dqd(:) = 0.0_wp
-        self%chart_is_current = .true.
-        self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
-        self%tally%charts = self%tally%charts + 1
-    end subroutine renew_chart
 
     !> The constraint errors of the current state; with `factor` they must be within the tolerance.
     subroutine measure_errors(self, error)

@@ -1,46 +1,93 @@
 ! SPDX-License-Identifier: MIT
-!> The steps of a simulation: fixed ones on a grid, controlled ones that follow an error estimate, the chart policy before a step
-!> and the breakpoint after it.
+!> The steps of a simulation: fixed ones on a grid, and controlled ones that follow an error estimate.
 submodule(tandem_simulation) tandem_simulate_steps
     implicit none (type, external)
+
+    !> The statuses of a motion that is no longer determined.
+    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
 
     !> Steps approach a loss of rank, or of what ties a coordinate without mass, until its singular value has fallen to this part:
     !> closer, rounding decides where they go.
     real(wp), parameter :: least_independence = 1.0e-5_wp
-    !> The statuses of a motion that is no longer determined.
-    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
     !> A loss of rank at the very end of a step belongs to it.
     real(wp), parameter :: hair = 1.0e-7_wp
+
+    !> How a try of a controlled step may end: kept, beyond the tolerance, with a gap of the velocity, or not at all.
+    integer, parameter :: is_kept = 0, misses_tolerance = 1, leaves_gap = 2, fails = 3
+
+    !> What there was before a step: errors of the state and the largest ones so far, the gap of the velocity, the grid.
+    type :: before_type
+        real(wp) :: errors(3), largest_errors(3), gap
+        integer(long) :: grid_steps
+        logical :: on_grid
+    end type before_type
 
 contains
 
     !> One accepted step that does not pass t_limit, without the actions of events. On an error the state is that of the last
     !> accepted step.
     module procedure advance
-        real(wp) :: last_errors(3), largest_errors(3), gap_before
-        integer(long) :: last_grid_steps
-        logical :: ends_at_breakpoint, was_on_grid, is_at_limit, is_cut
+        type(before_type) :: before
+        logical :: ends_at_breakpoint
 
         call self%look_back()
         self%is_stopped = .false.
         self%stopped_by = ''
-        if (self%tally%steps >= self%options%max_steps) then
-            call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
-                to_text(self%state%t))
-            return
-        end if
-        if (self%work%is_set) call check_work(self, error)
+        call check_limits(self, error)
         if (allocated(error)) return
         ! What has failed there may work now.
         if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
         if (allocated(error)) return
-        gap_before = self%tally%velocity_gap
-        last_errors = self%errors
-        last_grid_steps = self%grid_steps
-        was_on_grid = self%on_grid
+        before%errors = self%errors
+        before%largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
+        before%gap = self%tally%velocity_gap
+        before%grid_steps = self%grid_steps
+        before%on_grid = self%on_grid
         ! What a failed step leaves behind is no dense output.
         self%has_step = .false.
-        largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
+        call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
+        if (allocated(error)) return
+        self%last_step = self%state%t - self%start%t
+        if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
+        self%has_step = .true.
+        self%segment_of_step = self%model%segment
+        ! Steps show it if a procedure of the model is wrong. Looked at are those with a power of two for their number, and one that
+        ! shows more than those before it.
+        if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
+            if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
+        end if
+        self%chart_is_current = .false.
+        if (allocated(self%watched)) then
+            call search_step(self, t_limit, before, ends_at_breakpoint, error)
+            if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
+        end if
+        self%tally%steps = self%tally%steps + 1
+        self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
+        self%tally%largest_step = max(self%tally%largest_step, self%last_step)
+        if (ends_at_breakpoint) call cross_breakpoint(self, error)
+    end procedure advance
+
+    !> Refuse a step where the run has taken or cost as many as it may.
+    subroutine check_limits(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        if (self%tally%steps >= self%options%max_steps) then
+            call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
+                to_text(self%state%t))
+        else if (self%work%is_set) then
+            call check_work(self, error)
+        end if
+    end subroutine check_limits
+
+    !> Steps until the state at the end of one meets the constraints: from self%start to self%state.
+    subroutine step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        type(before_type), intent(in) :: before
+        logical, intent(out) :: ends_at_breakpoint
+        type(error_type), allocatable, intent(out) :: error
+
         do
             if (self%options%is_adaptive()) then
                 call try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
@@ -51,12 +98,8 @@ contains
             call self%start%copy(self%state)
             call self%state%copy(self%next)
             call self%measure_errors(error)
-            if (.not. allocated(error)) exit
-            ! A state that misses the tolerance is not kept.
-            call self%state%copy(self%start)
-            self%errors = last_errors
-            self%grid_steps = last_grid_steps
-            self%on_grid = was_on_grid
+            if (.not. allocated(error)) return
+            call take_back(self, before)
             ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
             ! else a shorter step.
             if (self%chart%n_dropped == 0 .or. error%stat /= status_constraints_not_held) return
@@ -68,55 +111,60 @@ contains
                 if (.not. self%control%h > 4.0_wp*spacing(abs(self%state%t))) return
             end if
             deallocate (error)
-            self%tally%position_error = largest_errors(1)
-            self%tally%velocity_error = largest_errors(2)
-            self%tally%acceleration_error = largest_errors(3)
+            self%tally%position_error = before%largest_errors(1)
+            self%tally%velocity_error = before%largest_errors(2)
+            self%tally%acceleration_error = before%largest_errors(3)
             if (.not. self%chart_is_current) self%renewal = by_failure
         end do
-        self%last_step = self%state%t - self%start%t
-        if (self%method%stability_limit > 0.0_wp) then
-            if (self%options%is_adaptive()) then
-                is_at_limit = self%control%is_at_limit
-            else
-                is_at_limit = self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit
-            end if
-            call self%stiffness%observe(self%start%t, is_at_limit)
+    end subroutine step_within_tolerance
+
+    !> The state at the end of a step is not kept: return to the start.
+    subroutine take_back(self, before)
+        class(simulation_type), intent(inout) :: self
+        type(before_type), intent(in) :: before
+
+        call self%state%copy(self%start)
+        self%errors = before%errors
+        self%grid_steps = before%grid_steps
+        self%on_grid = before%on_grid
+    end subroutine take_back
+
+    !> Look whether stability limits the steps of an explicit method.
+    subroutine watch_stiffness(self)
+        class(simulation_type), intent(inout) :: self
+        logical :: is_at_limit
+
+        if (self%options%is_adaptive()) then
+            is_at_limit = self%control%is_at_limit
+        else
+            is_at_limit = self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit
         end if
-        self%has_step = .true.
-        self%segment_of_step = self%model%segment
-        ! Steps show it if a procedure of the model is wrong. Looked at are those with a power of two for their number, and one that
-        ! shows more than those before it.
-        if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*gap_before) then
-            if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
-        end if
-        self%chart_is_current = .false.
-        if (allocated(self%watched)) then
-            call self%look_for_events(self%next%t >= t_limit, is_cut, error)
-            if (is_cut) then
-                ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
-                ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
-                if (.not. self%options%is_adaptive() .and. &
-                    self%next%t - self%state%t > 1.0e-6_wp*(self%next%t - self%start%t)) then
-                    self%grid_steps = last_grid_steps
-                    self%on_grid = .false.
-                end if
-                if (.not. self%last_step > 0.0_wp) return
+        call self%stiffness%observe(self%start%t, is_at_limit)
+    end subroutine watch_stiffness
+
+    !> Look for events in the step, which they may cut. A step that cannot be searched is not kept.
+    subroutine search_step(self, t_limit, before, ends_at_breakpoint, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit
+        type(before_type), intent(in) :: before
+        logical, intent(inout) :: ends_at_breakpoint
+        type(error_type), allocatable, intent(out) :: error
+        logical :: is_cut
+
+        call self%look_for_events(self%next%t >= t_limit, is_cut, error)
+        if (is_cut) then
+            ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
+            ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
+            if (.not. self%options%is_adaptive() .and. &
+                self%next%t - self%state%t > 1.0e-6_wp*(self%next%t - self%start%t)) then
+                self%grid_steps = before%grid_steps
+                self%on_grid = .false.
             end if
-            if (allocated(error) .and. .not. is_cut) then
-                ! A step that cannot be searched is not kept.
-                call self%state%copy(self%start)
-                self%errors = last_errors
-                self%grid_steps = last_grid_steps
-                self%on_grid = was_on_grid
-                self%has_step = .false.
-            end if
-            if (allocated(error)) return
+        else if (allocated(error)) then
+            call take_back(self, before)
+            self%has_step = .false.
         end if
-        self%tally%steps = self%tally%steps + 1
-        self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
-        self%tally%largest_step = max(self%tally%largest_step, self%last_step)
-        if (ends_at_breakpoint) call cross_breakpoint(self, error)
-    end procedure advance
+    end subroutine search_step
 
     !> Whether a failed step has left B or H behind that were refined in vain, and are no start for others.
     pure logical function has_spoilt(self, stat)
@@ -125,53 +173,6 @@ contains
 
         has_spoilt = self%options%refresh == 'refine' .and. any(stat == [status_chart_left, status_position_diverged])
     end function has_spoilt
-
-    !> Whether C has lost rank between the current state and the next: behind such a step the motion is not determined.
-    subroutine check_rank(self, stat)
-        class(simulation_type), intent(inout) :: self
-        !> ok, or what `measure_rank` has found.
-        integer, intent(out) :: stat
-        real(wp) :: room
-
-        associate (state => self%state, next => self%next)
-            call self%chart%measure_rank(state%t, state%q, next%t, next%q, room, stat)
-            if (stat == status_ok .and. .not. room > 0.0_wp) stat = status_rank_deficient
-            ! What turns that far may hide it.
-            if (stat == status_chart_left) call look_for_lost_rank(self, next%t - state%t, stat)
-            ! What a step has found that is not kept says nothing of the next.
-            if (stat /= status_ok) return
-            self%room = room
-            if (room < huge(1.0_wp)) self%room = room*(next%t - state%t)
-        end associate
-    end subroutine check_rank
-
-    !> Take note of a try that was given up, where it has met a loss of rank or a reason that may hide one.
-    pure subroutine remember_loss(self, h, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: h
-        !> The reason.
-        integer, intent(in) :: stat
-
-        if (all(stat /= [losses, status_position_diverged, status_chart_left, status_newton_failed])) return
-        if (self%state%t > self%loss_until .or. all(self%loss /= losses)) self%loss = stat
-        self%loss_until = max(self%loss_until, self%next%t + h)
-    end subroutine remember_loss
-
-    !> Whether the step to the next state, shorter than one that was given up, has turned off there onto another branch: its
-    !> velocity has changed of itself, without an acceleration, and C with it. Where a row of C vanishes, branches cross. Its
-    !> direction, which is what the other measures see, need not come near dependence then, and the orientation may be kept. A
-    !> step that is merely too long changes its velocity less when it is shorter, and a jump of nu leaves C as it is.
-    logical function turns_off(self)
-        class(simulation_type), intent(in) :: self
-        !> Relative to the velocity; what steps that meet usual tolerances leave is far below.
-        real(wp), parameter :: least_gap = 1.0e-3_wp
-        real(wp) :: gap
-
-        turns_off = .false.
-        if (self%state%t > self%loss_until) return
-        gap = self%local_error%gap(self%state, self%next)
-        if (gap > least_gap) turns_off = self%chart%relative_change() > gap
-    end function turns_off
 
     !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
     !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
@@ -189,24 +190,6 @@ contains
         if (has_gap) has_gap = gap > rounding*self%local_error%largest_velocity(self%next%qd)
         if (has_gap) self%last_gap = gap
     end function has_gap
-
-    !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
-    subroutine look_for_lost_rank(self, h, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: h
-        !> The reason, replaced where this is it.
-        integer, intent(inout) :: stat
-        integer :: loss
-
-        if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
-        associate (state => self%state, next => self%next)
-            ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first
-            ! to notice.
-            next%q = state%q - h*state%qd
-            loss = self%chart%loss_ahead(state%t - h, next%q, state%qd, 3.0_wp*h)
-            if (loss /= status_ok) stat = loss
-        end associate
-    end subroutine look_for_lost_rank
 
     !> The next step of the grid, into self%next.
     subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
@@ -264,7 +247,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm
         logical :: is_cut, is_short, is_first, is_sliver, has_failed
-        integer :: stat, reason
+        integer :: outcome, reason, stat
 
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
@@ -280,67 +263,23 @@ contains
         do
             call check_progress(self, t_limit, error)
             if (allocated(error)) return
-            h = min(self%control%h, 0.5_wp*self%room)
-            ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
-            is_cut = self%state%t + 1.01_wp*h >= stop_at
-            self%next%t = stop_at
-            if (.not. is_cut) then
-                if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
-                self%next%t = self%state%t + h
-            end if
-            ! Asked before the times round h: a step that is short by that alone was tried in full.
-            is_short = is_cut .or. h < self%control%h
-            h = self%next%t - self%state%t
+            call propose_step(self, stop_at, h, is_cut, is_short)
             ! What is left before the stop may be as short as it likes: it is one step.
             is_sliver = .not. h > 4.0_wp*spacing(abs(self%state%t))
             if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. (is_first .or. self%control%h > 2*h))) then
                 call underflow(self, reason, h, error)
                 return
             end if
-            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
-            if (stat == status_ok) then
-                call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
-                call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
-                if (.not. norm <= 1.0_wp) then
-                    self%tally%rejected = self%tally%rejected + 1
-                    reason = status_ok
-                    is_first = .false.
-                    call self%control%reject(h, norm)
-                    call self%chart%retry_step()
-                    if (self%work%is_set) call check_work(self, error)
-                    if (allocated(error)) exit
-                    cycle
-                end if
-                call check_rank(self, stat)
-                if (stat == status_ok .and. turns_off(self)) stat = self%loss
-                if (stat == status_ok .and. .not. has_gap(self, h)) exit
-                if (stat == status_ok) then
-                    self%tally%rejected = self%tally%rejected + 1
-                    reason = status_ok
-                    is_first = .false.
-                    call self%control%fail(h)
-                    call self%chart%retry_step()
-                    if (.not. self%chart_is_current) call self%renew_chart(by_failure, error)
-                    if (allocated(error)) return
-                    if (self%work%is_set) call check_work(self, error)
-                    if (allocated(error)) exit
-                    cycle
-                end if
-            else if (stat /= status_callback_failed) then
-                call look_for_lost_rank(self, h, stat)
-            end if
+            call try_step(self, h, norm, outcome, stat)
+            if (outcome == is_kept) exit
             if (stat == status_callback_failed) then
                 call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
                 return
             end if
-            self%tally%failed = self%tally%failed + 1
-            has_failed = .true.
             is_first = .false.
+            has_failed = has_failed .or. outcome == fails
             reason = stat
-            call remember_loss(self, h, stat)
-            call self%control%fail(h)
-            call self%chart%retry_step()
-            if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
+            call give_up_try(self, h, norm, outcome, stat, error)
             if (allocated(error)) return
             ! Last, so that who goes on with a higher limit finds what this run would have gone on with.
             if (self%work%is_set) call check_work(self, error)
@@ -364,6 +303,80 @@ contains
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
+
+    !> How far the next try goes: its size, and its end in self%next.
+    subroutine propose_step(self, stop_at, h, is_cut, is_short)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: stop_at
+        real(wp), intent(out) :: h
+        !> Whether it ends at the stop, and whether it is shorter than the controller would have it.
+        logical, intent(out) :: is_cut, is_short
+
+        h = min(self%control%h, 0.5_wp*self%room)
+        ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
+        is_cut = self%state%t + 1.01_wp*h >= stop_at
+        self%next%t = stop_at
+        if (.not. is_cut) then
+            if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
+            self%next%t = self%state%t + h
+        end if
+        ! Asked before the times round h: a step that is short by that alone was tried in full.
+        is_short = is_cut .or. h < self%control%h
+        h = self%next%t - self%state%t
+    end subroutine propose_step
+
+    !> Try the step to self%next.
+    subroutine try_step(self, h, norm, outcome, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        !> The estimate of its error on the scale of the tolerances.
+        real(wp), intent(out) :: norm
+        !> `is_kept`, `misses_tolerance`, `leaves_gap` or `fails`, and for the last why.
+        integer, intent(out) :: outcome, stat
+
+        norm = 0.0_wp
+        outcome = fails
+        call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+        if (stat /= status_ok) then
+            call look_for_lost_rank(self, h, stat)
+            return
+        end if
+        call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
+        call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
+        if (.not. norm <= 1.0_wp) then
+            outcome = misses_tolerance
+            return
+        end if
+        call check_rank(self, stat)
+        if (stat == status_ok .and. turns_off(self)) stat = self%loss
+        if (stat /= status_ok) return
+        outcome = is_kept
+        if (has_gap(self, h)) outcome = leaves_gap
+    end subroutine try_step
+
+    !> Make ready for a shorter try.
+    subroutine give_up_try(self, h, norm, outcome, stat, error)
+        class(simulation_type), intent(inout) :: self
+        !> Size and error of the try, and how it has ended.
+        real(wp), intent(in) :: h, norm
+        integer, intent(in) :: outcome, stat
+        type(error_type), allocatable, intent(out) :: error
+
+        if (outcome == fails) then
+            self%tally%failed = self%tally%failed + 1
+            call remember_loss(self, h, stat)
+        else
+            self%tally%rejected = self%tally%rejected + 1
+        end if
+        if (outcome == misses_tolerance) then
+            call self%control%reject(h, norm)
+        else
+            call self%control%fail(h)
+        end if
+        call self%chart%retry_step()
+        if (outcome == misses_tolerance) return
+        if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
+    end subroutine give_up_try
 
     !> What comes before the first try of a step: a new chart where one is wanted, a look ahead, the size of the first step.
     subroutine prepare_tries(self, stop_at, is_first, error)
@@ -583,108 +596,4 @@ contains
         is_breakpoint = self%model%breakpoints(self%model%segment) <= t_limit
         if (is_breakpoint) stop_at = self%model%breakpoints(self%model%segment)
     end subroutine find_stop
-
-    !> Make a new chart before the step where the policy wants one.
-    subroutine renew_by_policy(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        type(health_type) :: health
-        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, and one of explicit steps
-        !> where they are none.
-        real(wp), parameter :: farthest = 3.0_wp
-        integer :: stat
-
-        if (self%chart_is_current) return
-        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = by_failure
-        if (self%renewal /= 0) then
-            call self%renew_chart(self%renewal, error)
-            self%renewal = 0
-            return
-        end if
-        associate (options => self%options)
-            if (options%chart == 'every_step') then
-                call self%renew_chart(by_step, error)
-                return
-            end if
-            call self%chart%measure_health(self%state%t, self%state%q, self%state%qd, health, stat)
-            if (stat /= status_ok) then
-                call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
-                return
-            end if
-            if (options%chart == 'adaptive') then
-                if (.not. health%d <= options%secant_limit) then
-                    call self%renew_chart(by_d, error)
-                else if (.not. health%fbar <= options%secant_limit) then
-                    call self%renew_chart(by_fbar, error)
-                end if
-            else
-                if (options%v_limit > 0.0_wp .and. health%v > options%v_limit) then
-                    call self%renew_chart(by_v, error)
-                else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
-                    call self%renew_chart(by_w, error)
-                else if (options%condition_limit > 0.0_wp .and. .not. health%condition <= options%condition_limit) then
-                    call self%renew_chart(by_condition, error)
-                else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
-                    call self%renew_chart(by_iterations, error)
-                else if (.not. health%d <= farthest) then
-                    call self%renew_chart(by_d, error)
-                else if (.not. health%fbar <= farthest) then
-                    call self%renew_chart(by_fbar, error)
-                end if
-            end if
-        end associate
-        if (allocated(error) .or. self%chart_is_current) return
-        call self%chart%refresh(self%state%t, self%state%q, stat)
-        if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
-    end subroutine renew_by_policy
-
-    !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
-    pure logical function stands_at_breakpoint(self)
-        class(simulation_type), intent(in) :: self
-
-        stands_at_breakpoint = .false.
-        if (.not. allocated(self%model%breakpoints)) return
-        if (self%model%segment > size(self%model%breakpoints)) return
-        stands_at_breakpoint = self%model%breakpoints(self%model%segment) <= self%state%t
-    end function stands_at_breakpoint
-
-    !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
-    !> On an error the state is that of the segment that ends.
-    subroutine cross_breakpoint(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
-        logical :: jumps
-        integer :: stat
-
-        associate (model => self%model, state => self%state)
-            qd = state%qd
-            qdd = state%qdd
-            jumps = .false.
-            if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
-            model%segment = model%segment + 1
-            call self%control%restart()
-            call self%local_error%restart()
-            call self%chart%forget()
-            stat = status_ok
-            if (jumps) then
-                call self%chart%project_velocity(state%t, state%q, state%qd, stat)
-                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - qd)))
-            end if
-            if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-            ! The chart of the step that ends here is kept for its dense output until the next step.
-            self%renewal = by_breakpoint
-            self%values_are_stale = .true.
-            if (stat == status_ok) then
-                call self%measure_errors(error)
-            else
-                call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
-            end if
-            if (.not. allocated(error)) return
-            model%segment = model%segment - 1
-            call self%chart%forget()
-            state%qd(:) = qd
-            state%qdd(:) = qdd
-        end associate
-    end subroutine cross_breakpoint
 end submodule tandem_simulate_steps

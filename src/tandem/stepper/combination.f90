@@ -1,16 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> Linear combinations of rates, as a tableau's rows are. Half of a large tableau is zero: the columns that count are listed once.
 module tandem_stepper_combination
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, wp
     implicit none (type, external)
     private
 
-    public :: combination_type, lane, short
+    public :: combination_type
 
-    !> Rates are padded with zeros to a multiple of this, the length of inner loops.
-    integer, parameter :: lane = 8
-    !> The length of one vector register.
-    integer, parameter :: short = 4
     !> Columns are added so many at a time.
     integer, parameter :: group = 4
 

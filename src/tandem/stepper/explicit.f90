@@ -8,10 +8,10 @@
 !> order p takes it: the orders stay, and ends are off by O(h^(p+1)) before they are restored.
 !> The acceleration at the end of a step is the first stage of the next one; an error estimate may use it too.
 module tandem_stepper_explicit
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, short, wp
     use tandem_pack, only: pack_type
     use tandem_stepper, only: stepper_type, weighted_norm
-    use tandem_stepper_combination, only: combination_type, lane, short
+    use tandem_stepper_combination, only: combination_type
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type
     implicit none (type, external)

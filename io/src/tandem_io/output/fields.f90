@@ -5,7 +5,7 @@ module tandem_io_output_fields
     implicit none (type, external)
     private
 
-    public :: output_type, field_type, fields, field_names, field_length, default_fields
+    public :: output_type, field_type, fields, field_names, field_length, default_fields, index_of
     public :: field_q, field_qd, field_qdd, field_lambda, field_position_error, field_velocity_error
     public :: field_acceleration_error, field_kinetic_energy, field_potential_energy, field_step, field_chart
     public :: one, each_coordinate, each_constraint
@@ -109,4 +109,11 @@ contains
             text = 'ask for lambda, but the model has no constraints'
         end if
     end function problem
+
+    !> The index of a field's name.
+    pure integer function index_of(name)
+        character(len=field_length), intent(in) :: name
+
+        index_of = findloc(field_names, name, dim=1)
+    end function index_of
 end module tandem_io_output_fields

@@ -7,11 +7,10 @@
 !> the closing of what is open when the program ends.
 module tandem_io_output_hdf5
     use hdf5, only: h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdwr_f, &
-        h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, &
-        h5open_f, h5p_dataset_create_f, h5p_file_create_f, h5p_group_create_f, h5pclose_f, h5pcreate_f, &
-        h5pset_attr_phase_change_f, h5pset_chunk_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, &
-        h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5t_str_nullpad_f, &
-        h5tclose_f, h5tset_strpad_f, hid_t, hsize_t
+        h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5open_f, &
+        h5p_dataset_create_f, h5p_file_create_f, h5p_group_create_f, h5pclose_f, h5pcreate_f, h5pset_attr_phase_change_f, &
+        h5pset_chunk_f, h5s_select_set_f, h5s_unlimited_f, h5sclose_f, h5screate_simple_f, h5sselect_hyperslab_f, &
+        h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5tclose_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_access, only: end_of, make_access, make_reading_access, release_driver, start_swmr
@@ -110,6 +109,53 @@ module tandem_io_output_hdf5
     end interface
 
     interface
+        !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
+        module subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> Numbers in a row; 0 for a series of single numbers, without that dimension.
+            integer, intent(in) :: width
+            !> Rows in a chunk.
+            integer, intent(in) :: chunk
+            !> Whether integers are stored.
+            logical, intent(in) :: counts
+            !> The dataset.
+            integer(hid_t), intent(out) :: dataset
+            !> The dataset whose values belong to the rows; itself where absent.
+            integer(hid_t), intent(in), optional :: scale
+            !> Length of the texts that are stored; none where absent.
+            integer, intent(in), optional :: texts
+        end subroutine add_dataset
+
+        !> Append rows to a dataset.
+        module subroutine append(self, dataset, path, width, before, rows, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path
+            !> Numbers in a row, 0 for a series of single numbers.
+            integer, intent(in) :: width
+            !> Rows that it has, and rows to append.
+            integer(long), intent(in) :: before
+            integer, intent(in) :: rows
+            !> The rows, one a column; more columns may follow.
+            real(wp), intent(in), contiguous, target :: values(:, :)
+        end subroutine append
+
+        !> Append texts to a dataset of them, blanks at their ends dropped.
+        module subroutine append_texts(self, dataset, path, before, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path
+            !> Rows that it has.
+            integer(long), intent(in) :: before
+            character(len=*), intent(in) :: values(:)
+        end subroutine append_texts
+
         !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
         !> killed is freed of its mark before.
         module subroutine open_to_append(self, path)
@@ -474,127 +520,6 @@ contains
         if (stat == 0) call h5gclose_f(group, stat)
         call h5pclose_f(properties, stat)
     end subroutine add_group
-
-    !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
-    subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> Numbers in a row; 0 for a series of single numbers, without that dimension.
-        integer, intent(in) :: width
-        !> Rows in a chunk.
-        integer, intent(in) :: chunk
-        !> Whether integers are stored.
-        logical, intent(in) :: counts
-        !> The dataset.
-        integer(hid_t), intent(out) :: dataset
-        !> The dataset whose values belong to the rows; itself where absent.
-        integer(hid_t), intent(in), optional :: scale
-        !> Length of the texts that are stored; none where absent.
-        integer, intent(in), optional :: texts
-        integer(hid_t) :: space, properties, stored
-        integer :: stat, rank
-
-        dataset = -1_hid_t
-        if (allocated(self%problem)) return
-        rank = merge(1, 2, width == 0)
-        associate (sizes => [int(width, hsize_t), 0_hsize_t], largest => [int(width, hsize_t), h5s_unlimited_f], &
-            chunks => [int(width, hsize_t), int(chunk, hsize_t)], first => 3 - rank)
-            call h5screate_simple_f(rank, sizes(first:), space, stat, largest(first:))
-            call self%note(stat, 'make '//path)
-            call h5pcreate_f(h5p_dataset_create_f, properties, stat)
-            call h5pset_chunk_f(properties, rank, chunks(first:), stat)
-            call self%note(stat, 'make '//path)
-        end associate
-        if (allocated(self%problem)) return
-        stored = merge(h5t_std_i64le, h5t_ieee_f64le, counts)
-        if (present(texts)) then
-            call make_fixed_type(texts, stored)
-            call h5tset_strpad_f(stored, h5t_str_nullpad_f, stat)
-        end if
-        call h5dcreate_f(self%file, path, stored, space, dataset, stat, properties)
-        call self%note(stat, 'make '//path)
-        if (present(texts)) call h5tclose_f(stored, stat)
-        call h5pclose_f(properties, stat)
-        call h5sclose_f(space, stat)
-        if (allocated(self%problem)) return
-        if (present(scale)) then
-            stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(scale, c_int64_t), 0_c_int))
-        else
-            stat = int(h5ds_set_scale(int(dataset, c_int64_t), [character(kind=c_char) :: 't', 'i', 'm', 'e', c_null_char]))
-        end if
-        call self%note(stat, 'attach the time to '//path)
-    end subroutine add_dataset
-
-    !> Append rows to a dataset.
-    subroutine append(self, dataset, path, width, before, rows, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        !> Numbers in a row, 0 for a series of single numbers.
-        integer, intent(in) :: width
-        !> Rows that it has, and rows to append.
-        integer(long), intent(in) :: before
-        integer, intent(in) :: rows
-        !> The rows, one a column; more columns may follow.
-        real(wp), intent(in), contiguous, target :: values(:, :)
-
-        call append_values(self, dataset, path, width, before, rows, h5t_native_double, c_loc(values))
-    end subroutine append
-
-    !> Append texts to a dataset of them, blanks at their ends dropped.
-    subroutine append_texts(self, dataset, path, before, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        !> Rows that it has.
-        integer(long), intent(in) :: before
-        character(len=*), intent(in) :: values(:)
-        character(kind=c_char), target :: letters(len(values), size(values))
-        integer(hid_t) :: text_type
-        integer :: i, j, stat
-
-        if (allocated(self%problem) .or. size(values) == 0) return
-        do i = 1, size(values)
-            do j = 1, len(values)
-                letters(j, i) = values(i) (j:j)
-            end do
-        end do
-        call make_fixed_type(len(values), text_type)
-        call append_values(self, dataset, path, 0, before, size(values), text_type, c_loc(letters))
-        call h5tclose_f(text_type, stat)
-    end subroutine append_texts
-
-    !> Append rows of any type.
-    subroutine append_values(self, dataset, path, width, before, rows, memory_type, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset, memory_type
-        character(len=*), intent(in) :: path
-        integer, intent(in) :: width, rows
-        integer(long), intent(in) :: before
-        type(c_ptr), intent(in) :: values
-        integer(hid_t) :: file_space, memory_space
-        integer :: stat, rank
-
-        if (allocated(self%problem) .or. rows == 0) return
-        call forget_reason()
-        rank = merge(1, 2, width == 0)
-        associate (sizes => [int(width, hsize_t), int(before + rows, hsize_t)], start => [0_hsize_t, int(before, hsize_t)], &
-            block => [int(width, hsize_t), int(rows, hsize_t)], first => 3 - rank)
-            call h5dset_extent_f(dataset, sizes(first:), stat)
-            call self%note(stat, 'extend '//path)
-            call h5dget_space_f(dataset, file_space, stat)
-            call self%note(stat, 'extend '//path)
-            if (allocated(self%problem)) return
-            call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
-            call h5screate_simple_f(rank, block(first:), memory_space, stat)
-        end associate
-        call h5dwrite_f(dataset, memory_type, values, stat, memory_space, file_space)
-        call self%note(stat, 'write '//path)
-        call h5sclose_f(memory_space, stat)
-        call h5sclose_f(file_space, stat)
-    end subroutine append_values
 
     !> Close a dataset, if it is open.
     subroutine close_dataset(self, dataset)

@@ -5,23 +5,21 @@
 !> ends the program. A field that was not asked for is neither computed nor written.
 module tandem_io_output_trajectory
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, mark_type, &
-        model_type, &
-        observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
+        model_type, observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
         status_output_failed, to_text, wp
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
     use tandem_io_output_events, only: event_output_type, event_paths
-    use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_kinetic_energy, field_lambda, &
-        field_length, field_names, field_position_error, field_potential_energy, field_q, field_qd, field_qdd, field_step, &
-        field_velocity_error, fields, output_type
+    use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, &
+        index_of, output_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_profile, only: write_profile
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_series, only: label_columns, series_type, width_of
     use tandem_io_output_target, only: check_target, remove_file
     use tandem_io_version, only: format_version, tandem_version
-    use tandem_status, only: status_callback_failed, status_interrupted, status_invalid_checkpoint, status_invalid_option
+    use tandem_status, only: status_interrupted, status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
 
@@ -36,8 +34,7 @@ module tandem_io_output_trajectory
     integer, parameter :: most_later = 8
     !> Letters for the status and its message: as many as messages have.
     integer, parameter :: room_for_texts = 512
-    !> Most steps between two looks at the clock: such that take less than a millisecond together, or the clock would cost more than
-    !> the rows.
+    !> Most steps between two looks at the clock: such that take less than a millisecond, or it would cost more than the rows.
     integer, parameter :: most_unwatched = 16
 
     !> How an energy, where it was written, has changed since the start.
@@ -97,9 +94,42 @@ module tandem_io_output_trajectory
         procedure, private :: save
         procedure, private :: save_simulation
         procedure, private :: close_datasets
-        procedure, private :: prepare
-        procedure, private :: fail
+        procedure, private :: prepare, fail
     end type trajectory_type
+
+    interface
+        !> Compute the fields of the current state and keep them as a row.
+        module subroutine gather(self, simulation, error)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine gather
+
+        !> Let the model tell what it knows of the current state.
+        module subroutine measure(self, simulation, error)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine measure
+
+        !> Keep rows of the times of the interval that the last step has passed.
+        module subroutine gather_between(self, simulation, error, is_before_event)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+            type(error_type), allocatable, intent(out) :: error
+            !> Whether the end of the step is left for later, when an event has changed it.
+            logical, intent(in) :: is_before_event
+        end subroutine gather_between
+
+        !> Write the gathered rows.
+        module subroutine write_rows(self)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+        end subroutine write_rows
+    end interface
 
 contains
 
@@ -359,7 +389,7 @@ contains
                 mod(simulation%grid_steps, int(self%every, long)) == 0
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
             if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) then
-              call self%measure(simulation, error)
+                call self%measure(simulation, error)
             end if
             if (allocated(error)) return
         end select
@@ -490,116 +520,6 @@ contains
         call self%events%open(self%file, simulation, names, q_units, qd_units)
     end subroutine open_events
 
-    !> Compute the fields of the current state and keep them as a row.
-    subroutine gather(self, simulation, error)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(out) :: error
-        real(wp) :: energy
-        integer :: i, n, stat
-
-        if (size(self%quantities) > 0) call self%measure(simulation, error)
-        if (allocated(error)) return
-        stat = 0
-        energy = 0.0_wp
-        n = 0
-        self%gathered = self%gathered + 1
-        do i = 0, ubound(self%series, 1)
-            associate (row => self%series(i)%rows(:, self%gathered), state => simulation%state)
-                select case (self%series(i)%field)
-                case (0)
-                    row(1) = state%t
-                case (field_q)
-                    row = state%q
-                case (field_qd)
-                    row = state%qd
-                case (field_qdd)
-                    row = state%qdd
-                case (field_lambda)
-                    call simulation%multipliers(self%series(i)%rows(:, self%gathered))
-                case (field_position_error, field_velocity_error, field_acceleration_error)
-                    row(1) = simulation%errors(self%series(i)%field - field_position_error + 1)
-                case (field_kinetic_energy)
-                    call simulation%kinetic_energy(row(1), stat)
-                    energy = energy + row(1)
-                case (field_potential_energy)
-                    call simulation%potential_energy(row(1), stat)
-                    energy = energy + row(1)
-                case (field_step)
-                    row(1) = simulation%last_step
-                case (field_chart)
-                    row(1) = real(number_of_charts(simulation), wp)
-                case default
-                    row = self%quantities(n + 1:n + size(row))
-                    n = n + size(row)
-                end select
-            end associate
-            if (stat /= 0) then
-                self%gathered = self%gathered - 1
-                call set_error(error, status_callback_failed, 'the '//trim(fields(self%series(i)%field)%name)// &
-                    ' could not be evaluated at t = '//to_text(simulation%state%t))
-                return
-            end if
-        end do
-        self%last_time = simulation%state%t
-        if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
-        self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
-    end subroutine gather
-
-    !> Let the model tell what it knows of the current state.
-    subroutine measure(self, simulation, error)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(out) :: error
-        integer :: stat
-
-        associate (state => simulation%state)
-            call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%quantities, stat)
-            if (stat /= 0) call set_error(error, status_callback_failed, 'the sensors could not be evaluated at t = '// &
-                to_text(state%t))
-        end associate
-    end subroutine measure
-
-    !> Keep rows of the times of the interval that the last step has passed.
-    subroutine gather_between(self, simulation, error, is_before_event)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(out) :: error
-        !> Whether the end of the step is left for later, when an event has changed it.
-        logical, intent(in) :: is_before_event
-        real(wp) :: t, end_of_step
-
-        end_of_step = simulation%state%t
-        do
-            t = self%first_time + real(self%intervals + 1, wp)*self%interval
-            ! A row that rounding has put just behind the step belongs to its end.
-            if (t > end_of_step + 1.0e-9_wp*self%interval) exit
-            if (is_before_event .and. t >= end_of_step) exit
-            t = min(t, end_of_step)
-            call simulation%look_at(t, error)
-            if (.not. allocated(error)) call self%gather(simulation, error)
-            call simulation%look_back()
-            if (allocated(error)) return
-            self%intervals = self%intervals + 1
-            if (self%gathered == self%capacity) call self%bring(simulation)
-            if (allocated(self%file%problem)) return
-        end do
-    end subroutine gather_between
-
-    !> Write the gathered rows.
-    subroutine write_rows(self)
-        class(trajectory_type), intent(inout) :: self
-        integer :: i
-
-        if (.not. allocated(self%series)) return
-        do i = 0, ubound(self%series, 1)
-            call self%series(i)%append(self%file, self%rows, self%gathered)
-        end do
-        if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
-        ! What could not be written never will be, and leaves its place all the same.
-        self%gathered = 0
-    end subroutine write_rows
-
     !> Bring rows and events to the disk.
     subroutine bring(self, simulation)
         class(trajectory_type), intent(inout) :: self
@@ -710,22 +630,6 @@ contains
         call file%remove('/report/profile')
         call file%flush()
     end subroutine take_back
-
-    !> The index of a field's name.
-    pure integer function index_of(name)
-        character(len=field_length), intent(in) :: name
-
-        index_of = findloc(field_names, name, dim=1)
-    end function index_of
-
-    !> The running number of the current chart.
-    integer(long) function number_of_charts(simulation)
-        class(simulation_type), intent(in) :: simulation
-
-        associate (statistics => simulation%statistics())
-            number_of_charts = statistics%charts
-        end associate
-    end function number_of_charts
 
     !> The local time as ISO 8601.
     function time_stamp() result(text)

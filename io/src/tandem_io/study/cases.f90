@@ -133,93 +133,103 @@ contains
         subject%group = entries(i)%group
         subject%model_name = name
         subject%options%atol = 0.0_wp
-        stat = 0
         unit = entries(i)%number
         if (present(in_metres)) unit = merge(1.0_wp, unit, in_metres)
-        associate (x => entries(i)%number)
-            select case (name(:index(name//'_', '_') - 1))
-            case ('motorcycle')
-                call build_stiff_motorcycle(subject, x, stat)
-            case ('spring', 'damped')
-                call build_spring(subject, x, name(1:1) == 'd')
-            case ('bushing')
-                call build_bushing(subject, x)
-            case ('flat')
-                call build_flat(subject, x)
-            case ('falling')
-                subject%description = 'the disk falls flat from a tilt of 0.1, spinning at '//to_toml(x)//' rad/s'
-                call build_disk(subject, [x, 0.0_wp, 0.0_wp], 0.1_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
-                ! Flat on the plane its motion ends: no run may be complete.
-                subject%is_at_rest = .true.
-            case ('spinning')
-                subject%description = 'the disk spins about its diameter at 1000 rad/s, tilted by 0.1'
-                call build_disk(subject, [0.0_wp, 0.0_wp, x], 0.1_wp, 1.0_wp, 0.05_wp, 1.0e-4_wp)
-            case ('rolling')
-                subject%description = 'the disk rolls at 1000 rad/s'
-                call build_disk(subject, [-x, 0.01_wp, 0.0_wp], 0.1_wp, 1.0_wp, 0.05_wp, 1.0e-4_wp)
-            case ('rest')
-                subject%description = 'the disk rests upright: nothing may move'
-                call build_disk(subject, [0.0_wp, 0.0_wp, 0.0_wp], 0.0_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
-                subject%is_at_rest = .true.
-            case ('edge')
-                subject%description = 'the disk stands on its edge, tilted by 0.001'
-                call build_disk(subject, [0.0_wp, 0.0_wp, 0.0_wp], x, 1.0_wp, 2.0_wp, 1.0e-2_wp)
-            case ('steering')
-                subject%description = 'the vehicle steers through '//to_text(nint(x*180/pi))//' degrees'
-                call build_vehicle(subject, 15.0_wp, x, 1.0_wp, 3.0_wp, 1.0e-3_wp)
-            case ('speed')
-                subject%description = 'the vehicle at '//to_toml(x)//' m/s'
-                call build_vehicle(subject, x, 0.017_wp, 1.0_wp, 1.0_wp, 1.0e-3_wp)
-                subject%is_at_rest = .not. x > 0.0_wp
-            case ('masses')
-                call build_masses(subject, x)
-            case ('light')
-                call build_light(subject, x)
-            case ('diskunits')
-                subject%description = 'the disk in units of '//to_toml(1/x)//' m'
-                call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, unit, 5.0_wp, 1.0e-2_wp)
-            case ('vehicleunits')
-                subject%description = 'the vehicle in units of '//to_toml(1/x)//' m'
-                call build_vehicle(subject, 15.0_wp, 0.1_wp, unit, 5.0_wp, 1.0e-2_wp)
-            case ('motorunits')
-                subject%description = 'the motorcycle in units of '//to_toml(1/x)//' m'
-                call build_motorcycle(subject, unit, 5.0_wp, stat)
-            case ('step')
-                subject%description = 'the disk with steps of '//to_toml(x)//' s'
-                call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, min(10.0_wp, 3.0e4_wp*x), x)
-                subject%with_rtol = .false.
-                ! Thirty thousand steps, also on a busy machine.
-                subject%most_seconds = 60.0_wp
-            case ('parallel')
-                call build_parallel(subject, x)
-            case ('kink', 'hiddenkink')
-                subject%description = 'the vehicle, whose steering has a kink'//told(name)
-                call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 8.0_wp, 1.0e-2_wp)
-                if (index(name, 'hidden') == 1) call hide(subject)
-            case ('jump', 'hiddenjump')
-                subject%description = 'the vehicle, whose steering jumps back from 0.1 rad'//told(name)
-                call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 3.0_wp, 1.0e-2_wp)
-                subject%model%breakpoints = [pi/2]
-                subject%model%nu_jumps = [.true.]
-                if (index(name, 'hidden') == 1) call hide(subject)
-            case ('motorjump', 'hiddenmotorjump')
-                subject%description = 'the motorcycle, whose steering rate jumps'//told(name)
-                call build_motorcycle(subject, 1.0_wp, 8.0_wp, stat)
-                if (index(name, 'hidden') == 1) call hide(subject)
-            case ('milliondisk')
-                subject%description = 'a million steps of the disk'
-                call build_disk(subject, [-10.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, 1.0e-3_wp*x, 1.0e-3_wp)
-                call make_endless(subject)
-            case ('millionvehicle')
-                subject%description = 'a million steps of the vehicle'
-                call build_vehicle(subject, 15.0_wp, 0.017_wp, 1.0_wp, 1.0e-3_wp*x, 1.0e-3_wp)
-                call make_endless(subject)
-            case default
-                stat = 1
-            end select
-        end associate
+        call fill_case(name, entries(i)%number, unit, subject, stat)
         if (stat /= 0) call set_error(error, status_invalid_model, 'the case "'//name//'" has no start')
     end subroutine build_case
+
+    !> What the case is: its description, scene and run.
+    subroutine fill_case(name, x, unit, subject, stat)
+        character(len=*), intent(in) :: name
+        !> How extreme it is, and the unit of length.
+        real(wp), intent(in) :: x, unit
+        type(case_type), intent(inout) :: subject
+        !> Not 0 where there is no start.
+        integer, intent(out) :: stat
+
+        stat = 0
+        select case (name(:index(name//'_', '_') - 1))
+        case ('motorcycle')
+            call build_stiff_motorcycle(subject, x, stat)
+        case ('spring', 'damped')
+            call build_spring(subject, x, name(1:1) == 'd')
+        case ('bushing')
+            call build_bushing(subject, x)
+        case ('flat')
+            call build_flat(subject, x)
+        case ('falling')
+            subject%description = 'the disk falls flat from a tilt of 0.1, spinning at '//to_toml(x)//' rad/s'
+            call build_disk(subject, [x, 0.0_wp, 0.0_wp], 0.1_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
+            ! Flat on the plane its motion ends: no run may be complete.
+            subject%is_at_rest = .true.
+        case ('spinning')
+            subject%description = 'the disk spins about its diameter at 1000 rad/s, tilted by 0.1'
+            call build_disk(subject, [0.0_wp, 0.0_wp, x], 0.1_wp, 1.0_wp, 0.05_wp, 1.0e-4_wp)
+        case ('rolling')
+            subject%description = 'the disk rolls at 1000 rad/s'
+            call build_disk(subject, [-x, 0.01_wp, 0.0_wp], 0.1_wp, 1.0_wp, 0.05_wp, 1.0e-4_wp)
+        case ('rest')
+            subject%description = 'the disk rests upright: nothing may move'
+            call build_disk(subject, [0.0_wp, 0.0_wp, 0.0_wp], 0.0_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
+            subject%is_at_rest = .true.
+        case ('edge')
+            subject%description = 'the disk stands on its edge, tilted by 0.001'
+            call build_disk(subject, [0.0_wp, 0.0_wp, 0.0_wp], x, 1.0_wp, 2.0_wp, 1.0e-2_wp)
+        case ('steering')
+            subject%description = 'the vehicle steers through '//to_text(nint(x*180/pi))//' degrees'
+            call build_vehicle(subject, 15.0_wp, x, 1.0_wp, 3.0_wp, 1.0e-3_wp)
+        case ('speed')
+            subject%description = 'the vehicle at '//to_toml(x)//' m/s'
+            call build_vehicle(subject, x, 0.017_wp, 1.0_wp, 1.0_wp, 1.0e-3_wp)
+            subject%is_at_rest = .not. x > 0.0_wp
+        case ('masses')
+            call build_masses(subject, x)
+        case ('light')
+            call build_light(subject, x)
+        case ('diskunits')
+            subject%description = 'the disk in units of '//to_toml(1/x)//' m'
+            call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, unit, 5.0_wp, 1.0e-2_wp)
+        case ('vehicleunits')
+            subject%description = 'the vehicle in units of '//to_toml(1/x)//' m'
+            call build_vehicle(subject, 15.0_wp, 0.1_wp, unit, 5.0_wp, 1.0e-2_wp)
+        case ('motorunits')
+            subject%description = 'the motorcycle in units of '//to_toml(1/x)//' m'
+            call build_motorcycle(subject, unit, 5.0_wp, stat)
+        case ('step')
+            subject%description = 'the disk with steps of '//to_toml(x)//' s'
+            call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, min(10.0_wp, 3.0e4_wp*x), x)
+            subject%with_rtol = .false.
+            ! Thirty thousand steps, also on a busy machine.
+            subject%most_seconds = 60.0_wp
+        case ('parallel')
+            call build_parallel(subject, x)
+        case ('kink', 'hiddenkink')
+            subject%description = 'the vehicle, whose steering has a kink'//told(name)
+            call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 8.0_wp, 1.0e-2_wp)
+            if (index(name, 'hidden') == 1) call hide(subject)
+        case ('jump', 'hiddenjump')
+            subject%description = 'the vehicle, whose steering jumps back from 0.1 rad'//told(name)
+            call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 3.0_wp, 1.0e-2_wp)
+            subject%model%breakpoints = [pi/2]
+            subject%model%nu_jumps = [.true.]
+            if (index(name, 'hidden') == 1) call hide(subject)
+        case ('motorjump', 'hiddenmotorjump')
+            subject%description = 'the motorcycle, whose steering rate jumps'//told(name)
+            call build_motorcycle(subject, 1.0_wp, 8.0_wp, stat)
+            if (index(name, 'hidden') == 1) call hide(subject)
+        case ('milliondisk')
+            subject%description = 'a million steps of the disk'
+            call build_disk(subject, [-10.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, 1.0e-3_wp*x, 1.0e-3_wp)
+            call make_endless(subject)
+        case ('millionvehicle')
+            subject%description = 'a million steps of the vehicle'
+            call build_vehicle(subject, 15.0_wp, 0.017_wp, 1.0_wp, 1.0e-3_wp*x, 1.0e-3_wp)
+            call make_endless(subject)
+        case default
+            stat = 1
+        end select
+    end subroutine fill_case
 
     !> Whether a model tells of its breakpoints.
     pure function told(name) result(text)

@@ -2,9 +2,9 @@
 !> Velocities and accelerations of explicit steps, with R = [Cd^-1; 0] and D = [-Y; I] as an elimination of C gives them. Beside
 !> the general `tandem_chart_dense_dynamics`, which has the equations: the same results in a small part of the time.
 module tandem_chart_dense_free_motion
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, short, wp
     use tandem_linalg_cholesky, only: cholesky_type
-    use tandem_linalg_elimination, only: elimination_type, lane, largest_small, short
+    use tandem_linalg_elimination, only: elimination_type, largest_small
     use tandem_linalg_kernels, only: is_finite
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type

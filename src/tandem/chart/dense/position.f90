@@ -4,8 +4,8 @@
 !> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_chart_dense_position
-    use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: lane, largest_small, short
+    use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_elimination, only: largest_small
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_products, only: multiply_first
@@ -84,6 +84,53 @@ module tandem_chart_dense_position
         procedure, private :: forget_motion
         procedure, private :: factor
     end type position_type
+
+    interface
+        !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
+        module subroutine restore(self, model, t, origin, increment, is_stage, defect, q, counts, stat)
+            implicit none (type, external)
+            class(position_type), intent(inout) :: self
+            type(evaluator_type), intent(inout) :: model
+            real(wp), intent(in) :: t
+            !> q0 (n) and xi (n).
+            real(wp), intent(in) :: origin(self%n), increment(self%n)
+            !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it
+            !> did.
+            logical, intent(in) :: is_stage
+            !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for
+            !> none: then the last u is the start value.
+            real(wp), intent(in) :: defect
+            real(wp), intent(out) :: q(self%n)
+            type(counts_type), intent(inout) :: counts
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine restore
+
+        !> q := origin + increment - U u.
+        pure module subroutine place(n, width, u_basis, u, origin, increment, q)
+            implicit none (type, external)
+            integer, intent(in) :: n, width
+            real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
+            real(wp), intent(out) :: q(n)
+        end subroutine place
+
+        !> u := u + B Phi, see `correct_of`.
+        pure module subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+            implicit none (type, external)
+            integer, intent(in) :: width, nh
+            real(wp), intent(in) :: phi(nh), weight(width)
+            logical, intent(in) :: learns
+            real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+        end subroutine correct
+
+        !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
+        pure module subroutine judge(self, phi, error)
+            implicit none (type, external)
+            class(position_type), intent(inout) :: self
+            real(wp), intent(in) :: phi(self%nh)
+            real(wp), intent(out) :: error
+        end subroutine judge
+    end interface
 
 contains
 
@@ -262,298 +309,6 @@ contains
         self%most_corrections = max(self%most_corrections, self%b%last_corrections)
     end subroutine refine
 
-    !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
-    subroutine restore(self, model, t, origin, increment, is_stage, defect, q, counts, stat)
-        class(position_type), intent(inout) :: self
-        type(evaluator_type), intent(inout) :: model
-        real(wp), intent(in) :: t
-        !> q0 (n) and xi (n).
-        real(wp), intent(in) :: origin(self%n), increment(self%n)
-        !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it did.
-        logical, intent(in) :: is_stage
-        !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for none:
-        !> then the last u is the start value.
-        real(wp), intent(in) :: defect
-        real(wp), intent(out) :: q(self%n)
-        type(counts_type), intent(inout) :: counts
-        !> A status code.
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        if (self%nh == 0) then
-            stat = status_ok
-            call add(self%n, origin, increment, q)
-        else if (self%width == short) then
-            ! The same, in the common cases of a length that the compiler knows.
-            call iterate(self, short, model, t, origin, increment, is_stage, defect, q, counts, stat)
-        else if (self%width == lane) then
-            call iterate(self, lane, model, t, origin, increment, is_stage, defect, q, counts, stat)
-        else
-            call iterate(self, self%width, model, t, origin, increment, is_stage, defect, q, counts, stat)
-        end if
-    end subroutine restore
-
-    !> The same by Newton's iteration, for a given padded length.
-    subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, q, counts, stat)
-        class(position_type), intent(inout) :: self
-        integer, intent(in), value :: width
-        type(evaluator_type), intent(inout) :: model
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: origin(self%n), increment(self%n)
-        logical, intent(in) :: is_stage
-        real(wp), intent(in) :: defect
-        real(wp), intent(out) :: q(self%n)
-        type(counts_type), intent(inout) :: counts
-        integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
-        integer, parameter :: limit = 40
-        !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
-        !> before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst left 4
-        !> times the tolerance; it was 38 times where nothing was kept.
-        real(wp), parameter :: distrust = 8.0_wp, kept = 0.5_wp
-        real(wp) :: age, error, total, first_error, last_error, utol
-        !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
-        real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
-        logical :: is_predicted, learns, trusts
-        integer :: k
-
-        is_predicted = self%predicts .and. defect < huge(1.0_wp)
-        call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
-        first_error = 0.0_wp
-        last_error = unknown
-        if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
-        age = abs(t - self%b_time)
-        self%n_taken = 0
-        utol = merge(self%stage_utol, self%utol, is_stage)
-        trusts = is_stage .and. self%predicts
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do k = 0, limit
-            call place_of(width, self%n, self%u_basis, self%u, origin, increment, q)
-            if (k > 0 .and. trusts) then
-                if (distrust*(self%ageing*age + self%b_rest + last_error)*last_error <= utol) then
-                    stat = status_ok
-                    return
-                end if
-            end if
-            call model%evaluate_phi(t, q, counts, stat)
-            if (stat /= status_ok) then
-                self%u = 0.0_wp
-                return
-            end if
-            call measure(self%nh, model%terms%phi, self%weight, error, total)
-            ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
-            if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
-                merge(kept*self%ageing, 0.0_wp, self%ageing < unknown))
-            if (error <= utol .and. total <= huge(1.0_wp)) return
-            if (.not. total <= huge(1.0_wp)) then
-                model%failed_term = 'phi'
-                stat = status_not_finite
-                self%u = 0.0_wp
-                return
-            end if
-            if (k == 0) then
-                first_error = error
-            else if (self%has_learnt .and. .not. error < last_error) then
-                ! What was learnt elsewhere does not serve here.
-                call self%forget_motion()
-                self%u(:) = self%first_u
-                last_error = unknown
-                cycle
-            end if
-            if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, self%utol)) exit
-            if (self%has_gram) then
-                learns = error < slow*last_error .and. last_error > noise .and. last_error < unknown
-                self%has_learnt = self%has_learnt .or. learns
-                call correct_of(width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
-                    self%correction, self%z)
-            else if (self%refines) then
-                call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
-            else
-                self%correction(:self%nh) = model%terms%phi
-                call self%lu%solve(self%correction(:self%nh))
-                self%u(:self%nh) = self%u(:self%nh) + self%correction(:self%nh)
-            end if
-            last_error = error
-            counts%position_corrections = counts%position_corrections + 1
-            self%n_taken = k + 1
-            self%most_corrections = max(self%most_corrections, k + 1)
-        end do
-        stat = status_position_diverged
-        self%failed_row = maxloc(abs(model%terms%phi)*self%weight(:self%nh), dim=1)
-        self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
-        ! Nothing of a failed iteration may reach the next step.
-        self%u = 0.0_wp
-        if (self%has_learnt) call self%forget_motion()
-    end subroutine iterate
-
-    !> The first u of an iteration, predicted where it can be.
-    pure subroutine begin(width, is_predicted, defect, u_start, curvature, u, first_u)
-        integer, intent(in), value :: width
-        logical, intent(in) :: is_predicted
-        real(wp), intent(in) :: defect, u_start(width), curvature(width)
-        real(wp), intent(inout) :: u(width), first_u(width)
-        integer :: b, i
-
-        if (is_predicted) then
-            do b = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    u(b + i) = u_start(b + i) - defect*curvature(b + i)
-                end do
-            end do
-        end if
-        do b = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                first_u(b + i) = u(b + i)
-            end do
-        end do
-    end subroutine begin
-
-    !> q := origin + increment - U u. The last entries are a whole register too, which takes some of those before once more.
-    pure subroutine place_of(width, n, u_basis, u, origin, increment, q)
-        integer, intent(in), value :: width
-        integer, intent(in) :: n
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
-        real(wp), intent(out) :: q(n)
-        real(wp) :: x(short)
-        integer :: first, i, l
-
-        if (n < short) then
-            do i = 1, n
-                q(i) = (origin(i) + increment(i)) - dot_product(u_basis(i, :), u)
-            end do
-            return
-        end if
-        first = 0
-        do
-            do i = 1, short
-                x(i) = origin(first + i) + increment(first + i)
-            end do
-            do l = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
-                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
-                end do
-            end do
-            do i = 1, short
-                q(first + i) = x(i)
-            end do
-            if (first + short == n) exit
-            first = min(first + short, n - short)
-        end do
-    end subroutine place_of
-
-    !> The largest error of the rows of Phi and their sum, which is not finite where one of them is not.
-    pure subroutine measure(nh, phi, weight, error, total)
-        integer, intent(in) :: nh
-        real(wp), intent(in) :: phi(nh), weight(nh)
-        real(wp), intent(out) :: error, total
-        real(wp) :: e
-        integer :: i
-
-        error = 0.0_wp
-        total = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = 1, nh
-            e = abs(phi(i))*weight(i)
-            total = total + e
-            if (e > error) error = e
-        end do
-    end subroutine measure
-
-    !> u := u + B Phi. With `learns`, B first satisfies the secant condition of the last correction, which has changed Phi by -y:
-    !> B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do not matter (C. G. Broyden, Math. Comp.
-    !> 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
-    pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-        integer, intent(in), value :: width
-        integer, intent(in) :: nh
-        real(wp), intent(in) :: phi(nh), weight(width)
-        logical, intent(in) :: learns
-        !> Phi before the last correction, then this one; B; u; work space.
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
-        real(wp) :: along, f, square, y
-        integer :: i, j, s
-
-        ! Zeros are written in halves of a register, and a load of the whole would wait for them: start with a column.
-        f = phi(1)
-        z(1) = last_phi(1) - f
-        last_phi(1) = f
-        do s = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                w(s + i) = b(s + i, 1)*f
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 2, nh
-            f = phi(j)
-            z(j) = last_phi(j) - f
-            last_phi(j) = f
-            do s = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    w(s + i) = w(s + i) + b(s + i, j)*f
-                end do
-            end do
-        end do
-        f = 1.0_wp
-        if (learns) then
-            along = 0.0_wp
-            square = 0.0_wp
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, nh
-                y = z(j)
-                z(j) = y*weight(j)**2
-                along = along + z(j)*phi(j)
-                square = square + z(j)*y
-            end do
-            square = 1.0_wp/square
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, nh
-                y = z(j)*square
-                do s = 0, width - short, short
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        b(s + i, j) = b(s + i, j) + w(s + i)*y
-                    end do
-                end do
-            end do
-            f = 1.0_wp + along*square
-        end if
-        do s = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                u(s + i) = u(s + i) + w(s + i)*f
-            end do
-        end do
-    end subroutine correct_of
-
-    !> q := origin + increment - U u.
-    pure subroutine place(n, width, u_basis, u, origin, increment, q)
-        integer, intent(in) :: n, width
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n)
-        real(wp), intent(out) :: q(n)
-
-        call place_of(width, n, u_basis, u, origin, increment, q)
-    end subroutine place
-
-    !> u := u + B Phi, see `correct_of`.
-    pure subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-        integer, intent(in) :: width, nh
-        real(wp), intent(in) :: phi(nh), weight(width)
-        logical, intent(in) :: learns
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
-
-        call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
-    end subroutine correct
-
     !> Keep what the next step starts from, so that a look at another point leaves no trace.
     subroutine hold(self)
         class(position_type), intent(inout) :: self
@@ -593,18 +348,6 @@ contains
 
         call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
     end subroutine find_remainder
-
-    !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
-    pure subroutine judge(self, phi, error)
-        class(position_type), intent(inout) :: self
-        real(wp), intent(in) :: phi(self%nh)
-        real(wp), intent(out) :: error
-        real(wp) :: total
-
-        call measure(self%nh, phi, self%weight, error, total)
-        if (.not. total <= huge(1.0_wp)) error = total
-        self%failed_row = maxloc(abs(phi)*self%weight(:self%nh), dim=1)
-    end subroutine judge
 
     !> Whether an error is what the iteration ends with.
     pure logical function is_restored(self, error)

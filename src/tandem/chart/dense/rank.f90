@@ -225,6 +225,8 @@ contains
         do j = 1, k
             do i = 1, k
                 f = 0.0_wp
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 2
                 do l = 1, m
                     f = f + weight(l)*a(l, columns(i))*b(l, columns(j))
                 end do

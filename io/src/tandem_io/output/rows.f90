@@ -1,0 +1,126 @@
+! SPDX-License-Identifier: MIT
+!> The rows of a result file: what is kept of a state, at steps or at times between them.
+submodule(tandem_io_output_trajectory) tandem_io_output_rows
+    use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_lambda, field_position_error, &
+        field_qdd, field_step, field_velocity_error
+    use tandem_status, only: status_callback_failed
+    implicit none (type, external)
+
+contains
+
+    !> Compute the fields of the current state and keep them as a row.
+    module subroutine gather(self, simulation, error)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: energy
+        integer :: i, n, stat
+
+        if (size(self%quantities) > 0) call self%measure(simulation, error)
+        if (allocated(error)) return
+        stat = 0
+        energy = 0.0_wp
+        n = 0
+        self%gathered = self%gathered + 1
+        do i = 0, ubound(self%series, 1)
+            associate (row => self%series(i)%rows(:, self%gathered), state => simulation%state)
+                select case (self%series(i)%field)
+                case (0)
+                    row(1) = state%t
+                case (field_q)
+                    row = state%q
+                case (field_qd)
+                    row = state%qd
+                case (field_qdd)
+                    row = state%qdd
+                case (field_lambda)
+                    call simulation%multipliers(self%series(i)%rows(:, self%gathered))
+                case (field_position_error, field_velocity_error, field_acceleration_error)
+                    row(1) = simulation%errors(self%series(i)%field - field_position_error + 1)
+                case (field_kinetic_energy)
+                    call simulation%kinetic_energy(row(1), stat)
+                    energy = energy + row(1)
+                case (field_potential_energy)
+                    call simulation%potential_energy(row(1), stat)
+                    energy = energy + row(1)
+                case (field_step)
+                    row(1) = simulation%last_step
+                case (field_chart)
+                    row(1) = real(number_of_charts(simulation), wp)
+                case default
+                    row = self%quantities(n + 1:n + size(row))
+                    n = n + size(row)
+                end select
+            end associate
+            if (stat /= 0) then
+                self%gathered = self%gathered - 1
+                call set_error(error, status_callback_failed, 'the '//trim(fields(self%series(i)%field)%name)// &
+                    ' could not be evaluated at t = '//to_text(simulation%state%t))
+                return
+            end if
+        end do
+        self%last_time = simulation%state%t
+        if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
+        self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
+    end subroutine gather
+
+    !> Let the model tell what it knows of the current state.
+    module procedure measure
+        integer :: stat
+
+        associate (state => simulation%state)
+            call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%quantities, stat)
+            if (stat /= 0) call set_error(error, status_callback_failed, 'the sensors could not be evaluated at t = '// &
+                to_text(state%t))
+        end associate
+    end procedure measure
+
+    !> Keep rows of the times of the interval that the last step has passed.
+    module subroutine gather_between(self, simulation, error, is_before_event)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        !> Whether the end of the step is left for later, when an event has changed it.
+        logical, intent(in) :: is_before_event
+        real(wp) :: t, end_of_step
+
+        end_of_step = simulation%state%t
+        do
+            t = self%first_time + real(self%intervals + 1, wp)*self%interval
+            ! A row that rounding has put just behind the step belongs to its end.
+            if (t > end_of_step + 1.0e-9_wp*self%interval) exit
+            if (is_before_event .and. t >= end_of_step) exit
+            t = min(t, end_of_step)
+            call simulation%look_at(t, error)
+            if (.not. allocated(error)) call self%gather(simulation, error)
+            call simulation%look_back()
+            if (allocated(error)) return
+            self%intervals = self%intervals + 1
+            if (self%gathered == self%capacity) call self%bring(simulation)
+            if (allocated(self%file%problem)) return
+        end do
+    end subroutine gather_between
+
+    !> Write the gathered rows.
+    module subroutine write_rows(self)
+        class(trajectory_type), intent(inout) :: self
+        integer :: i
+
+        if (.not. allocated(self%series)) return
+        do i = 0, ubound(self%series, 1)
+            call self%series(i)%append(self%file, self%rows, self%gathered)
+        end do
+        if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
+        ! What could not be written never will be, and leaves its place all the same.
+        self%gathered = 0
+    end subroutine write_rows
+
+    !> The running number of the current chart.
+    integer(long) function number_of_charts(simulation)
+        class(simulation_type), intent(in) :: simulation
+
+        associate (statistics => simulation%statistics())
+            number_of_charts = statistics%charts
+        end associate
+    end function number_of_charts
+end submodule tandem_io_output_rows

@@ -1,0 +1,138 @@
+! SPDX-License-Identifier: MIT
+!> What is made anew between the steps of a simulation: the chart, where the policy or a failure wants one, and at a breakpoint the
+!> motion from there.
+submodule(tandem_simulation) tandem_simulate_renewal
+    implicit none (type, external)
+
+contains
+
+    !> A chart that knows nothing yet.
+    module procedure allocate_chart
+        if (allocated(self%chart)) deallocate (self%chart)
+        if (allocated(self%blank)) then
+            allocate (self%chart, source=self%blank)
+        else
+            allocate (dense_chart_type :: self%chart)
+        end if
+    end procedure allocate_chart
+
+    !> Make the current state the origin of a new chart and count the reason.
+    module procedure renew_chart
+        integer :: stat
+
+        self%next%dq(:) = 0.0_wp
+        if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (self%chart%wants_other_rows()) then
+            call self%choose_rows_anew(stat)
+            self%room = huge(1.0_wp)
+        end if
+        if (stat /= status_ok) then
+            call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
+            return
+        end if
+        self%state%dq(:) = self%next%dq
+        self%state%dqd(:) = 0.0_wp
+        self%chart_is_current = .true.
+        self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
+        self%tally%charts = self%tally%charts + 1
+    end procedure renew_chart
+
+    !> Make a new chart before the step where the policy wants one.
+    module procedure renew_by_policy
+        type(health_type) :: health
+        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, and one of explicit steps
+        !> where they are none.
+        real(wp), parameter :: farthest = 3.0_wp
+        integer :: stat
+
+        if (self%chart_is_current) return
+        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = by_failure
+        if (self%renewal /= 0) then
+            call self%renew_chart(self%renewal, error)
+            self%renewal = 0
+            return
+        end if
+        associate (options => self%options)
+            if (options%chart == 'every_step') then
+                call self%renew_chart(by_step, error)
+                return
+            end if
+            call self%chart%measure_health(self%state%t, self%state%q, self%state%qd, health, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+                return
+            end if
+            if (options%chart == 'adaptive') then
+                if (.not. health%d <= options%secant_limit) then
+                    call self%renew_chart(by_d, error)
+                else if (.not. health%fbar <= options%secant_limit) then
+                    call self%renew_chart(by_fbar, error)
+                end if
+            else
+                if (options%v_limit > 0.0_wp .and. health%v > options%v_limit) then
+                    call self%renew_chart(by_v, error)
+                else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
+                    call self%renew_chart(by_w, error)
+                else if (options%condition_limit > 0.0_wp .and. .not. health%condition <= options%condition_limit) then
+                    call self%renew_chart(by_condition, error)
+                else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
+                    call self%renew_chart(by_iterations, error)
+                else if (.not. health%d <= farthest) then
+                    call self%renew_chart(by_d, error)
+                else if (.not. health%fbar <= farthest) then
+                    call self%renew_chart(by_fbar, error)
+                end if
+            end if
+        end associate
+        if (allocated(error) .or. self%chart_is_current) return
+        call self%chart%refresh(self%state%t, self%state%q, stat)
+        if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
+    end procedure renew_by_policy
+
+    !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
+    module procedure stands_at_breakpoint
+        stands_at_breakpoint = .false.
+        if (.not. allocated(self%model%breakpoints)) return
+        if (self%model%segment > size(self%model%breakpoints)) return
+        stands_at_breakpoint = self%model%breakpoints(self%model%segment) <= self%state%t
+    end procedure stands_at_breakpoint
+
+    !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
+    !> On an error the state is that of the segment that ends.
+    module procedure cross_breakpoint
+        real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
+        logical :: jumps
+        integer :: stat
+
+        associate (model => self%model, state => self%state)
+            qd = state%qd
+            qdd = state%qdd
+            jumps = .false.
+            if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
+            model%segment = model%segment + 1
+            call self%control%restart()
+            call self%local_error%restart()
+            call self%chart%forget()
+            stat = status_ok
+            if (jumps) then
+                call self%chart%project_velocity(state%t, state%q, state%qd, stat)
+                self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - qd)))
+            end if
+            if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            ! The chart of the step that ends here is kept for its dense output until the next step.
+            self%renewal = by_breakpoint
+            self%values_are_stale = .true.
+            if (stat == status_ok) then
+                call self%measure_errors(error)
+            else
+                call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
+            end if
+            if (.not. allocated(error)) return
+            model%segment = model%segment - 1
+            call self%chart%forget()
+            state%qd(:) = qd
+            state%qdd(:) = qdd
+        end associate
+    end procedure cross_breakpoint
+end submodule tandem_simulate_renewal

@@ -1,0 +1,136 @@
+! SPDX-License-Identifier: MIT
+!> The set-up of a simulation: what was asked for is checked, what a run before has left is forgotten, work space is allocated.
+submodule(tandem_simulation) tandem_simulate_setup
+    implicit none (type, external)
+
+contains
+
+    !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it.
+    module procedure initialize
+        self%is_ready = .false.
+        self%is_looking = .false.
+        call check_input(model, options, t, q, qd, error)
+        if (allocated(error)) return
+        call forget_run(self)
+        self%model => model
+        self%options = options
+        self%t_start = t
+        self%tries_from = t
+        call self%work%set(options%max_evaluations, options%max_seconds)
+        call new_stepper(options%stepper, self%stepper)
+        self%method = self%stepper%properties()
+        call check_method(self%method, options, error)
+        if (allocated(error)) return
+        self%stepper%projects_stages = options%projection == projections(1)
+        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
+        self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
+        if (present(chart)) allocate (self%blank, source=chart)
+        call self%allocate_chart()
+        call self%chart%initialize(model, options, self%method%implicit, error)
+        if (allocated(error)) return
+        call allocate_work(self)
+        self%state%t = t
+        self%state%q = q
+        self%state%qd = qd
+        model%segment = 1
+        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        if (present(assembly)) then
+            call assemble(model, assembly, t, self%state%q, self%state%qd, error)
+            if (allocated(error)) return
+        end if
+        call self%accept_start(error)
+        self%is_ready = .not. allocated(error)
+        if (.not. present(assembly)) return
+        self%tally%start_moved_q = maxval(abs(self%state%q - q))
+        self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
+    end procedure initialize
+
+    !> Refuse models, options and starts that are none.
+    subroutine check_input(model, options, t, q, qd, error)
+        class(model_type), intent(inout) :: model
+        type(options_type), intent(in) :: options
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_model(model, error)
+        if (allocated(error)) return
+        call options%check_sizes(model%n, error)
+        if (.not. allocated(error)) call options%check(error)
+        if (allocated(error)) return
+        if (size(q) /= model%n .or. size(qd) /= model%n) then
+            call set_error(error, status_invalid_option, 'q0 and qd0 have '//to_text(size(q))//' and '// &
+                to_text(size(qd))//' entries, the model has n = '//to_text(model%n), 'give n entries each')
+            return
+        end if
+        if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
+            call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
+            return
+        end if
+    end subroutine check_input
+
+    !> Refuse options that the stepper cannot serve.
+    subroutine check_method(method, options, error)
+        type(properties_type), intent(in) :: method
+        type(options_type), intent(in) :: options
+        type(error_type), allocatable, intent(out) :: error
+
+        if (options%is_adaptive() .and. method%estimate_order == 0) then
+            call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
+                ' has no error estimate', 'choose another stepper, or a fixed step')
+        else if (options%projection /= projections(1) .and. method%implicit) then
+            call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but the stages of '// &
+                trim(options%stepper)//' are implicit: Newton''s iteration solves for points of the manifold', &
+                'use projection = "stages", or an explicit stepper')
+        end if
+    end subroutine check_method
+
+    !> Forget what a run before has left.
+    subroutine forget_run(self)
+        class(simulation_type), intent(inout) :: self
+
+        self%tally = statistics_type()
+        self%stiffness = stiffness_type()
+        self%grid_steps = 0
+        self%on_grid = .true.
+        self%last_step = 0.0_wp
+        self%hindrance = status_ok
+        self%is_interrupted = .false.
+        self%last_gap = huge(1.0_wp)
+        self%loss = status_ok
+        self%loss_until = -huge(1.0_wp)
+        self%tries = 0
+        self%chart_is_current = .false.
+        self%n_redundant = 0
+        self%has_step = .false.
+        self%renewal = 0
+        self%n_events = 0
+        self%n_at_once = 0
+        self%room = huge(1.0_wp)
+        self%is_stopped = .false.
+        self%stopped_by = ''
+        self%values_are_stale = .true.
+        self%has_to_act = .false.
+        if (allocated(self%warnings)) deallocate (self%warnings)
+        if (allocated(self%blank)) deallocate (self%blank)
+        if (allocated(self%watched)) deallocate (self%watched)
+        if (allocated(self%events)) deallocate (self%events)
+        if (allocated(self%lambda)) deallocate (self%lambda)
+    end subroutine forget_run
+
+    !> States, and what estimates, controls and steps need.
+    subroutine allocate_work(self)
+        class(simulation_type), intent(inout) :: self
+        real(wp), allocatable :: scale(:)
+
+        scale = spread(1.0_wp, 1, self%model%n)
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        call self%control%initialize(self%options, scale, self%method)
+        call self%local_error%initialize(scale)
+        call self%stepper%initialize(scale, self%options%newton_tolerance())
+        self%slope = spread(scale, 2, 2)
+        call self%state%allocate(self%model%n)
+        call self%next%allocate(self%model%n)
+        call self%start%allocate(self%model%n)
+        call self%kept%allocate(self%model%n)
+    end subroutine allocate_work
+end submodule tandem_simulate_setup
