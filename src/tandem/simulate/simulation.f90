@@ -394,8 +394,8 @@ contains
         self%n_redundant = 0
         if (allocated(self%blank)) deallocate (self%blank)
         if (present(chart)) allocate (self%blank, source=chart)
-        call self%allocate_chart()
         self%method = self%stepper%properties()
+        call self%allocate_chart()
         ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
         self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
         if (options%is_adaptive() .and. self%method%estimate_order == 0) then
@@ -568,6 +568,7 @@ contains
         else
             allocate (dense_chart_type :: self%chart)
         end if
+        self%chart%damps = self%method%damps
     end subroutine allocate_chart
 
     !> Make the current state the origin of a new chart and count the reason.
