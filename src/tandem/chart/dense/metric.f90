@@ -24,11 +24,11 @@ module tandem_chart_dense_metric
         !> M, D and K of the last `load` (n, n), symmetric; beta of the last `set`; a part of M that every direction has.
         real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :)
         real(wp), private :: beta = 0.0_wp, floor = 0.0_wp
-        !> beta D + beta^2 K, then the metric (n, n), and its factor.
-        real(wp), allocatable, private :: matrix(:, :)
+        !> beta D + beta^2 K, then the metric G (n, n), its factor and its inverse.
+        real(wp), allocatable, private :: matrix(:, :), inverse(:, :)
         type(cholesky_type), private :: factor
-        !> Of N (n, m): N' U (m, m) and its factor for the positions and for the velocities, and work space (n, *), (m, n).
-        real(wp), allocatable, private :: gram(:, :), moved(:, :), lean(:, :)
+        !> N' G^-1 N (m, m) and its factor for the positions and for the velocities, G^-1 N (n, *), and work space (n), (n**2).
+        real(wp), allocatable, private :: gram(:, :), moved(:, :), row(:), shift(:)
         type(cholesky_type), private :: position_gram, velocity_gram
         !> Work space of the eigenvalues.
         real(wp), allocatable, private :: vectors(:, :), values(:), work(:)
@@ -36,12 +36,10 @@ module tandem_chart_dense_metric
         procedure :: allocate => allocate_metric
         procedure :: load
         procedure :: set
-        procedure :: lean_positions
-        procedure :: lean_velocities
+        procedure :: lean
         procedure :: pack_state
         procedure, private :: add_forces
         procedure, private :: trace_across
-        procedure, private :: lean_by
     end type metric_type
 
 contains
@@ -55,9 +53,10 @@ contains
         self%is_on = .false.
         self%beta = 0.0_wp
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
-            self%lean, self%vectors, self%values, self%work)
+            self%inverse, self%row, self%shift, self%vectors, self%values, self%work)
         allocate (self%mass(n, n), self%damping(n, n), self%stiffness(n, n), self%matrix(n, n), self%gram(m, m), &
-            self%moved(n, max(m, n - m)), self%lean(m, n), self%vectors(n, n), self%values(n), self%work(34*n), source=0.0_wp)
+            self%inverse(n, n), self%row(n), self%shift(n*n), self%moved(n, max(m, n - m)), self%vectors(n, n), &
+            self%values(n), self%work(34*n), source=0.0_wp)
         call self%factor%allocate(n)
         call self%position_gram%allocate(nh)
         call self%velocity_gram%allocate(m)
@@ -127,6 +126,12 @@ contains
         end do
         call self%factor%factor(self%matrix, stat)
         self%is_on = stat == 0
+        if (.not. self%is_on) return
+        self%inverse = 0.0_wp
+        do j = 1, self%n
+            self%inverse(j, j) = 1.0_wp
+            call self%factor%solve(self%inverse(:, j))
+        end do
     end subroutine set
 
     !> beta D + beta^2 K.
@@ -166,73 +171,73 @@ contains
         end do
     end function trace_across
 
-    !> The complement of null(Phi_q) in the metric, and the dual of V that vanishes on it.
-    subroutine lean_positions(self, normal, tangent, scale, complement, dual, is_done)
+    !> The complements U of null(Phi_q) and X of null(C) in the metric, and the duals of V and W that vanish on them:
+    !> U := G^-1 N (N' G^-1 N)^-1, so that N' U = I as for the plain complement, and V - N U' V; alike with C.
+    subroutine lean(self, nh, m, basis, scale, u_basis, v_dual, x_basis, w_dual)
         class(metric_type), intent(inout) :: self
-        !> Orthonormal bases of range(Phi_q') and of null(Phi_q) in scaled coordinates (n, nh), (n, n - nh); coordinate scales (n).
-        real(wp), intent(in), contiguous :: normal(:, :), tangent(:, :), scale(:)
-        !> U (n, nh) and the dual of V (n, n - nh).
-        real(wp), intent(inout) :: complement(:, :), dual(:, :)
-        !> False where the metric does not tell them apart from the tangent space: both stay as they are.
-        logical, intent(out) :: is_done
+        !> Holonomic constraints and all.
+        integer, intent(in) :: nh, m
+        !> Orthonormal in scaled coordinates (n, n): range(Phi_q'), the rest of range(C'), null(C); coordinate scales (n).
+        real(wp), intent(in), contiguous :: basis(:, :), scale(:)
+        !> U (n, nh), the dual of V (n, n - nh), X (n, m), the dual of W (n, n - m). Where the metric does not tell complement and
+        !> tangent space apart, all stay as they are.
+        real(wp), intent(inout), contiguous :: u_basis(:, :), v_dual(:, :), x_basis(:, :), w_dual(:, :)
+        integer :: stat
 
-        call self%lean_by(self%position_gram, size(normal, 2), size(tangent, 2), normal, tangent, scale, complement, dual, is_done)
-    end subroutine lean_positions
+        ! The first nh columns of what is needed for C are those for Phi_q.
+        call set_product(self%inverse, basis(:, :m), self%moved(:, :m))
+        call set_gram(basis(:, :m), self%moved(:, :m), self%gram)
+        call self%velocity_gram%factor(self%gram, stat)
+        if (stat /= 0) return
+        if (nh < m) then
+            call self%position_gram%factor(self%gram(:nh, :nh), stat)
+            if (stat /= 0) return
+        end if
+        call lean_by(self%velocity_gram, m, basis, self%moved, scale, self%row, self%shift, x_basis, w_dual)
+        if (nh == m) then
+            u_basis(:, :m) = x_basis
+            v_dual(:, :) = w_dual
+        else if (nh > 0) then
+            call lean_by(self%position_gram, nh, basis, self%moved, scale, self%row, self%shift, u_basis(:, :nh), v_dual)
+        end if
+    end subroutine lean
 
-    !> The same of null(C) and W.
-    subroutine lean_velocities(self, normal, tangent, scale, complement, dual, is_done)
-        class(metric_type), intent(inout) :: self
-        !> Orthonormal bases of range(C') and of null(C) in scaled coordinates (n, m), (n, n - m); coordinate scales (n).
-        real(wp), intent(in), contiguous :: normal(:, :), tangent(:, :), scale(:)
-        !> X (n, m) and the dual of W (n, n - m).
-        real(wp), intent(inout) :: complement(:, :), dual(:, :)
-        logical, intent(out) :: is_done
-
-        call self%lean_by(self%velocity_gram, size(normal, 2), size(tangent, 2), normal, tangent, scale, complement, dual, is_done)
-    end subroutine lean_velocities
-
-    !> U := G^-1 N (N' G^-1 N)^-1, so that N' U = I as for the plain complement, and the dual V - N U' V.
-    subroutine lean_by(self, gram, m, k, normal, tangent, scale, complement, dual, is_done)
-        class(metric_type), intent(inout) :: self
+    !> One of the two.
+    subroutine lean_by(gram, m, basis, moved, scale, row, shift, complement, dual)
         !> Where N' G^-1 N is factored.
         type(cholesky_type), intent(inout) :: gram
-        integer, intent(in) :: m, k
-        real(wp), intent(in) :: normal(self%n, m), tangent(self%n, k), scale(self%n)
-        real(wp), intent(inout) :: complement(:, :), dual(:, :)
-        logical, intent(out) :: is_done
-        integer :: i, j, l, stat
+        integer, intent(in) :: m
+        !> N and the tangent space (n, n), G^-1 N in its first columns (n, *), coordinate scales (n).
+        real(wp), intent(in), contiguous :: basis(:, :), moved(:, :), scale(:)
+        !> Work space.
+        real(wp), intent(inout) :: row(m), shift(m, size(scale) - m)
+        !> (n, m), (n, n - m).
+        real(wp), intent(inout), contiguous :: complement(:, :), dual(:, :)
+        integer :: i, j, n
 
-        associate (moved => self%moved, lean => self%lean)
+        n = size(scale)
+        do i = 1, n
             do j = 1, m
-                moved(:, j) = normal(:, j)
-                call self%factor%solve(moved(:, j))
+                row(j) = moved(i, j)
             end do
+            call gram%solve(row)
             do j = 1, m
-                do i = 1, m
-                    self%gram(i, j) = dot_product(normal(:, i), moved(:, j))
-                end do
+                complement(i, j) = row(j)
             end do
-            call gram%factor(self%gram(:m, :m), stat)
-            is_done = stat == 0
-            if (.not. is_done) return
-            ! U' (m, n), column by column.
-            do i = 1, self%n
-                lean(:m, i) = moved(i, :m)
-                call gram%solve(lean(:m, i))
-                do j = 1, m
-                    complement(i, j) = scale(i)*lean(j, i)
-                end do
+        end do
+        ! U' V, then V - N U' V.
+        call set_gram(complement, basis(:, m + 1:), shift)
+        call set_product(basis(:, :m), shift, dual)
+        do j = 1, n - m
+            do i = 1, n
+                dual(i, j) = (basis(i, m + j) - dual(i, j))/scale(i)
             end do
-            do l = 1, k
-                do i = 1, self%n
-                    dual(i, l) = tangent(i, l)
-                end do
-                do j = 1, m
-                    dual(:, l) = dual(:, l) - normal(:, j)*dot_product(lean(j, :), tangent(:, l))
-                end do
-                dual(:, l) = dual(:, l)/scale
+        end do
+        do j = 1, m
+            do i = 1, n
+                complement(i, j) = scale(i)*complement(i, j)
             end do
-        end associate
+        end do
     end subroutine lean_by
 
     !> All that later charts depend on.
@@ -246,6 +251,6 @@ contains
         call pack%item(self%mass)
         call pack%item(self%damping)
         call pack%item(self%stiffness)
-        call self%factor%pack_state(pack)
+        call pack%item(self%inverse)
     end subroutine pack_state
 end module tandem_chart_dense_metric

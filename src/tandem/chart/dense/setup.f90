@@ -161,7 +161,6 @@ contains
 
     !> Bases from the orthonormal ones: complements orthogonal to the tangent spaces, or so in the metric.
     module procedure place_bases
-        logical :: is_done
         integer :: j
 
         do j = 1, self%nh
@@ -179,17 +178,8 @@ contains
             self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
             self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
         end do
-        if (.not. self%metric%is_on .or. self%m == 0) return
-        associate (q => self%basis%q, nh => self%nh, m => self%m)
-            call self%metric%lean_velocities(q(:, :m), q(:, m + 1:), self%scale, self%x_basis, self%w_dual, is_done)
-            if (m == nh .and. is_done) then
-                self%position%u_basis(:, :nh) = self%x_basis
-                self%v_dual = self%w_dual
-            else if (nh > 0) then
-                call self%metric%lean_positions(q(:, :nh), q(:, nh + 1:), self%scale, self%position%u_basis(:, :nh), &
-                    self%v_dual, is_done)
-            end if
-        end associate
+        if (self%metric%is_on .and. self%m > 0) call self%metric%lean(self%nh, self%m, self%basis%q, self%scale, &
+            self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
     end procedure place_bases
 
     !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
