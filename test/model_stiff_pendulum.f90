@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> A pendulum on a stiff damped spring whose length is a coordinate without a mass: n = 3, nh = 1, nd = 0, M singular.
+!> A pendulum on a stiff damped spring whose length, or its stretch, is a coordinate without a mass: n = 3, nh = 1, nd = 0, M
+!> singular.
 module model_stiff_pendulum
-    use tandem, only: model_type, wp
+    use tandem, only: derivatives_type, model_type, need_all_derivatives, wp
     implicit none (type, external)
     private
 
@@ -12,8 +13,13 @@ module model_stiff_pendulum
         real(wp) :: m = 1.0_wp, l0 = 1.0_wp, g = 9.81_wp
         !> Stiffness and damping.
         real(wp) :: k = 9810000.0_wp, c = 12.52836781069266_wp
+        !> Whether the third coordinate is the stretch l - l0, which resolves a force that the length does not.
+        logical :: has_stretch = .false.
+        !> Whether the derivatives are given.
+        logical :: has_derivatives = .false.
     contains
         procedure :: define
+        procedure, private :: length
     end type stiff_pendulum_type
 
 contains
@@ -32,7 +38,18 @@ contains
         self%constraint_acceleration => acceleration
         self%mass_matrix => mass
         self%applied_force => force
+        if (.not. self%has_derivatives) return
+        self%evaluate_derivatives => derivatives
+        self%provides_derivatives = need_all_derivatives
     end subroutine define
+
+    !> l.
+    pure real(wp) function length(self, q)
+        class(stiff_pendulum_type), intent(in) :: self
+        real(wp), intent(in) :: q(:)
+
+        length = q(3) + merge(self%l0, 0.0_wp, self%has_stretch)
+    end function length
 
     !> (x**2 + y**2 - l**2)/2 = 0.
     subroutine position(self, t, q, value, stat)
@@ -42,7 +59,10 @@ contains
         integer, intent(out) :: stat
 
         stat = 0
-        value(1) = (q(1)**2 + q(2)**2 - q(3)**2)/2
+        select type (self)
+        class is (stiff_pendulum_type)
+            value(1) = (q(1)**2 + q(2)**2 - self%length(q)**2)/2
+        end select
     end subroutine position
 
     subroutine jacobian(self, t, q, value, stat)
@@ -52,7 +72,10 @@ contains
         integer, intent(out) :: stat
 
         stat = 0
-        value(1, :) = [q(1), q(2), -q(3)]
+        select type (self)
+        class is (stiff_pendulum_type)
+            value(1, :) = [q(1), q(2), -self%length(q)]
+        end select
     end subroutine jacobian
 
     subroutine acceleration(self, t, q, qd, value, stat)
@@ -91,7 +114,29 @@ contains
         select type (self)
         class is (stiff_pendulum_type)
             value(2) = -self%m*self%g
-            value(3) = -self%k*(q(3) - self%l0) - self%c*qd(3)
+            value(3) = -self%k*(q(3) - merge(0.0_wp, self%l0, self%has_stretch)) - self%c*qd(3)
         end select
     end subroutine force
+
+    subroutine derivatives(self, need, t, q, qd, qdd, lambda, derivatives_, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives_
+        integer, intent(out) :: stat
+
+        stat = 0
+        derivatives_%velocity_q(1, :) = [qd(1), qd(2), -qd(3)]
+        derivatives_%acceleration_q(1, :) = [qdd(1), qdd(2), -qdd(3)]
+        derivatives_%acceleration_qd(1, :) = 2*[qd(1), qd(2), -qd(3)]
+        select type (self)
+        class is (stiff_pendulum_type)
+            derivatives_%dynamics_q = 0.0_wp
+            derivatives_%dynamics_q(1, 1) = lambda(1)
+            derivatives_%dynamics_q(2, 2) = lambda(1)
+            derivatives_%dynamics_q(3, 3) = self%k - lambda(1)
+            derivatives_%dynamics_qd = 0.0_wp
+            derivatives_%dynamics_qd(3, 3) = self%c
+        end select
+    end subroutine derivatives
 end module model_stiff_pendulum

@@ -87,6 +87,7 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         point%t = t
+        point%chart%damps = .true.
         call point%chart%initialize(model, options, .true., failure)
         call point%chart%renew(t, simulation%state%q, simulation%state%qd, stat(1))
         ! The chart's bases are its own; the same factorisation gives the same ones.
@@ -211,6 +212,7 @@ contains
         if (allocated(error)) return
         allocate (chart)
         associate (state => simulation%state)
+            chart%damps = .true.
             call chart%initialize(model, options, .true., failure)
             call chart%renew(state%t, state%q, state%qd, stat)
             rate_q = state%qd
@@ -255,6 +257,7 @@ contains
         if (allocated(error)) return
         allocate (chart)
         associate (state => simulation%state)
+            chart%damps = .true.
             call chart%initialize(disk, options, .true., failure)
             call chart%reuse_stage(ha, can)
             call check_true(error, .not. can, 'there is no matrix yet')

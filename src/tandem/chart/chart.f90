@@ -40,6 +40,8 @@ module tandem_chart
         integer, allocatable :: failed_rows(:)
         !> After `singular_mass`: the coordinate without mass that no constraint ties, where it is known; else 0.
         integer :: failed_coordinate = 0
+        !> Set before `initialize`: whether the stepper damps stiff modes. Its steps may then be long, if the chart follows those.
+        logical :: damps = .false.
         !> Set by a stepper while it evaluates stages: their positions need be no better than its tolerance, and what rounding
         !> leaves of the constraints does not matter.
         logical :: is_stage = .false.

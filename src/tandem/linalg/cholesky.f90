@@ -4,6 +4,7 @@
 module tandem_linalg_cholesky
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dpotrf, dpotrs
+    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
@@ -20,6 +21,7 @@ module tandem_linalg_cholesky
         procedure :: allocate => allocate_cholesky
         procedure :: factor
         procedure :: solve
+        procedure :: pack_state
         procedure, private :: factor_small
         procedure, private :: solve_small
     end type cholesky_type
@@ -128,4 +130,12 @@ contains
             b(k) = b(k)/self%factor_(k, k)
         end do
     end subroutine solve_small
+
+    !> The factor.
+    subroutine pack_state(self, pack)
+        class(cholesky_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%factor_)
+    end subroutine pack_state
 end module tandem_linalg_cholesky

@@ -10,7 +10,7 @@ module tandem_linalg_singular
     implicit none (type, external)
     private
 
-    public :: singular_type, decompose_symmetric
+    public :: singular_type, decompose_in, decompose_symmetric
 
     type :: singular_type
         !> How many singular values of the last matrix count, and the values, descending.
@@ -137,9 +137,17 @@ contains
         real(wp), intent(inout), contiguous :: a(:, :)
         real(wp), intent(out), contiguous :: values(:)
         real(wp) :: work(64*(size(values) + 1))
+
+        call decompose_in(work, a, values)
+    end subroutine decompose_symmetric
+
+    !> The same in given work space: 3 n at least, 34 n for the blocked form. It allocates nothing.
+    subroutine decompose_in(work, a, values)
+        real(wp), intent(inout), contiguous :: work(:), a(:, :)
+        real(wp), intent(out), contiguous :: values(:)
         integer :: info
 
         if (size(values) == 0) return
         call dsyev('V', 'L', size(values), a, size(values), values, work, size(work), info)
-    end subroutine decompose_symmetric
+    end subroutine decompose_in
 end module tandem_linalg_singular

@@ -14,6 +14,7 @@ contains
         else
             allocate (dense_chart_type :: self%chart)
         end if
+        self%chart%damps = self%method%damps
     end procedure allocate_chart
 
     !> Make the current state the origin of a new chart and count the reason.

@@ -187,6 +187,8 @@ contains
         real(wp), parameter :: negligible = 0.1_wp
         !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
         real(wp), parameter :: slowest = 0.2_wp
+        !> A contraction of corrections that are rounding.
+        real(wp), parameter :: creeping = 0.7_wp
         integer, parameter :: most_more = 4
         real(wp) :: change, first_change, last_change, theta
         logical :: suffices
@@ -223,10 +225,9 @@ contains
                     self%age(stage) = 0
                 end if
                 if (change <= 0.01_wp*self%tolerance(stage)) return
-                if (.not. theta < 0.95_wp) then
-                    if (change <= self%standstill) return
-                    exit
-                end if
+                ! Rounding of a stiff force turns the iteration into one that creeps, long after it has arrived.
+                if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
+                if (.not. theta < 0.95_wp) exit
                 ! An old matrix that would need many more is given up at once.
                 if (.not. self%is_fresh .and. theta > slowest .and. theta**most_more*change > self%tolerance(stage)) exit
                 if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return

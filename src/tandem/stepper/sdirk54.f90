@@ -57,7 +57,7 @@ contains
         type(properties_type) :: properties_
 
         properties_ = properties_type('sdirk54', 4, 5, .true., 3, 'L-stable, stiffly accurate', &
-            'Hairer, Wanner II, p. 100, table 6.5')
+            'Hairer, Wanner II, p. 100, table 6.5', damps=.true.)
     end function properties
 
     !> Allocate the work space.

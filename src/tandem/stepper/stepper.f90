@@ -27,6 +27,8 @@ module tandem_stepper
         integer :: dense_order = 6
         !> Explicit methods: h |lambda| at which the step is at the limit of stability; 0 where there is none.
         real(wp) :: stability_limit = 0.0_wp
+        !> Whether stiff modes are damped: R(infinity) = 0.
+        logical :: damps = .false.
     end type properties_type
 
     !> A one-step method: each file of this folder extends it.

@@ -32,6 +32,7 @@ module tandem_chart_dense
     use tandem_chart_dense_free_motion, only: free_motion_type
     use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
     use tandem_chart_dense_newton_matrix, only: stage_type
+    use tandem_chart_dense_metric, only: metric_type
     use tandem_chart_dense_health, only: length_outside, watch_type
     implicit none (type, external)
     private
@@ -49,6 +50,12 @@ module tandem_chart_dense
         !> The same where no bases are kept.
         type(free_motion_type) :: free_motion
         type(stage_type), public :: stage
+        !> What complements of implicit steps follow, and whether they may still be changed: at a chart's origin, before the first
+        !> stage of a step.
+        type(metric_type) :: metric
+        logical :: may_lean = .false., is_at_origin = .false.
+        !> Not where the paper's charts are wanted.
+        logical :: follows_stiffness = .false.
         type(derivatives_type) :: derivatives
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
@@ -132,6 +139,7 @@ module tandem_chart_dense
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure :: pack_state
+        procedure, private, non_overridable :: place_bases
         procedure, private, non_overridable :: visit
         procedure, private, non_overridable :: move_to
         procedure, private, non_overridable :: refuse_infinite
@@ -173,6 +181,12 @@ module tandem_chart_dense
             real(wp), intent(in), contiguous :: q(:), qd(:)
             integer, intent(out) :: stat
         end subroutine renew
+
+        !> Bases at the origin from the orthonormal ones, complements as the metric has them.
+        module subroutine place_bases(self)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+        end subroutine place_bases
 
         !> Something failed here: was a term not finite, and which?
         module subroutine name_infinite(self, stat)
@@ -433,6 +447,7 @@ contains
     subroutine retry_step(self)
         class(dense_chart_type), intent(inout) :: self
 
+        self%may_lean = self%is_at_origin
         call self%position%retry_step()
     end subroutine retry_step
 
@@ -456,6 +471,8 @@ contains
         integer, intent(out) :: stat
 
         self%failed_row = 0
+        self%is_at_origin = .false.
+        self%may_lean = .false.
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%judge_blocks(stat)
         if (stat == status_ok) then

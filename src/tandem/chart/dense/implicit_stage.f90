@@ -18,9 +18,14 @@ contains
                 self%failed_term = 'a derivative'
                 return
             end if
+            if (self%follows_stiffness) call self%metric%load(terms%mass, self%derivatives%dynamics_qd, &
+                self%derivatives%dynamics_q, self%scale)
+            call follow_stiffness(self, ha)
+            call self%complete_velocity_basis(stat)
+            if (stat /= status_ok) return
             call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
             if (stat /= status_ok) return
-            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_dual, &
+            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
                 self%position%u_basis(:, :self%nh), self%b_phi, d, r)
             call self%stage%factor(ha, stat)
         end associate
@@ -32,8 +37,25 @@ contains
     !> Make the last Newton matrix serve ha.
     module procedure reuse_stage
         can = self%stage_segment == self%model%segment()
-        if (can) call self%stage%adapt(ha, self%v_basis, self%w_basis, self%counts%newton_factorizations, can)
+        if (.not. can) return
+        call follow_stiffness(self, ha)
+        call self%stage%adapt(ha, self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%counts%newton_factorizations, can)
     end procedure reuse_stage
+
+    !> Let the chart's complements follow the metric for ha. Other complements are another chart: not within a step.
+    subroutine follow_stiffness(self, ha)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical :: has_changed
+
+        if (.not. (self%follows_stiffness .and. self%may_lean) .or. self%m == 0) return
+        call self%metric%set(ha, self%basis%q(:, :self%m), self%basis%q(:, self%m + 1:), has_changed)
+        if (.not. has_changed) return
+        call self%place_bases()
+        call self%stage%enter_chart()
+        ! X has changed, and R and D with it.
+        self%has_velocity_basis = .false.
+    end subroutine follow_stiffness
 
     !> What a new Newton matrix costs, in corrections.
     module procedure matrix_cost
@@ -45,6 +67,7 @@ contains
         integer :: j
 
         self%failed_row = 0
+        self%may_lean = .false.
         change = 0.0_wp
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)

@@ -16,9 +16,10 @@
 !> `tandem_model_derivatives`. One factorisation serves every stage with the same ha = h a_ii; the blocks are kept, so that
 !> another ha costs a factorisation and no derivatives.
 !>
-!> A matrix outlives its chart: it stays in the coordinates of the chart where it was formed. With T_v = V_then' V_now and
-!> T_w = W_then' W_now, which are orthogonal up to the angle between the charts, residuals go to it as T r and corrections come back
-!> as T' dv. What that neglects is of second order in the angle and enters the contraction only.
+!> A matrix outlives its chart: it stays in the coordinates of the chart where it was formed. T_v = V_then' V_now takes coordinates
+!> there and S_v = V_now' V_then takes them back, the primes being the charts' duals; alike T_w and S_w. So r1 goes as T_v r1, the
+!> force r2 as S_w' r2, and corrections come back by S. What that neglects is of second order in the angle between the charts and
+!> enters the contraction only. Along what is stiff it neglects nothing, as the duals of a metric keep that.
 module tandem_chart_dense_newton_matrix
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
@@ -48,7 +49,8 @@ module tandem_chart_dense_newton_matrix
         !> Whether the chart is another than that of the last `form`, and whether T_v (nv, nv) and T_w (nw, nw) are those of it; the
         !> duals of V and W of that form; a right side in its coordinates.
         logical, private :: is_carried = .false., carry_is_current = .false.
-        real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), formed_v(:, :), formed_w(:, :), carried(:)
+        real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
+        real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
         type(lu_type), private :: lu
     contains
         procedure :: allocate => allocate_stage
@@ -82,25 +84,26 @@ contains
         if (allocated(self%rhs)) deallocate (self%r1_v, self%r1_w, self%r2_v, self%r2_w, self%fbar, self%pbar, self%mr, &
             self%gradient_q, self%gradient_qd, self%mass_d, self%work_mv, self%matrix, self%block_wv, self%block_ww, &
             self%rhs, self%force, self%defect, self%origin_mass, self%carry_v, self%carry_w, self%formed_v, &
-            self%formed_w, self%carried)
+            self%formed_w, self%carried, self%back_v, self%back_w, self%formed_v_basis, self%formed_w_basis)
         allocate (self%r1_v(nv, nv), self%r1_w(nv, nw), self%r2_v(n, nv), self%r2_w(n, nw), self%fbar(n, nv), &
             self%pbar(n, nv), self%mr(n, m), self%gradient_q(n, n), self%gradient_qd(n, n), self%mass_d(n, nw), &
             self%work_mv(m, nv), self%matrix(nv + nw, nv + nw), self%block_wv(nw, nv), self%block_ww(nw, nw), &
             self%rhs(nv + nw), self%force(n), self%defect(m), self%origin_mass(nw, nw), self%carry_v(nv, nv), &
-            self%carry_w(nw, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
+            self%carry_w(nw, nw), self%back_v(nv, nv), self%back_w(nw, nw), self%formed_v_basis(n, nv), &
+            self%formed_w_basis(n, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
         call self%lu%allocate(nv + nw)
         self%ha = 0.0_wp
     end subroutine allocate_stage
 
     !> Form the blocks at the current point.
-    subroutine form(self, terms, derivatives, v_basis, v_dual, w_dual, u_basis, b_phi, null_space, right_inverse)
+    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, right_inverse)
         class(stage_type), intent(inout) :: self
         !> The terms and derivatives of the point.
         type(terms_type), intent(in) :: terms
         type(derivatives_type), intent(in) :: derivatives
-        !> V as a basis and as the dual that gives coordinates (n, nv), the dual of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
+        !> V as a basis and as the dual that gives coordinates (n, nv), the same of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
         !> point.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
         !> D (n, nw) and R (n, m) at the point.
         real(wp), intent(in), contiguous :: null_space(:, :), right_inverse(:, :)
         integer :: j, l
@@ -138,6 +141,8 @@ contains
         call set_gram(null_space, self%mass_d, self%origin_mass)
         self%formed_v = v_dual
         self%formed_w = w_dual
+        self%formed_v_basis = v_basis
+        self%formed_w_basis = w_basis
         self%is_carried = .false.
         self%ha = 0.0_wp
     end subroutine form
@@ -169,11 +174,11 @@ contains
     end subroutine factor
 
     !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
-    subroutine adapt(self, ha, v_basis, w_basis, factorizations, can)
+    subroutine adapt(self, ha, v_basis, v_dual, w_basis, w_dual, factorizations, can)
         class(stage_type), intent(inout) :: self
         real(wp), intent(in) :: ha
-        !> V (n, nv) and W (n, nw) of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
         !> Counts factorisations.
         integer(long), intent(inout) :: factorizations
         !> False where there is no matrix, or one of a chart too far away.
@@ -183,7 +188,7 @@ contains
         integer :: stat
 
         can = self%ha > 0.0_wp
-        if (can) can = self%is_near(v_basis, w_basis)
+        if (can) can = self%is_near(v_basis, v_dual, w_basis, w_dual)
         if (.not. can .or. abs(ha - self%ha) <= rounding*self%ha) return
         call self%factor(ha, stat)
         factorizations = factorizations + 1
@@ -199,53 +204,56 @@ contains
     end subroutine enter_chart
 
     !> Solve for a right side in the current chart's coordinates, in place.
-    subroutine solve(self, v_basis, w_basis)
+    subroutine solve(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
-        !> V (n, nv) and W (n, nw) of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
 
         if (.not. self%is_carried) then
             call self%lu%solve(self%rhs)
             return
         end if
-        call self%set_carry(v_basis, w_basis)
+        call self%set_carry(v_basis, v_dual, w_basis, w_dual)
         associate (nv => self%nv)
             self%carried = 0.0_wp
             call add_product(self%carry_v, self%rhs(:nv), 1.0_wp, self%carried(:nv))
-            call add_product(self%carry_w, self%rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
+            call add_transposed_product(self%back_w, self%rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
             call self%lu%solve(self%carried)
             self%rhs = 0.0_wp
-            call add_transposed_product(self%carry_v, self%carried(:nv), 1.0_wp, self%rhs(:nv))
-            call add_transposed_product(self%carry_w, self%carried(nv + 1:), 1.0_wp, self%rhs(nv + 1:))
+            call add_product(self%back_v, self%carried(:nv), 1.0_wp, self%rhs(:nv))
+            call add_product(self%back_w, self%carried(nv + 1:), 1.0_wp, self%rhs(nv + 1:))
         end associate
     end subroutine solve
 
-    !> T_v and T_w for the current chart, once.
-    subroutine set_carry(self, v_basis, w_basis)
+    !> T_v, T_w and the ways back for the current chart, once.
+    subroutine set_carry(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
-        !> V (n, nv) and W (n, nw) of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
 
         if (self%carry_is_current) return
         call set_gram(self%formed_v, v_basis, self%carry_v)
         call set_gram(self%formed_w, w_basis, self%carry_w)
+        call set_gram(v_dual, self%formed_v_basis, self%back_v)
+        call set_gram(w_dual, self%formed_w_basis, self%back_w)
         self%carry_is_current = .true.
     end subroutine set_carry
 
     !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
     !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
     !> converge.
-    logical function is_near(self, v_basis, w_basis)
+    logical function is_near(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
-        !> V (n, nv) and W (n, nw) of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :)
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
         !> Of the sum of squared sines, a bound of what the turn adds to the contraction.
         real(wp), parameter :: most = 0.1_wp
 
         is_near = .true.
         if (.not. self%is_carried) return
-        call self%set_carry(v_basis, w_basis)
-        is_near = self%nv - sum(self%carry_v**2) <= most .and. self%nw - sum(self%carry_w**2) <= most
+        call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        is_near = abs(self%nv - sum(self%carry_v*transpose(self%back_v))) <= most .and. &
+            abs(self%nw - sum(self%carry_w*transpose(self%back_w))) <= most
     end function is_near
 
     !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
@@ -285,7 +293,7 @@ contains
             call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
             self%rhs(nv + 1:) = 0.0_wp
             call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
-            call self%solve(v_basis, w_basis)
+            call self%solve(v_basis, v_dual, w_basis, w_dual)
             change_q = 0.0_wp
             call add_product(v_basis, self%rhs(:nv), 1.0_wp, change_q)
             change_qd = 0.0_wp
@@ -309,7 +317,7 @@ contains
             w = 0.0_wp
             call add_transposed_product(w_dual, error_qd, 1.0_wp, w)
             if (self%is_carried) then
-                call self%set_carry(v_basis, w_basis)
+                call self%set_carry(v_basis, v_dual, w_basis, w_dual)
                 carried = 0.0_wp
                 call add_product(self%carry_w, w, 1.0_wp, carried)
                 w = 0.0_wp
@@ -318,7 +326,7 @@ contains
             else
                 call add_product(self%origin_mass, w, 1.0_wp, self%rhs(nv + 1:))
             end if
-            call self%solve(v_basis, w_basis)
+            call self%solve(v_basis, v_dual, w_basis, w_dual)
             error_q = 0.0_wp
             call add_product(v_basis, self%rhs(:nv), 1.0_wp, error_q)
             error_qd = 0.0_wp
@@ -365,6 +373,10 @@ contains
         call pack%item(self%carry_w)
         call pack%item(self%formed_v)
         call pack%item(self%formed_w)
+        call pack%item(self%back_v)
+        call pack%item(self%back_w)
+        call pack%item(self%formed_v_basis)
+        call pack%item(self%formed_w_basis)
         call self%lu%pack_state(pack)
     end subroutine pack_state
 end module tandem_chart_dense_newton_matrix

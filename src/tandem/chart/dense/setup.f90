@@ -12,6 +12,7 @@ contains
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
+        self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
         self%tolerance = options%constraint_tolerance
         ! Handed on where it is absent, gfortran computes with bounds that it has not.
@@ -70,6 +71,7 @@ contains
                 self%watch%secants .or. present(kept))
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
+                call self%metric%allocate(n, nh, m)
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0
                 ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
@@ -90,6 +92,8 @@ contains
         integer :: split_stat
 
         self%failed_row = 0
+        self%is_at_origin = .true.
+        self%may_lean = .true.
         call copy(self%n, q, self%q0)
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
@@ -132,7 +136,7 @@ contains
     subroutine load_bases(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
-        integer :: columns, j
+        integer :: columns
 
         stat = status_ok
         ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
@@ -152,6 +156,13 @@ contains
             stat = status_rank_deficient
             return
         end if
+        call self%place_bases()
+    end subroutine load_bases
+
+    !> Bases from the orthonormal ones: complements orthogonal to the tangent spaces, or so in the metric.
+    module procedure place_bases
+        integer :: j
+
         do j = 1, self%nh
             self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
         end do
@@ -167,7 +178,9 @@ contains
             self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
             self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
         end do
-    end subroutine load_bases
+        if (self%metric%is_on .and. self%m > 0) call self%metric%lean(self%nh, self%m, self%basis%q, self%scale, &
+            self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
+    end procedure place_bases
 
     !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
     module procedure pack_state
@@ -176,7 +189,12 @@ contains
         call self%differences%pack_state(pack)
         call self%position%pack_state(pack)
         call self%velocity_basis%pack_state(pack)
-        if (self%is_implicit) call self%stage%pack_state(pack)
+        if (self%is_implicit) then
+            call self%stage%pack_state(pack)
+            call self%metric%pack_state(pack)
+            call pack%item(self%may_lean)
+            call pack%item(self%is_at_origin)
+        end if
         call pack%item(self%q0)
         call pack%item(self%qd0)
         call pack%item(self%basis%q)
