@@ -80,24 +80,24 @@ contains
         do k = 1, size(self%is_timed)
             if (.not. self%is_timed(k)) cycle
             b = from
-            call look(k, b, at_b, slope_b)
+            call look(self, k, b, at_b, slope_b)
             do i = 1, n_parts
                 a = b
                 at_a = at_b
                 slope_a = slope_b
                 b = from + (to - from)*i/n_parts
-                call look(k, b, at_b, slope_b)
+                call look(self, k, b, at_b, slope_b)
                 if (at_a*at_b < 0.0_wp) then
-                    call add(k, zero_between(k, a, b, at_a))
+                    call add(k, zero_between(self, k, a, b, at_a))
                 else if (.not. abs(at_b) > 0.0_wp) then
                     ! A value that is zero all along is none of a kink.
                     if (abs(at_a) > 0.0_wp .or. abs(slope_b) > 0.0_wp) call add(k, b)
                 else if (at_a*slope_a < 0.0_wp .and. at_b*slope_b > 0.0_wp) then
-                    middle = extremum_between(k, a, b, slope_a)
-                    call look(k, middle, at_middle, slope_a)
+                    middle = extremum_between(self, k, a, b, slope_a)
+                    call look(self, k, middle, at_middle, slope_a)
                     if (at_a*at_middle >= 0.0_wp) cycle
-                    call add(k, zero_between(k, a, middle, at_a))
-                    call add(k, zero_between(k, middle, b, at_middle))
+                    call add(k, zero_between(self, k, a, middle, at_a))
+                    call add(k, zero_between(self, k, middle, b, at_middle))
                 end if
                 if (size(places) > most) then
                     call set_error(error, status_invalid_model, 'an expression has more than '//to_text(most)// &
@@ -109,70 +109,6 @@ contains
 
     contains
 
-        !> The argument of a kink and its rate.
-        pure subroutine look(k, t, value, rate)
-            integer, intent(in) :: k
-            real(wp), intent(in) :: t
-            real(wp), intent(out) :: value, rate
-            real(wp) :: values(size(self%is_timed)), rates(size(self%is_timed)), x(self%n_variables), v(self%n_variables)
-
-            ! This kink does not look at others than the time.
-            x = 0.0_wp
-            v = 0.0_wp
-            x(self%time) = t
-            v(self%time) = 1.0_wp
-            call self%expression%evaluate_kinks(x, v, values, rates)
-            value = values(k)
-            rate = rates(k)
-        end subroutine look
-
-        !> Where the argument changes its sign.
-        pure real(wp) function zero_between(k, from_here, to_there, at_first)
-            integer, intent(in) :: k
-            real(wp), intent(in) :: from_here, to_there, at_first
-            real(wp) :: low, high, value, rate, guess
-            integer :: halving
-
-            low = from_here
-            high = to_there
-            zero_between = (low + high)/2
-            do halving = 1, n_halvings
-                call look(k, zero_between, value, rate)
-                if (.not. abs(value) > 0.0_wp) return
-                if (value*at_first > 0.0_wp) then
-                    low = zero_between
-                else
-                    high = zero_between
-                end if
-                ! Newton's step where it stays inside, so that straight arguments give the time itself.
-                guess = zero_between - value/rate
-                if (.not. (guess > low .and. guess < high) .or. mod(halving, 4) == 0) guess = (low + high)/2
-                if (.not. (guess > low .and. guess < high)) return
-                zero_between = guess
-            end do
-        end function zero_between
-
-        !> Where its rate does.
-        pure real(wp) function extremum_between(k, from_here, to_there, slope_first)
-            integer, intent(in) :: k
-            real(wp), intent(in) :: from_here, to_there, slope_first
-            real(wp) :: low, high, value, rate
-            integer :: halving
-
-            low = from_here
-            high = to_there
-            do halving = 1, n_halvings
-                extremum_between = (low + high)/2
-                if (.not. (extremum_between > low .and. extremum_between < high)) exit
-                call look(k, extremum_between, value, rate)
-                if (rate*slope_first > 0.0_wp) then
-                    low = extremum_between
-                else
-                    high = extremum_between
-                end if
-            end do
-        end function extremum_between
-
         subroutine add(k, t)
             integer, intent(in) :: k
             real(wp), intent(in) :: t
@@ -182,6 +118,73 @@ contains
             orders = [orders, self%expression%kink_order(k)]
         end subroutine add
     end subroutine find_kinks
+
+    !> The argument of a kink and its rate.
+    pure subroutine look(self, k, t, value, rate)
+        class(piecewise_type), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: value, rate
+        real(wp) :: values(size(self%is_timed)), rates(size(self%is_timed)), x(self%n_variables), v(self%n_variables)
+
+        ! This kink does not look at others than the time.
+        x = 0.0_wp
+        v = 0.0_wp
+        x(self%time) = t
+        v(self%time) = 1.0_wp
+        call self%expression%evaluate_kinks(x, v, values, rates)
+        value = values(k)
+        rate = rates(k)
+    end subroutine look
+
+    !> Where the argument changes its sign.
+    pure real(wp) function zero_between(self, k, from_here, to_there, at_first)
+        class(piecewise_type), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp), intent(in) :: from_here, to_there, at_first
+        real(wp) :: low, high, value, rate, guess
+        integer :: halving
+
+        low = from_here
+        high = to_there
+        zero_between = (low + high)/2
+        do halving = 1, n_halvings
+            call look(self, k, zero_between, value, rate)
+            if (.not. abs(value) > 0.0_wp) return
+            if (value*at_first > 0.0_wp) then
+                low = zero_between
+            else
+                high = zero_between
+            end if
+            ! Newton's step where it stays inside, so that straight arguments give the time itself.
+            guess = zero_between - value/rate
+            if (.not. (guess > low .and. guess < high) .or. mod(halving, 4) == 0) guess = (low + high)/2
+            if (.not. (guess > low .and. guess < high)) return
+            zero_between = guess
+        end do
+    end function zero_between
+
+    !> Where its rate does.
+    pure real(wp) function extremum_between(self, k, from_here, to_there, slope_first)
+        class(piecewise_type), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp), intent(in) :: from_here, to_there, slope_first
+        real(wp) :: low, high, value, rate
+        integer :: halving
+
+        low = from_here
+        high = to_there
+        do halving = 1, n_halvings
+            extremum_between = (low + high)/2
+            if (.not. (extremum_between > low .and. extremum_between < high)) exit
+            call look(self, k, extremum_between, value, rate)
+            if (rate*slope_first > 0.0_wp) then
+                low = extremum_between
+            else
+                high = extremum_between
+            end if
+        end do
+    end function extremum_between
 
     !> Hold the smooth piece that a time lies in, which is no kink.
     pure subroutine hold(self, t)

@@ -89,6 +89,7 @@ contains
         integer, intent(inout) :: place
         type(entry_type) :: copy
         character(len=:), allocatable :: index_name, below
+        character(len=:), allocatable :: known(:)
         integer :: i, k, count, first
 
         allocate (index_name, source='i')
@@ -110,9 +111,9 @@ contains
                 end if
             end associate
         end if
-        call get_count('count', -1, count)
+        call get_count(entries, head, 'count', -1, names, values, repeats, count, place, error)
         if (allocated(error)) return
-        call get_count('first', 1, first)
+        call get_count(entries, head, 'first', 1, names, values, repeats, first, place, error)
         if (allocated(error)) return
         if (count < 0 .or. count > most) then
             call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
@@ -122,6 +123,9 @@ contains
             return
         end if
         call repeats%set(head//'index', text_value(index_name))
+        allocate (character(len=max(len(names), len(index_name))) :: known(size(names) + 1))
+        known(:size(names)) = names
+        known(size(known)) = index_name
         do i = first, first + count - 1
             do k = 1, entries%n
                 associate (entry => entries%list(k))
@@ -141,9 +145,9 @@ contains
                     copy%index_name = index_name
                     copy%index_value = i
                     copy%is_first = i == first
-                    call fill(below, entry%key, copy%key)
+                    call fill(below, entry%key, known, [values, real(i, wp)], copy%key, error)
                     if (allocated(error)) return
-                    call fill_texts(copy%value, entry%key)
+                    call fill_texts(copy%value, entry%key, known, [values, real(i, wp)], error)
                     if (allocated(error)) return
                     call expanded%append(copy)
                 end associate
@@ -153,125 +157,135 @@ contains
         ! What has no copies is shown all the same.
         do k = 1, entries%n
             if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
-              call repeats%append(entries%list(k))
+                call repeats%append(entries%list(k))
             end if
         end do
+    end subroutine expand
 
-    contains
+    !> An integer, which parameters may give.
+    subroutine get_count(entries, head, key, default, names, values, repeats, number, place, error)
+        type(entries_type), intent(in) :: entries
+        character(len=*), intent(in) :: head, key, names(:)
+        real(wp), intent(in) :: values(:)
+        type(entries_type), intent(inout) :: repeats
+        integer, intent(inout) :: place
+        type(error_type), allocatable, intent(inout) :: error
+        integer, intent(in) :: default
+        integer, intent(out) :: number
+        integer :: at
 
-        !> An integer, which parameters may give.
-        subroutine get_count(key, default, number)
-            character(len=*), intent(in) :: key
-            integer, intent(in) :: default
-            integer, intent(out) :: number
-            integer :: at
+        number = default
+        at = entries%find(head//key)
+        if (at > 0) then
+            associate (given => entries%list(at))
+                place = given%place
+                if (given%value%is_list .or. all(given%value%atoms(1)%kind /= [is_number, is_text])) then
+                    call set_error(error, status_invalid_model, given%key//' is no number', 'give an integer, or an '// &
+                        'expression as text')
+                else if (given%value%atoms(1)%kind == is_number) then
+                    call round(given%value%atoms(1)%number, given%key, number, error)
+                else
+                    call evaluate(given%value%atoms(1)%text, given%key, names, values, number, error)
+                end if
+                if (.not. allocated(error)) call repeats%set(given%key, given%value, given%place)
+            end associate
+        else if (default < 0) then
+            place = 0
+            if (entries%n > 0) place = place_below(entries, head)
+            call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'give it')
+        else
+            call repeats%set(head//key, number_value(real(default, wp)))
+        end if
+    end subroutine get_count
 
-            number = default
-            at = entries%find(head//key)
-            if (at > 0) then
-                associate (given => entries%list(at))
-                    place = given%place
-                    if (given%value%is_list .or. all(given%value%atoms(1)%kind /= [is_number, is_text])) then
-                        call set_error(error, status_invalid_model, given%key//' is no number', 'give an integer, or an '// &
-                            'expression as text')
-                    else if (given%value%atoms(1)%kind == is_number) then
-                        call round(given%value%atoms(1)%number, given%key, number)
-                    else
-                        call evaluate(given%value%atoms(1)%text, given%key, names, values, number)
-                    end if
-                    if (.not. allocated(error)) call repeats%set(given%key, given%value, given%place)
-                end associate
-            else if (default < 0) then
-                place = 0
-                if (entries%n > 0) place = place_below()
-                call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'give it')
-            else
-                call repeats%set(head//key, number_value(real(default, wp)))
-            end if
-        end subroutine get_count
+    !> Where something of this repetition stands.
+    integer function place_below(entries, head)
+        type(entries_type), intent(in) :: entries
+        character(len=*), intent(in) :: head
+        integer :: j
 
-        !> Where something of this repetition stands.
-        integer function place_below()
-            integer :: j
+        place_below = 0
+        do j = entries%n, 1, -1
+            if (index(entries%list(j)%key, head) == 1) place_below = entries%list(j)%place
+        end do
+    end function place_below
 
-            place_below = 0
-            do j = entries%n, 1, -1
-                if (index(entries%list(j)%key, head) == 1) place_below = entries%list(j)%place
-            end do
-        end function place_below
+    !> The integer that a number is.
+    subroutine round(number, key, whole, error)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), intent(in) :: number
+        character(len=*), intent(in) :: key
+        integer, intent(out) :: whole
 
-        !> The integer that a number is.
-        subroutine round(number, key, whole)
-            real(wp), intent(in) :: number
-            character(len=*), intent(in) :: key
-            integer, intent(out) :: whole
+        whole = 0
+        if (.not. abs(number) < huge(1)) then
+            call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+            return
+        end if
+        whole = nint(number)
+        if (abs(number - whole) > 1.0e-9_wp) then
+            call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+        end if
+    end subroutine round
 
-            whole = 0
-            if (.not. abs(number) < huge(1)) then
-                call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
+    !> The integer that an expression gives.
+    subroutine evaluate(text, key, known, numbers, whole, error)
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=*), intent(in) :: text, key, known(:)
+        real(wp), intent(in) :: numbers(:)
+        integer, intent(out) :: whole
+        type(expression_type) :: expression
+
+        whole = 0
+        call parse_expression(expression, text, [character(len=1) ::], error, known, numbers, key)
+        if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole, error)
+    end subroutine evaluate
+
+    !> A text with numbers in the place of what stands in braces.
+    subroutine fill(text, key, known, numbers, filled, error)
+        character(len=*), intent(in) :: text, key
+        !> What braces may name, and what that is.
+        character(len=*), intent(in) :: known(:)
+        real(wp), intent(in) :: numbers(:)
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=:), allocatable, intent(inout) :: filled
+        integer :: at, from, to, whole
+
+        filled = ''
+        at = 1
+        do
+            from = index(text(at:), '{')
+            if (from == 0) exit
+            from = from + at - 1
+            to = index(text(from:), '}') + from - 1
+            if (to < from) then
+                call set_error(error, status_invalid_model, key//': "'//text//'" has a brace that does not end', 'write {'// &
+                    trim(known(size(known)))//'}')
                 return
             end if
-            whole = nint(number)
-            if (abs(number - whole) > 1.0e-9_wp) then
-              call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
-            end if
-        end subroutine round
+            call evaluate(text(from + 1:to - 1), key, known, numbers, whole, error)
+            if (allocated(error)) return
+            filled = filled//text(at:from - 1)//to_text(whole)
+            at = to + 1
+        end do
+        filled = filled//text(at:)
+    end subroutine fill
 
-        !> The integer that an expression gives.
-        subroutine evaluate(text, key, known, numbers, whole)
-            character(len=*), intent(in) :: text, key, known(:)
-            real(wp), intent(in) :: numbers(:)
-            integer, intent(out) :: whole
-            type(expression_type) :: expression
+    !> The same in all texts of a value.
+    subroutine fill_texts(value, key, known, numbers, error)
+        type(value_type), intent(inout) :: value
+        character(len=*), intent(in) :: key, known(:)
+        real(wp), intent(in) :: numbers(:)
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=:), allocatable :: filled
+        integer :: j
 
-            whole = 0
-            call parse_expression(expression, text, [character(len=1) ::], error, known, numbers, key)
-            if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole)
-        end subroutine evaluate
-
-        !> A text with numbers in the place of what stands in braces.
-        subroutine fill(text, key, filled)
-            character(len=*), intent(in) :: text, key
-            character(len=:), allocatable, intent(inout) :: filled
-            character(len=max(len(names), len(index_name))) :: known(size(names) + 1)
-            integer :: at, from, to, whole
-
-            known(:size(names)) = names
-            known(size(known)) = index_name
-            filled = ''
-            at = 1
-            do
-                from = index(text(at:), '{')
-                if (from == 0) exit
-                from = from + at - 1
-                to = index(text(from:), '}') + from - 1
-                if (to < from) then
-                    call set_error(error, status_invalid_model, key//': "'//text//'" has a brace that does not end', 'write {'// &
-                        index_name//'}')
-                    return
-                end if
-                call evaluate(text(from + 1:to - 1), key, known, [values, real(i, wp)], whole)
-                if (allocated(error)) return
-                filled = filled//text(at:from - 1)//to_text(whole)
-                at = to + 1
-            end do
-            filled = filled//text(at:)
-        end subroutine fill
-
-        !> The same in all texts of a value.
-        subroutine fill_texts(value, key)
-            type(value_type), intent(inout) :: value
-            character(len=*), intent(in) :: key
-            character(len=:), allocatable :: filled
-            integer :: j
-
-            do j = 1, size(value%atoms)
-                if (value%atoms(j)%kind /= is_text) cycle
-                if (index(value%atoms(j)%text, '{') == 0) cycle
-                call fill(value%atoms(j)%text, key, filled)
-                if (allocated(error)) return
-                value%atoms(j)%text = filled
-            end do
-        end subroutine fill_texts
-    end subroutine expand
+        do j = 1, size(value%atoms)
+            if (value%atoms(j)%kind /= is_text) cycle
+            if (index(value%atoms(j)%text, '{') == 0) cycle
+            call fill(value%atoms(j)%text, key, known, numbers, filled, error)
+            if (allocated(error)) return
+            value%atoms(j)%text = filled
+        end do
+    end subroutine fill_texts
 end module tandem_mechanism_repetition
