@@ -369,6 +369,8 @@ contains
         if (reader%failed()) return
         if (reader%is_text_at('at')) then
             call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
+            ! A body alone stands for its centre of mass.
+            if (scan(at_point, '.:') == 0) at_point = at_point//merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar)
             call take_point(reader, 'at', at_point, mechanism, n_points, point)
             i = findloc(sides, body_of(point), dim=1)
             if (i == 0) then
