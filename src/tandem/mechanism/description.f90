@@ -349,7 +349,7 @@ contains
         integer, intent(inout) :: n_points
         character(len=key_length) :: sides(2), point
         character(len=key_length), allocatable :: texts(:)
-        character(len=:), allocatable :: kind, name, at_point
+        character(len=:), allocatable :: kind, name, at_point, named
         real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
         integer, allocatable :: hold(:), drive
         class(function_type), allocatable :: motion
@@ -370,8 +370,9 @@ contains
         if (reader%is_text_at('at')) then
             call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
             ! A body alone stands for its centre of mass.
-            if (scan(at_point, '.:') == 0) at_point = at_point//merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar)
-            call take_point(reader, 'at', at_point, mechanism, n_points, point)
+            named = at_point
+            if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
+            call take_point(reader, 'at', named, mechanism, n_points, point)
             i = findloc(sides, body_of(point), dim=1)
             if (i == 0) then
                 call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
