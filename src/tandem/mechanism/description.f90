@@ -349,7 +349,7 @@ contains
         integer, intent(inout) :: n_points
         character(len=key_length) :: sides(2), point
         character(len=key_length), allocatable :: texts(:)
-        character(len=:), allocatable :: kind, name, at_point
+        character(len=:), allocatable :: kind, name, at_point, named
         real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
         integer, allocatable :: hold(:), drive
         class(function_type), allocatable :: motion
@@ -369,7 +369,10 @@ contains
         if (reader%failed()) return
         if (reader%is_text_at('at')) then
             call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
-            call take_point(reader, 'at', at_point, mechanism, n_points, point)
+            ! A body alone stands for its centre of mass.
+            named = at_point
+            if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
+            call take_point(reader, 'at', named, mechanism, n_points, point)
             i = findloc(sides, body_of(point), dim=1)
             if (i == 0) then
                 call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &

@@ -57,7 +57,7 @@ contains
         type(entries_type), intent(inout) :: entries
         type(place_type), allocatable, intent(inout) :: places(:)
         type(error_type), allocatable, intent(inout) :: error
-        type(toml_key), allocatable :: names(:)
+        type(toml_key), allocatable :: names(:), below(:)
         class(toml_value), pointer :: found
         type(value_type) :: value
         character(len=:), allocatable :: problem
@@ -74,7 +74,8 @@ contains
             end if
             select type (found)
             type is (toml_table)
-                if (index(path, '.') == 0 .and. is_empty(found)) then
+                call found%get_keys(below)
+                if (index(path, '.') == 0 .and. size(below) == 0) then
                     call set_input_error(error, source%describe(path//'.'//names(i)%key//' is empty', place_of(found), &
                         'give it keys, or leave it out'))
                     return
@@ -93,16 +94,6 @@ contains
             if (allocated(error)) return
         end do
     end subroutine add_table
-
-    !> Whether a table has no keys.
-    logical function is_empty(table)
-        type(toml_table), intent(inout) :: table
-        type(toml_key), allocatable :: names(:)
-
-        allocate (names(0))
-        call table%get_keys(names)
-        is_empty = size(names) == 0
-    end function is_empty
 
     subroutine add_place(place, places)
         type(place_type), intent(in) :: place
