@@ -87,10 +87,8 @@ contains
         type(entries_type), intent(inout) :: expanded, repeats
         type(error_type), allocatable, intent(inout) :: error
         integer, intent(inout) :: place
-        type(entry_type) :: copy
-        character(len=:), allocatable :: index_name, below
-        character(len=:), allocatable :: known(:)
-        integer :: i, k, count, first
+        character(len=:), allocatable :: index_name
+        integer :: k, count, first
 
         allocate (index_name, source='i')
         k = entries%find(head//'index')
@@ -123,7 +121,30 @@ contains
             return
         end if
         call repeats%set(head//'index', text_value(index_name))
-        allocate (character(len=max(len(names), len(index_name))) :: known(size(names) + 1))
+        call copy_elements(entries, head, index_name, first, count, names, values, expanded, place, error)
+        if (allocated(error) .or. count > 0) return
+        ! What has no copies is shown all the same.
+        do k = 1, entries%n
+            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
+                call repeats%append(entries%list(k))
+            end if
+        end do
+    end subroutine expand
+
+    !> Each element below the head, once for each value of the index.
+    subroutine copy_elements(entries, head, index_name, first, count, names, values, expanded, place, error)
+        type(entries_type), intent(in) :: entries
+        character(len=*), intent(in) :: head, index_name, names(:)
+        integer, intent(in) :: first, count
+        real(wp), intent(in) :: values(:)
+        type(entries_type), intent(inout) :: expanded
+        integer, intent(inout) :: place
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=max(len(names), len(index_name))) :: known(size(names) + 1)
+        type(entry_type) :: copy
+        character(len=:), allocatable :: below
+        integer :: i, k
+
         known(:size(names)) = names
         known(size(known)) = index_name
         do i = first, first + count - 1
@@ -153,14 +174,7 @@ contains
                 end associate
             end do
         end do
-        if (count > 0) return
-        ! What has no copies is shown all the same.
-        do k = 1, entries%n
-            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
-                call repeats%append(entries%list(k))
-            end if
-        end do
-    end subroutine expand
+    end subroutine copy_elements
 
     !> An integer, which parameters may give.
     subroutine get_count(entries, head, key, default, names, values, repeats, number, place, error)
