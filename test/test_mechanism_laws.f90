@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of functions, laws and expressions of mechanisms: against differences at random states, and runs with kinks and jumps against
-!> closed forms.
+!> Tests of functions, laws and expressions of mechanisms: against differences at random states, and runs with kinks and jumps
+!> against closed forms.
 module test_mechanism_laws
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use mechanism_checks, only: draw, go, verify
@@ -250,7 +250,8 @@ contains
         ! after 0.75 s the cart stops, which takes the part of the bob's velocity along the string.
         associate (q => simulation%state%q, qd => simulation%state%qd)
             call check_close(error, q(1:2), [0.75_wp, 0.0_wp], 1.0e-12_wp, 'cart')
-            ! As seen from the cart the bob goes round at 1 rad/s: angle 0.75 from below, to the left; then the pivot stands, and the
+            ! As seen from the cart the bob goes round at 1 rad/s: angle 0.75 from below, to the left; then the pivot stands, and
+            ! the
             ! angular velocity is 1 - cos(0.75), of the impulse across the string.
             associate (angle => -0.75_wp - 0.75_wp*(1 - cos(0.75_wp)))
                 call check_close(error, q(4:5) - q(1:2), [sin(angle), -cos(angle)], 1.0e-10_wp, 'bob')

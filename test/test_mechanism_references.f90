@@ -203,8 +203,8 @@ contains
         call check_below(error, real(statistics%steps, wp), 2000.0_wp, 'steps of a stiff stepper')
     end subroutine test_governor
 
-    !> Two wheels on parallel axes, one driven for 30 turns, and a third whose angle is held by the sum of both: in space, where angles
-    !> are counted.
+    !> Two wheels on parallel axes, one driven for 30 turns, and a third whose angle is held by the sum of both: in space, where
+    !> angles are counted.
     subroutine test_gears(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -269,8 +269,8 @@ contains
         end associate
     end subroutine test_screw
 
-    !> A blade on a plate that is driven round, in the plane: as seen from the plate, without forces but with those of the frame, it is
-    !> the same as a blade on the ground whose velocity across is that of the plate below it.
+    !> A blade on a plate that is driven round, in the plane: as seen from the plate, without forces but with those of the frame, it
+    !> is the same as a blade on the ground whose velocity across is that of the plate below it.
     subroutine test_sleigh(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: rate = 0.6_wp, place(2) = [1.0_wp, 0.5_wp]
@@ -358,7 +358,7 @@ contains
         after = energy()
         call check_count(error, simulation%n_redundant, 0, 'redundant rows')
         call check_below(error, abs(after - before)/before, 1.0e-11_wp, 'energy')
-        ! M x'' + v C1 x' + (g K0 + v^2 K2) x = 0 in lean (of the frame, to the right) and steer (to the right, about the axis down).
+        ! M x'' + v C1 x' + (g K0 + v^2 K2) x = 0 in lean (of the frame) and steer (about the axis down), both to the right.
         inverse = reshape([m(2, 2), -m(2, 1), -m(1, 2), m(1, 1)], [2, 2])/(m(1, 1)*m(2, 2) - m(1, 2)**2)
         k = 0.0_wp
         k(1, 3) = 1.0_wp

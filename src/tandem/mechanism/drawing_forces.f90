@@ -162,9 +162,10 @@ contains
                 ' expressions', 'give two in the plane, three in space', error)
         end if
         if (present(torque_by) .and. .not. allocated(error)) then
-            if (size(torque_by) /= merge(1, 3, self%planar) .or. .not. self%bodies(load%body)%turns) &
-                call refuse(label//': torque has '//to_text(size(torque_by))//' expressions, or turns a point mass', &
+            if (size(torque_by) /= merge(1, 3, self%planar) .or. .not. self%bodies(load%body)%turns) then
+              call refuse(label//': torque has '//to_text(size(torque_by))//' expressions, or turns a point mass', &
                 'give one in the plane, three in space, on a body with an inertia', error)
+            end if
         end if
         if (allocated(error)) return
         if (present(force_by)) then

@@ -25,8 +25,9 @@ contains
             call refuse(label//' is steered without saying about what, or the other way round', 'give steer and about', error)
         else if (present(about)) then
             call self%take_direction(label, 'about', about, pivot, error)
-            if (.not. allocated(error) .and. (self%planar .or. abs(dot_product(pivot, edge%across)) > tolerance)) &
-                call refuse(label//': about is not perpendicular to across, or is given in the plane', 'correct it', error)
+            if (.not. allocated(error) .and. (self%planar .or. abs(dot_product(pivot, edge%across)) > tolerance)) then
+              call refuse(label//': about is not perpendicular to across, or is given in the plane', 'correct it', error)
+            end if
         end if
         if (allocated(error)) return
         if (present(steer)) call self%take_motion(name, steer, 0, edge%steer)
@@ -50,9 +51,10 @@ contains
         if (present(crown)) roller%crown = crown
         if (present(crown)) roller%radius = radius - crown
         call self%take_direction(label, 'axis', axis, roller%axis, error)
-        if (.not. allocated(error) .and. (roller%crown < 0.0_wp .or. .not. roller%radius > 0.0_wp)) &
-            call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
+        if (.not. allocated(error) .and. (roller%crown < 0.0_wp .or. .not. roller%radius > 0.0_wp)) then
+          call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
             'let it roll with a radius > 0 in m, and a smaller crown >= 0', error)
+        end if
         if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
             pivot, slide, along)
     end procedure add_rolling_disk

@@ -102,7 +102,7 @@ contains
                     else
                         call measure(coordinates(of), pose, self%x(i))
                     end if
-                case (is_joint_rate)
+                case default
                     call differentiate_coordinate(coordinates(of), pose, 1, 0, x, gradient)
                     self%x(i) = x(1)
                 end select
@@ -153,8 +153,9 @@ contains
             case (is_time)
                 c = 0
                 return
+            case default
+                c = columns(pose(of), pose(0))
             end select
-            c = columns(pose(of), pose(0))
             select case (self%variables(i)%kind)
             case (is_place)
                 by_q(place_1 + entry) = 1.0_wp
@@ -164,7 +165,7 @@ contains
                 by_qd(place_1 + entry) = 1.0_wp
             case (is_turn_rate)
                 by_qd(turn_1 + entry) = 1.0_wp
-            case (is_spin)
+            case default
                 ! E(p) pd = -E(pd) p.
                 along = 0.0_wp
                 along(entry) = 2.0_wp

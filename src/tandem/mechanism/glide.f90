@@ -113,8 +113,9 @@ contains
         if (iand(need, need_jacobian + need_gamma + need_nu) == 0) return
         do i = 1, size(glides)
             associate (glide => glides(i), one => pose(glides(i)%first), two => pose(glides(i)%second))
-                if (iand(need, need_jacobian + need_gamma) /= 0) &
-                    call lever(glide, one, two, merge(1, 0, iand(need, need_gamma) /= 0), a, d, n)
+                if (iand(need, need_jacobian + need_gamma) /= 0) then
+                  call lever(glide, one, two, merge(1, 0, iand(need, need_gamma) /= 0), a, d, n)
+                end if
                 if (iand(need, need_jacobian) /= 0) then
                     row = 0.0_wp
                     if (glide%is_way) then

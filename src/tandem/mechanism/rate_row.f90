@@ -140,10 +140,12 @@ contains
             if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, j) = derivatives%velocity_q(row, j) + v*formula%by(k)
             if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, j) = &
                 derivatives%acceleration_q(row, j) + v_rate*formula%by(k) + v*formula%by_rate(k)
-            if (iand(need, need_acceleration_qd) /= 0) &
-                derivatives%acceleration_qd(row, j) = derivatives%acceleration_qd(row, j) + v*formula%by(k)
-            if (c > 0 .and. iand(need, need_dynamics_q) /= 0) &
-                derivatives%dynamics_q(c, j) = derivatives%dynamics_q(c, j) + lambda*formula%by(k)
+            if (iand(need, need_acceleration_qd) /= 0) then
+              derivatives%acceleration_qd(row, j) = derivatives%acceleration_qd(row, j) + v*formula%by(k)
+            end if
+            if (c > 0 .and. iand(need, need_dynamics_q) /= 0) then
+              derivatives%dynamics_q(c, j) = derivatives%dynamics_q(c, j) + lambda*formula%by(k)
+            end if
         end do
     end subroutine add_part
 end module tandem_mechanism_rate_row
