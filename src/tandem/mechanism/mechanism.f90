@@ -48,6 +48,8 @@ module tandem_mechanism
         logical, private :: is_defined = .false.
         !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
         integer, private :: held_segment = 0
+        !> The time that the functions were evaluated at.
+        real(wp), private :: time_of_f = huge(1.0_wp)
     contains
         procedure :: define
         procedure :: start
@@ -162,6 +164,19 @@ contains
         self%nu_jumps = self%nu_jumps(:n)
     end subroutine find_breakpoints
 
+    !> The functions of time, once for all that is asked at a time.
+    pure subroutine evaluate_functions(self, t)
+        class(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        integer :: i
+
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f)) return
+        self%time_of_f = t
+        do i = 1, size(self%motions)
+            call self%motions(i)%f%evaluate(t, self%f(:, i))
+        end do
+    end subroutine evaluate_functions
+
     !> Let the functions hold the smooth pieces of the current segment.
     pure subroutine hold_segment(self)
         class(mechanism_type), intent(inout) :: self
@@ -169,6 +184,7 @@ contains
         integer :: i
 
         self%held_segment = self%segment
+        self%time_of_f = huge(t)
         if (.not. allocated(self%breakpoints)) return
         ends = self%times
         if (self%segment > 1) ends(1) = self%breakpoints(self%segment - 1)
@@ -314,9 +330,7 @@ contains
                 call set_rates(self%pose(i), qd)
             end do
         end if
-        do i = 1, size(self%motions)
-            call self%motions(i)%f%evaluate(t, self%f(:, i))
-        end do
+        call evaluate_functions(self, t)
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) terms%jacobian = 0.0_wp
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
@@ -414,9 +428,7 @@ contains
             call set_rates(self%pose(i), qd)
             call set_curve(self%pose(i), qdd)
         end do
-        do i = 1, size(self%motions)
-            call self%motions(i)%f%evaluate(t, self%f(:, i))
-        end do
+        call evaluate_functions(self, t)
         call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
         call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
