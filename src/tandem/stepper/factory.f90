@@ -6,6 +6,7 @@ module tandem_stepper_factory
     use tandem_stepper, only: stepper_type
     use tandem_stepper_dop853, only: dop853_type
     use tandem_stepper_dopri5, only: dopri5_type
+    use tandem_stepper_radau5, only: radau5_type
     use tandem_stepper_rk4, only: rk4_type
     use tandem_stepper_sdirk54, only: sdirk54_type
     use tandem_stepper_trapezoid, only: trapezoid_type
@@ -15,7 +16,8 @@ module tandem_stepper_factory
     public :: check_stepper, new_stepper, stepper_names
 
     !> Every name that `new_stepper` knows.
-    character(len=16), parameter :: stepper_names(5) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
+    character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
+        'radau5']
 
 contains
 
@@ -36,6 +38,8 @@ contains
             allocate (trapezoid_type :: stepper)
         case ('sdirk54')
             allocate (sdirk54_type :: stepper)
+        case ('radau5')
+            allocate (radau5_type :: stepper)
         case default
             return
         end select
