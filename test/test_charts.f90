@@ -411,7 +411,8 @@ contains
         call check_count(error, statistics%charts, charts + 1, 'charts by that reason and the start')
     end subroutine count_charts
 
-    !> Every step takes more than one correction at some stage; a higher limit acts less often, and a high one never.
+    !> Every step takes more than one correction at some stage, a higher limit acts less often, and a high one never. Not so of
+    !> trapezoid and radau5, which restore few points, each near the one before.
     subroutine test_iteration_limit(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -419,7 +420,7 @@ contains
         integer, parameter :: limits(3) = [1, 3, 100]
 
         do i = 1, size(stepper_names)
-            if (stepper_names(i) == 'trapezoid') cycle
+            if (any(stepper_names(i) == [character(len=16) :: 'trapezoid', 'radau5'])) cycle
             do j = 1, size(refresh_modes)
                 do k = 1, size(limits)
                     options = choose(step=2.0e-3_wp, chart='paper', refresh=refresh_modes(j), stepper=trim(stepper_names(i)))

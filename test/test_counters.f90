@@ -36,7 +36,7 @@ module test_counters
         integer :: calls = 0
     end type counting_disk_type
 
-    character(len=9), parameter :: implicit_steppers(2) = ['trapezoid', 'sdirk54  ']
+    character(len=9), parameter :: implicit_steppers(3) = ['trapezoid', 'sdirk54  ', 'radau5   ']
 
 contains
 
@@ -498,6 +498,8 @@ contains
         call check_true(error, statistics%newton_corrections >= statistics%implicit_stages, 'every stage is corrected once or more')
         call roll_disk('trapezoid', .true., calls, statistics, error)
         call check_count(error, statistics%implicit_stages, n_steps, 'stages of the trapezoid')
+        call roll_disk('radau5', .true., calls, statistics, error)
+        call check_count(error, statistics%implicit_stages, 3*n_steps, 'stages of radau5')
     end subroutine test_stages
 
     subroutine test_stand_ins(error)

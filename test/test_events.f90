@@ -108,8 +108,8 @@ contains
     subroutine test_closed_form(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
-        ! The global errors with h = 0.02, some times what was measured.
-        real(wp), parameter :: bound(5) = [1.0e-6_wp, 1.0e-8_wp, 1.0e-11_wp, 1.0e-3_wp, 1.0e-6_wp]
+        ! The global errors with h = 0.02, some times what was measured; of radau5 that of its dense output, h**4.
+        real(wp), parameter :: bound(6) = [1.0e-6_wp, 1.0e-8_wp, 1.0e-11_wp, 1.0e-3_wp, 1.0e-6_wp, 1.0e-6_wp]
         integer :: k
 
         do k = 1, size(stepper_names)

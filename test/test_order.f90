@@ -35,6 +35,7 @@ contains
             new_unittest('vehicle-with-sdirk54-has-order-four', test_vehicle_sdirk54), &
             new_unittest('disk-with-sdirk54-has-order-four-at-least', test_disk_sdirk54), &
             new_unittest('motorcycles-with-sdirk54-have-order-four', test_motorcycle_sdirk54), &
+            new_unittest('scenes-with-radau5-have-order-five', test_radau5), &
             new_unittest('vehicle-with-the-trapezoid-has-order-two', test_vehicle_trapezoid), &
             new_unittest('disk-with-the-trapezoid-has-order-two-at-least', test_disk_trapezoid), &
             new_unittest('motorcycles-with-the-trapezoid-have-order-two', test_motorcycle_trapezoid), &
@@ -212,6 +213,17 @@ contains
         call check_order('motorcycle', choose(), 6.0_wp, steps, 3.85_wp, 4.15_wp, 2.5e-7_wp, error)
         call check_order('motorcycle', choose(), 10.0_wp, steps, 3.85_wp, 4.15_wp, 3.0e-7_wp, error)
     end subroutine test_motorcycle
+
+    !> Steps as large as truncation needs to stand above rounding and what Newton's iteration leaves.
+    subroutine test_radau5(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: low = 4.7_wp, high = 5.3_wp
+
+        call check_order('vehicle', choose(stepper='radau5'), 6.0_wp, [0.4_wp, 0.2_wp, 0.1_wp], low, high, 1.0e-6_wp, error)
+        call check_order('disk', choose(stepper='radau5'), 2.0_wp, [3.2e-2_wp, 1.6e-2_wp], low, high, 1.0e-6_wp, error)
+        call check_order('knife_edge', choose(stepper='radau5'), 3.0_wp, [0.2_wp, 0.1_wp, 0.05_wp], low, high, 1.0e-5_wp, error)
+        call check_order('motorcycle', choose(stepper='radau5'), 6.0_wp, [0.2_wp, 0.1_wp, 0.05_wp], low, high, 1.0e-4_wp, error)
+    end subroutine test_radau5
 
     !> Before the kink, and through it.
     subroutine test_vehicle_sdirk54(error)

@@ -325,7 +325,7 @@ contains
                 if (i == 2) options%chart = 'adaptive'
                 call check_flat_disk(options, error)
                 options%projection = 'step_ends'
-                if (any(stepper_names(l) == ['trapezoid', 'sdirk54  '])) cycle
+                if (any(stepper_names(l) == ['trapezoid', 'sdirk54  ', 'radau5   '])) cycle
                 call check_flat_disk(options, error)
                 if (allocated(error)) return
             end do

@@ -39,6 +39,8 @@ contains
             new_unittest('the-chart-follows-a-stiff-spring-at-every-tolerance', test_followed_tightly), &
             new_unittest('the-chart-follows-a-stiff-spring-without-derivatives', test_followed_by_differences), &
             new_unittest('fixed-steps-on-a-stiff-spring-complete', test_followed_fixed), &
+            new_unittest('radau5-takes-no-more-steps-where-a-spring-is-stiffer', test_radau5), &
+            new_unittest('radau5-keeps-its-order-on-a-stiff-spring', test_radau5_order), &
             new_unittest('sdirk54-reaches-its-tolerance-on-every-suspension', test_suspension_tolerance), &
             new_unittest('the-vehicle-keeps-its-matrix-under-error-control', test_kept_under_control)]
     end subroutine collect_stiff
@@ -477,6 +479,50 @@ contains
             end do
         end do
     end subroutine test_followed_tightly
+
+    !> Tolerances, errors and steps of radau5; at 1e8 with the stretch alone.
+    subroutine test_radau5(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        real(wp), parameter :: rtols(3) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp]
+        real(wp), parameter :: ratios(4) = [1.0e2_wp, 1.0e4_wp, 1.0e6_wp, 1.0e8_wp]
+        integer :: i, j
+
+        options%stepper = 'radau5'
+        do i = 1, size(ratios)
+            do j = 1, size(rtols)
+                options%rtol = rtols(j)
+                call move_slowly(options, ratios(i), .true., .true., simulation, statistics, error)
+                if (allocated(error)) return
+                ! Seen: at most 0.02 tolerances; 27, 80 and 250 steps at every ratio.
+                call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtols(j), 'position')
+                if (j == 2) call check_below(error, real(statistics%steps, wp), 150.0_wp, 'steps')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_radau5
+
+    !> Fixed steps: the order is that of the non-stiff motion, five.
+    subroutine test_radau5_order(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        real(wp) :: errors(2)
+        integer :: i
+
+        options%stepper = 'radau5'
+        do i = 1, 2
+            options%step = merge(5.0e-2_wp, 2.5e-2_wp, i == 1)
+            call move_slowly(options, 1.0e6_wp, .true., .true., simulation, statistics, error)
+            if (allocated(error)) return
+            errors(i) = maxval(abs(simulation%state%q(:2) - slow_motion(1.0e6_wp)))
+        end do
+        call check_below(error, errors(1), 3.0e-8_wp, 'error with h = 0.05')
+        call check_between(error, log(errors(1)/errors(2))/log(2.0_wp), 4.5_wp, 5.5_wp, 'order')
+    end subroutine test_radau5_order
 
     !> The same with derivatives by differences: the chart follows the stiffness that they show.
     subroutine test_followed_by_differences(error)

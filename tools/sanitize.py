@@ -64,7 +64,7 @@ LONG = {
 
 DISK = ["rolling_disk", "--set", "time.end=0.02", "--quiet"]
 ADAPTIVE = ["--set", "solver.rtol=1e-8", "--set", "time.end=0.3"]
-STEPPERS = ["rk4", "dopri5", "dop853", "trapezoid", "sdirk54"]
+STEPPERS = ["rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5"]
 
 
 def stepper(name):

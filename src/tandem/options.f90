@@ -14,7 +14,8 @@ module tandem_options
     public :: stepper_names, chart_policies, refresh_modes, basis_methods, projections
 
     !> Every stepper that can be asked for by name; `tandem_stepper_factory` makes them.
-    character(len=16), parameter :: stepper_names(5) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
+    character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
+        'radau5']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).

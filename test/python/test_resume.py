@@ -29,7 +29,7 @@ SCENES = {
     "motorcycle_chopper": (8.0, 5e-4),
 }
 # Implicit steps cost more, and a controlled step of high order gets further.
-STEPPERS = {"rk4": 1.0, "dopri5": 1.0, "dop853": 2.0, "trapezoid": 3.0, "sdirk54": 12.0}
+STEPPERS = {"rk4": 1.0, "dopri5": 1.0, "dop853": 2.0, "trapezoid": 3.0, "sdirk54": 12.0, "radau5": 12.0}
 POLICIES = [
     "solver.chart=every_step",
     "solver.chart=adaptive",

@@ -80,6 +80,10 @@ module tandem_chart
         procedure(reuse_stage_interface), deferred :: reuse_stage
         procedure(matrix_cost_interface), deferred :: matrix_cost
         procedure(correct_stage_interface), deferred :: correct_stage
+        procedure(expect_pair_interface), deferred :: expect_pair
+        procedure(find_residual_interface), deferred :: find_residual
+        procedure(solve_stages_interface), deferred :: solve_stages
+        procedure(move_rates_interface), deferred :: move_rates
         procedure(filter_error_interface), deferred :: filter_error
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
@@ -291,6 +295,55 @@ module tandem_chart
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine correct_stage_interface
+
+        !> For a method whose stages are solved together: from now on `factor_stage` and `reuse_stage` make the matrix of a complex
+        !> pair of systems too, once a run.
+        subroutine expect_pair_interface(self, ratio)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The pair's ha over the real one.
+            complex(wp), intent(in) :: ratio
+        end subroutine expect_pair_interface
+
+        !> The first half of `correct_stage`: a stage's residual, in coordinates of the chart, and the parts of its rates that the
+        !> chart ignores.
+        subroutine find_residual_interface(self, t, q, qd, rate_q, rate_qd, residual, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> The restored coordinates and velocities (n), the stage's rates (n).
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            !> (2 n), of which the chart uses as many as it has coordinates.
+            real(wp), intent(inout), contiguous :: residual(:)
+            integer, intent(out) :: stat
+        end subroutine find_residual_interface
+
+        !> Corrections for residuals, in place: `real_part` with the real system, x + i y with that of the pair.
+        subroutine solve_stages_interface(self, real_part, x, y)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> (2 n) each.
+            real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+        end subroutine solve_stages_interface
+
+        !> The second half of `correct_stage`: add a correction to a stage's rates.
+        subroutine move_rates_interface(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (2 n).
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: ha
+            real(wp), intent(in), contiguous :: correction(:)
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            !> As of `correct_stage`.
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine move_rates_interface
 
         !> Send the error of an implicit step through its Newton matrix: what of it a stiff mode would not keep is taken away.
         subroutine filter_error_interface(self, error_q, error_qd)

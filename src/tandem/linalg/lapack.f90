@@ -96,6 +96,27 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine dgetrs
 
+        !> LU factorisation with row pivoting of a complex matrix.
+        subroutine zgetrf(m, n, a, lda, ipiv, info)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: m, n, lda
+            complex(wp), intent(inout) :: a(lda, *)
+            integer, intent(out) :: ipiv(*), info
+        end subroutine zgetrf
+
+        !> Solution with the factors of zgetrf.
+        subroutine zgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: trans
+            integer, intent(in) :: n, nrhs, lda, ldb
+            complex(wp), intent(in) :: a(lda, *)
+            integer, intent(in) :: ipiv(*)
+            complex(wp), intent(inout) :: b(ldb, *)
+            integer, intent(out) :: info
+        end subroutine zgetrs
+
         !> Reciprocal condition number from the factors of `dgetrf`.
         subroutine dgecon(norm, n, a, lda, anorm, rcond, work, iwork, info)
             import :: wp

@@ -6,9 +6,9 @@
 module tandem_profile_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
-    use tandem_profile_parts, only: part_acceleration, part_correction, part_energy, part_errors, part_filter, part_health, &
-        part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
-        part_velocity
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_coupled, part_energy, part_errors, part_filter, &
+        part_health, part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, &
+        part_reuse, part_velocity
     use tandem_status, only: status_ok
     use tandem_chart, only: health_type
     use tandem_chart_dense, only: dense_chart_type
@@ -32,6 +32,9 @@ module tandem_profile_chart
         procedure :: factor_stage
         procedure :: reuse_stage
         procedure :: correct_stage
+        procedure :: find_residual
+        procedure :: solve_stages
+        procedure :: move_rates
         procedure :: filter_error
         procedure :: multipliers
         procedure :: project_velocity
@@ -172,6 +175,45 @@ contains
         call self%dense_chart_type%correct_stage(t, q, qd, ha, rate_q, rate_qd, change, stat)
         call self%profile%leave(mark)
     end subroutine correct_stage
+
+    subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: residual(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%dense_chart_type%find_residual(t, q, qd, rate_q, rate_qd, residual, stat)
+        call self%profile%leave(mark)
+    end subroutine find_residual
+
+    subroutine solve_stages(self, real_part, x, y)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%dense_chart_type%solve_stages(real_part, x, y)
+        call self%profile%leave(mark)
+    end subroutine solve_stages
+
+    subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(in), contiguous :: correction(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_correction, mark)
+        call self%dense_chart_type%move_rates(q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        call self%profile%leave(mark)
+    end subroutine move_rates
 
     subroutine filter_error(self, error_q, error_qd)
         class(profiled_chart_type), intent(inout) :: self

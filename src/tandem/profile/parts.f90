@@ -11,7 +11,7 @@ module tandem_profile_parts
     public :: part_control, part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: part_renew, part_refresh, part_position, part_velocity, part_acceleration, part_errors, part_rank, part_health, &
         part_multipliers, part_energy, part_projection
-    public :: part_matrix, part_reuse, part_correction, part_filter
+    public :: part_matrix, part_reuse, part_correction, part_coupled, part_filter
     public :: part_single, part_terms, part_derivatives
     public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
 
@@ -24,11 +24,12 @@ module tandem_profile_parts
     !> What a chart is asked for.
     integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &
         part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
-    !> Newton's iteration: matrices formed and factored, taken over from steps before, corrections, errors through the matrix.
-    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_filter = 22
+    !> Newton's iteration: matrices formed and factored, taken over from steps before, corrections, residuals and systems of stages
+    !> that are solved together, errors through the matrix.
+    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_coupled = 22, part_filter = 23
     !> The call of a model with the number i (`tandem_model_timer`) is the part `part_single + i`; first come those of the single
     !> procedures (`single_name`).
-    integer, parameter :: part_single = 22, n_singles = of_evaluate
+    integer, parameter :: part_single = 23, n_singles = of_evaluate
     !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
     integer, parameter :: part_terms = part_single + of_evaluate, part_derivatives = part_single + of_evaluate_derivatives
     !> How many parts there are.
@@ -49,7 +50,7 @@ module tandem_profile_parts
         'start', 'watching', 'rows', 'writing and flushing', 'state for a checkpoint', 'opening and closing', 'new charts', &
         'old charts kept', 'position', 'velocity', 'acceleration', 'constraint errors', 'rank', 'state of the chart', &
         'multipliers', 'kinetic energy', 'velocity after a jump', 'matrices', 'matrices kept', 'corrections', &
-        'error filter']
+        'stages solved together', 'error filter']
 
     !> The procedures of a model that give one term each, in the order of `model_type`, and the bit of the term where it is one of
     !> `term_name`.

@@ -31,9 +31,9 @@ contains
         if (all(stat /= [status_position_diverged, status_chart_left, status_newton_failed])) return
         associate (state => self%state, next => self%next)
             ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first
-            ! to notice.
+            ! to notice; those that are solved together notice two steps before.
             next%q = state%q - h*state%qd
-            loss = self%chart%loss_ahead(state%t - h, next%q, state%qd, 3.0_wp*h)
+            loss = self%chart%loss_ahead(state%t - h, next%q, state%qd, 4.0_wp*h)
             if (loss /= status_ok) stat = loss
         end associate
     end procedure look_for_lost_rank

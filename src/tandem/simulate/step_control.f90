@@ -36,6 +36,9 @@ module tandem_simulate_step_control
         !> h |lambda| at the limit, 0 where there is none; the largest |lambda| of the last steps, 0 where none is known.
         real(wp), private :: stability_limit = 0.0_wp, lambda = 0.0_wp
         logical, private :: was_rejected = .false.
+        !> Whether the next error is foreseen from the last two, and the last accepted step, 0 for none.
+        logical, private :: is_predictive = .false.
+        real(wp), private :: last_step = 0.0_wp
     contains
         procedure :: initialize
         procedure :: set_weights
@@ -85,6 +88,7 @@ contains
         self%damped_from = merge(0.25_wp*method%stability_limit, 0.0_wp, method%estimate_order >= 7)
         self%aim = self%safety**(1.0_wp/self%exponent)
         self%stability_limit = method%stability_limit
+        self%is_predictive = method%is_predictive
         self%weight_q = scale
         self%weight_qd = scale
         self%rtol_q = scale
@@ -122,6 +126,10 @@ contains
         integral = self%integral
         if (self%damped_from > 0.0_wp) integral = integral*min(1.0_wp, (stiffness/self%damped_from)**2)
         factor = (max(norm, tiny(1.0_wp))/self%aim)**(0.75_wp*integral - self%exponent)*(self%last_norm/self%aim)**integral
+        ! An error that has grown from step to step is taken to grow again (Gustafsson 1994; Hairer, Wanner II, (IV.8.25)).
+        if (self%is_predictive .and. self%last_step > 0.0_wp) factor = min(factor, h/self%last_step* &
+            (self%aim*max(self%last_norm, 0.01_wp)/max(norm, tiny(1.0_wp))**2)**self%exponent)
+        self%last_step = h
         factor = min(largest_factor, max(least_factor, factor))
         if (self%was_rejected) factor = min(1.0_wp, factor)
         wanted = factor*h
@@ -195,6 +203,7 @@ contains
         class(step_control_type), intent(inout) :: self
 
         self%last_norm = self%aim
+        self%last_step = 0.0_wp
         self%lambda = 0.0_wp
         self%is_at_limit = .false.
         self%was_rejected = .false.
@@ -207,6 +216,7 @@ contains
 
         call pack%item(self%h)
         call pack%item(self%last_norm)
+        call pack%item(self%last_step)
         call pack%item(self%lambda)
         call pack%item(self%was_rejected)
     end subroutine pack_state

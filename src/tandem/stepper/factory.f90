@@ -5,6 +5,7 @@ module tandem_stepper_factory
     use tandem_stepper, only: stepper_type
     use tandem_stepper_dop853, only: dop853_type
     use tandem_stepper_dopri5, only: dopri5_type
+    use tandem_stepper_radau5, only: radau5_type
     use tandem_stepper_rk4, only: rk4_type
     use tandem_stepper_sdirk54, only: sdirk54_type
     use tandem_stepper_trapezoid, only: trapezoid_type
@@ -32,6 +33,8 @@ contains
             allocate (trapezoid_type :: stepper)
         case ('sdirk54')
             allocate (sdirk54_type :: stepper)
+        case ('radau5')
+            allocate (radau5_type :: stepper)
         case default
             return
         end select

@@ -36,14 +36,14 @@ module tandem_stepper_newton
         integer, private :: n_served = 0
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
-        logical, private :: is_fresh = .false., is_worn = .true.
+        logical :: is_fresh = .false., is_worn = .true.
         type(prediction_type), private :: prediction
         real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
     contains
         procedure :: allocate => allocate_newton
         procedure :: prepare
         procedure :: solve
-        procedure, private :: renew
+        procedure :: renew
         procedure, private :: iterate
         procedure, private :: restore
         procedure :: finish

@@ -29,6 +29,8 @@ module tandem_stepper
         real(wp) :: stability_limit = 0.0_wp
         !> Whether stiff modes are damped: R(infinity) = 0.
         logical :: damps = .false.
+        !> Whether the step size controller foresees the next error from the last two (Gustafsson).
+        logical :: is_predictive = .false.
     end type properties_type
 
     !> A one-step method: each file of this folder extends it.

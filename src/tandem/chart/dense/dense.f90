@@ -129,6 +129,10 @@ module tandem_chart_dense
         procedure :: reuse_stage
         procedure :: matrix_cost
         procedure :: correct_stage
+        procedure :: expect_pair
+        procedure :: find_residual
+        procedure :: solve_stages
+        procedure :: move_rates
         procedure :: filter_error
         procedure :: multipliers
         procedure :: project_velocity
@@ -373,6 +377,43 @@ module tandem_chart_dense
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine correct_stage
+
+        !> From now on a complex pair of systems is factored too.
+        module subroutine expect_pair(self, ratio)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            complex(wp), intent(in) :: ratio
+        end subroutine expect_pair
+
+        !> The residual of a stage.
+        module subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(inout), contiguous :: residual(:)
+            integer, intent(out) :: stat
+        end subroutine find_residual
+
+        !> Corrections of stages that are solved together.
+        module subroutine solve_stages(self, real_part, x, y)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+        end subroutine solve_stages
+
+        !> Add a correction to a stage's rates.
+        module subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in), contiguous :: q(:), qd(:)
+            real(wp), intent(in) :: ha
+            real(wp), intent(in), contiguous :: correction(:)
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(out) :: change
+            integer, intent(out) :: stat
+        end subroutine move_rates
 
         !> The error through the Newton matrix.
         module subroutine filter_error(self, error_q, error_qd)

@@ -64,8 +64,6 @@ contains
 
     !> One Newton correction of a stage's rates at the restored point.
     module procedure correct_stage
-        integer :: j
-
         self%failed_row = 0
         self%may_lean = .false.
         change = 0.0_wp
@@ -74,6 +72,20 @@ contains
         if (stat /= status_ok) return
         call self%stage%correct(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
             self%w_dual, qd, rate_q, rate_qd, self%change_q, self%change_qd)
+        call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
+    end procedure correct_stage
+
+    !> The size of the last correction, and whether the rates are finite.
+    subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        integer :: j
+
+        stat = status_ok
+        change = 0.0_wp
         do j = 1, self%n
             change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
                 abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
@@ -83,7 +95,35 @@ contains
             call self%name_infinite(stat)
         end if
         self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end procedure correct_stage
+    end subroutine judge_correction
+
+    !> Factor the matrix of a complex pair of systems too.
+    module procedure expect_pair
+        call self%stage%expect_pair(ratio)
+    end procedure expect_pair
+
+    !> The residual of a stage at the restored point.
+    module procedure find_residual
+        self%failed_row = 0
+        self%may_lean = .false.
+        call self%move_with(t, q, qd, stat)
+        if (stat == status_ok) call self%find_velocity_basis(stat)
+        if (stat /= status_ok) return
+        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, &
+            self%w_basis, self%w_dual, qd, rate_q, rate_qd, self%change_q)
+        call self%stage%get_residual(residual)
+    end procedure find_residual
+
+    !> Corrections of stages that are solved together.
+    module procedure solve_stages
+        call self%stage%solve_for(self%v_basis, self%v_dual, self%w_basis, self%w_dual, real_part, x, y)
+    end procedure solve_stages
+
+    !> Add a correction to a stage's rates.
+    module procedure move_rates
+        call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
+        call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
+    end procedure move_rates
 
     !> The error through the Newton matrix.
     module procedure filter_error

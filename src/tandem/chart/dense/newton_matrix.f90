@@ -23,6 +23,7 @@
 module tandem_chart_dense_newton_matrix
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
+    use tandem_linalg_complex_lu, only: complex_lu_type
     use tandem_linalg_lu, only: lu_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
@@ -52,6 +53,10 @@ module tandem_chart_dense_newton_matrix
         real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
         real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
         type(lu_type), private :: lu
+        !> ha of a complex pair of systems over that of the real one, 0 for none, and their matrix.
+        complex(wp), private :: pair = (0.0_wp, 0.0_wp)
+        complex(wp), allocatable, private :: pair_matrix(:, :)
+        type(complex_lu_type), private :: pair_lu
     contains
         procedure :: allocate => allocate_stage
         procedure :: form
@@ -59,11 +64,18 @@ module tandem_chart_dense_newton_matrix
         procedure :: adapt
         procedure :: enter_chart
         procedure :: correct
+        procedure :: expect_pair
+        procedure :: find_residual
+        procedure :: solve_for
+        procedure :: get_residual
+        procedure :: move_rates
         procedure :: filter
         procedure :: restore_error
         procedure :: reciprocal_condition
         procedure :: pack_state
         procedure, private :: solve
+        procedure, private :: take_there
+        procedure, private :: bring_back
         procedure, private :: is_near
         procedure, private :: set_carry
     end type stage_type
@@ -93,7 +105,21 @@ contains
             self%formed_w_basis(n, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
         call self%lu%allocate(nv + nw)
         self%ha = 0.0_wp
+        self%pair = (0.0_wp, 0.0_wp)
+        if (allocated(self%pair_matrix)) deallocate (self%pair_matrix)
     end subroutine allocate_stage
+
+    !> From now on factor the matrix of a complex pair of systems too, whose ha is `ratio` times that of the real one.
+    subroutine expect_pair(self, ratio)
+        class(stage_type), intent(inout) :: self
+        complex(wp), intent(in) :: ratio
+
+        if (allocated(self%pair_matrix)) return
+        self%pair = ratio
+        allocate (self%pair_matrix(self%nv + self%nw, self%nv + self%nw), source=(0.0_wp, 0.0_wp))
+        call self%pair_lu%allocate(self%nv + self%nw)
+        self%ha = 0.0_wp
+    end subroutine expect_pair
 
     !> Form the blocks at the current point.
     subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, right_inverse)
@@ -169,9 +195,41 @@ contains
             end do
         end associate
         call self%lu%factor(self%matrix, stat)
+        if (stat == 0 .and. allocated(self%pair_matrix)) call factor_pair(self, ha, stat)
         self%ha = merge(ha, 0.0_wp, stat == 0)
         stat = merge(status_ok, status_newton_failed, stat == 0)
     end subroutine factor
+
+    !> Factor the matrix of the pair, ha that of the real system.
+    subroutine factor_pair(self, ha, stat)
+        class(stage_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+        complex(wp) :: of_pair
+        integer :: i, j
+
+        of_pair = self%pair*ha
+        associate (nv => self%nv, nw => self%nw, a => self%pair_matrix)
+            do j = 1, nv
+                do i = 1, nv
+                    a(i, j) = of_pair*self%r1_v(i, j)
+                end do
+                a(j, j) = a(j, j) + 1.0_wp
+                do i = 1, nw
+                    a(nv + i, j) = of_pair*self%block_wv(i, j)
+                end do
+            end do
+            do j = 1, nw
+                do i = 1, nv
+                    a(i, nv + j) = of_pair*self%r1_w(i, j)
+                end do
+                do i = 1, nw
+                    a(nv + i, nv + j) = of_pair*self%block_ww(i, j) + self%origin_mass(i, j)
+                end do
+            end do
+        end associate
+        call self%pair_lu%factor(self%pair_matrix, stat)
+    end subroutine factor_pair
 
     !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
     subroutine adapt(self, ha, v_basis, v_dual, w_basis, w_dual, factorizations, can)
@@ -209,21 +267,61 @@ contains
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
 
-        if (.not. self%is_carried) then
-            call self%lu%solve(self%rhs)
-            return
-        end if
-        call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        call self%take_there(self%rhs)
+        call self%lu%solve(self%rhs)
+        call self%bring_back(self%rhs)
+    end subroutine solve
+
+    !> Solve for three right sides in the current chart's coordinates, in place: with the matrix, and with that of the pair for
+    !> x + i y.
+    subroutine solve_for(self, v_basis, v_dual, w_basis, w_dual, rhs, x, y)
+        class(stage_type), intent(inout) :: self
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        !> Their first nv + nw entries.
+        real(wp), intent(inout), contiguous :: rhs(:), x(:), y(:)
+
+        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        associate (k => self%nv + self%nw)
+            call self%take_there(rhs(:k))
+            call self%lu%solve(rhs(:k))
+            call self%bring_back(rhs(:k))
+            call self%take_there(x(:k))
+            call self%take_there(y(:k))
+            call self%pair_lu%solve(x(:k), y(:k))
+            call self%bring_back(x(:k))
+            call self%bring_back(y(:k))
+        end associate
+    end subroutine solve_for
+
+    !> A right side of the current chart in the coordinates of the chart where the matrix was formed.
+    subroutine take_there(self, rhs)
+        class(stage_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: rhs(:)
+
+        if (.not. self%is_carried) return
         associate (nv => self%nv)
             self%carried = 0.0_wp
-            call add_product(self%carry_v, self%rhs(:nv), 1.0_wp, self%carried(:nv))
-            call add_transposed_product(self%back_w, self%rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
-            call self%lu%solve(self%carried)
-            self%rhs = 0.0_wp
-            call add_product(self%back_v, self%carried(:nv), 1.0_wp, self%rhs(:nv))
-            call add_product(self%back_w, self%carried(nv + 1:), 1.0_wp, self%rhs(nv + 1:))
+            call add_product(self%carry_v, rhs(:nv), 1.0_wp, self%carried(:nv))
+            call add_transposed_product(self%back_w, rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
+            rhs = self%carried
         end associate
-    end subroutine solve
+    end subroutine take_there
+
+    !> A correction in the coordinates of the chart where the matrix was formed in those of the current one.
+    subroutine bring_back(self, correction)
+        class(stage_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: correction(:)
+
+        if (.not. self%is_carried) return
+        associate (nv => self%nv)
+            self%carried = 0.0_wp
+            call add_product(self%back_v, correction(:nv), 1.0_wp, self%carried(:nv))
+            call add_product(self%back_w, correction(nv + 1:), 1.0_wp, self%carried(nv + 1:))
+            correction = self%carried
+        end associate
+    end subroutine bring_back
 
     !> T_v, T_w and the ways back for the current chart, once.
     subroutine set_carry(self, v_basis, v_dual, w_basis, w_dual)
@@ -274,6 +372,22 @@ contains
         !> chart ignores.
         real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
 
+        call self%find_residual(terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
+        call self%solve(v_basis, v_dual, w_basis, w_dual)
+        call self%move_rates(v_basis, w_basis, self%rhs, rate_q, rate_qd, change_q, change_qd)
+    end subroutine correct
+
+    !> The residual of a stage at the current point, left in `rhs`, and the parts of its rates that the chart ignores.
+    subroutine find_residual(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
+        class(stage_type), intent(inout) :: self
+        type(terms_type), intent(in) :: terms
+        type(velocity_basis_type), intent(inout) :: velocity_basis
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
+        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        !> Work space (n).
+        real(wp), intent(out), contiguous :: change_q(:)
+
         associate (nv => self%nv)
             ! -r1 = V' (qd - rate_q), and the ambient rate with that vd and the rest of qd is qd - V (-r1).
             change_q = qd - rate_q
@@ -293,15 +407,35 @@ contains
             call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
             self%rhs(nv + 1:) = 0.0_wp
             call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
-            call self%solve(v_basis, v_dual, w_basis, w_dual)
+        end associate
+    end subroutine find_residual
+
+    !> Add a correction of vd and wd to rates.
+    subroutine move_rates(self, v_basis, w_basis, correction, rate_q, rate_qd, change_q, change_qd)
+        class(stage_type), intent(in) :: self
+        !> V (n, nv) and W (n, nw), the correction (nv + nw).
+        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :), correction(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        !> What they are moved by (n).
+        real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
+
+        associate (nv => self%nv)
             change_q = 0.0_wp
-            call add_product(v_basis, self%rhs(:nv), 1.0_wp, change_q)
+            call add_product(v_basis, correction(:nv), 1.0_wp, change_q)
             change_qd = 0.0_wp
-            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, change_qd)
+            call add_product(w_basis, correction(nv + 1:nv + self%nw), 1.0_wp, change_qd)
             rate_q = rate_q + change_q
             rate_qd = rate_qd + change_qd
         end associate
-    end subroutine correct
+    end subroutine move_rates
+
+    !> The residual of the last `find_residual`, for a caller who solves several at once: the first entries of `residual`.
+    pure subroutine get_residual(self, residual)
+        class(stage_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: residual(:)
+
+        residual(:self%nv + self%nw) = self%rhs
+    end subroutine get_residual
 
     !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration
     !> contracts by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
@@ -360,7 +494,12 @@ contains
     subroutine pack_state(self, pack)
         class(stage_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
+        real(wp) :: ratio(2)
 
+        ! A chart that is restored does not know yet whether its stepper wants a pair.
+        ratio = [real(self%pair, wp), aimag(self%pair)]
+        call pack%fixed(ratio)
+        if (any(abs(ratio) > 0.0_wp)) call self%expect_pair(cmplx(ratio(1), ratio(2), wp))
         call pack%item(self%r1_v)
         call pack%item(self%r1_w)
         call pack%item(self%block_wv)
@@ -378,5 +517,6 @@ contains
         call pack%item(self%formed_v_basis)
         call pack%item(self%formed_w_basis)
         call self%lu%pack_state(pack)
+        if (allocated(self%pair_matrix)) call self%pair_lu%pack_state(pack)
     end subroutine pack_state
 end module tandem_chart_dense_newton_matrix
