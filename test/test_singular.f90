@@ -360,10 +360,12 @@ contains
             call run(simulation, disk, options, 0.0_wp, q, qd, 2.0_wp, failure)
             call check_failure(error, failure, 'singular_mass', 'nothing ties')
             if (allocated(error)) return
-            ! It falls with 3.6 m/s: less than two steps above the plane, and never below. Controlled steps come nearer.
+            ! It falls with 3.6 m/s: less than two steps above the plane, and never below; less than three with radau5, whose stages
+            ! are solved together, of start values two steps ahead. Controlled steps come nearer.
             associate (rz => simulation%state%q(3))
                 call check_true(error, rz > 0.0_wp, trim(options%stepper)//': it is above the plane')
-                call check_below(error, rz, merge(1.0e-3_wp, 7.2_wp*options%step, options%is_adaptive()), trim(options%stepper)// &
+                call check_below(error, rz, merge(1.0e-3_wp, 3.6_wp*options%step* &
+                    merge(3, 2, options%stepper == 'radau5'), options%is_adaptive()), trim(options%stepper)// &
                     ': height where it stops')
             end associate
             if (allocated(error)) return
