@@ -74,7 +74,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: coarse(2), fine(2), h
         integer :: k
-        integer, parameter :: order(5) = [4, 5, 7, 2, 4]
+        integer, parameter :: order(6) = [4, 5, 7, 2, 4, 4]
 
         do k = 1, size(stepper_names)
             h = merge(0.4_wp, 0.1_wp, stepper_names(k) == 'dop853')
