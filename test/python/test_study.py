@@ -259,8 +259,8 @@ class Stability(Case):
         """A row a run, in the files as on the terminal; nothing is wrong."""
         done = self.study("stability", "masses", "kinks")
         rows = read(self.folder / "study/stability.csv")
-        self.assertEqual(len(rows), 12 * 9)
-        self.assertEqual(done.stderr.count(" of 108: "), 108)
+        self.assertEqual(len(rows), 12 * 11)
+        self.assertEqual(done.stderr.count(" of 132: "), 132)
         verdicts = {(row["case"], row["stepper"], row["control"]): row for row in rows}
         self.assertEqual(len(verdicts), len(rows))
         self.assertNotIn("wrong", {row["verdict"] for row in rows})
@@ -298,11 +298,11 @@ class Stability(Case):
         self.study("stability", "parallel", says=f"continues with the {len(before)} rows")
         rows = read(path)
         self.assertEqual(rows[:len(before)], before)
-        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 9)
-        self.assertEqual(len(rows), 4 * 9)
+        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 11)
+        self.assertEqual(len(rows), 4 * 11)
         # Another case is added to them.
         self.study("stability", "edge")
-        self.assertEqual(len(read(path)), 5 * 9)
+        self.assertEqual(len(read(path)), 5 * 11)
 
     def test_usage(self):
         self.study("stability", "egde", code=2, says='"edge"')
