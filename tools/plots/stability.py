@@ -14,7 +14,7 @@ MEANINGS = {"held": "held: the error, a part of s + |y|, is within what is allow
             "degraded": "degraded: it is not, and a warning says so",
             "refused": "refused at the start", "failed": "failed, with a status", "wrong": "wrong: it is not, and nobody is warned"}
 # Long names of statuses, as a cell shows them.
-SHORT = {"position_diverged": "pos. diverged", "work_limit": "work limit", "singular_mass": "singular M", "newton_failed": "Newton failed",
+SHORT = {"position_diverged": "diverged", "work_limit": "work limit", "singular_mass": "singular M", "newton_failed": "Newton",
          "rank_deficient": "rank", "not_finite": "not finite", "chart_left": "chart left", "step_underflow": "underflow",
          "constraints_not_held": "constraints", "step_limit": "step limit"}
 GROUPS = {"stiff": "stiff", "disk": "disk", "vehicle": "vehicle", "masses": "mass ratios", "units": "km and µm", "steps": "step size",
