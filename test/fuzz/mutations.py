@@ -510,7 +510,7 @@ def same_keys(random, texts):
     tops = [re.match(r"\[(\w+)", block)[1] for block in tables]
     plain = [block for block in plain if tops.count(re.match(r"\[(\w+)", block)[1]) == 1]
     chosen = random.choice(plain)
-    name = chosen.split("\n")[0].strip("[]")
+    name = re.match(r"\[([\w.]+)\]", chosen)[1]
     dotted = re.sub(r"(?m)^(\w+) *=", rf"{name}.\1 =", chosen.split("\n", 1)[1])
     return first + dotted + "\n" + "\n".join([block for block in tables if block is not chosen] + events)
 
