@@ -52,6 +52,7 @@ module tandem_legacy_c_model
         end function c_evaluate
     end interface
 
+    !> A model whose procedures are functions of C.
     type, extends(callback_model_type) :: c_model_type
         !> Handed through to every function.
         type(c_ptr) :: user_data = c_null_ptr

@@ -90,6 +90,7 @@ module tandem_legacy_f77_model
         end subroutine f77_evaluate_by_address
     end interface
 
+    !> A model whose procedures are subroutines of Fortran 77.
     type, extends(callback_model_type) :: f77_model_type
         !> The first entries of the arrays that the current call of the interface was given.
         real(wp), pointer, contiguous, private :: rpar(:) => null()

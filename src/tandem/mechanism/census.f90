@@ -21,6 +21,7 @@ module tandem_mechanism_census
         integer :: n_position = 0, n_velocity = 0, n_redundant = 0
     end type element_count_type
 
+    !> The rows of all elements of a mechanism, and its degrees of freedom.
     type :: census_type
         type(element_count_type), allocatable :: elements(:)
         !> n less the rank of Phi_q, and n less the rank of C.

@@ -16,7 +16,7 @@ module tandem_mechanism_coordinate
     public :: coordinate_type, measure, differentiate_coordinate
     public :: is_way, is_distance, is_angle, is_tilt
 
-    !> Kinds: a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
+    !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
     !> difference of two angles; the small turn (one - other)/2, which is the sine of the angle about the third axis where that is
     !> common.
     integer, parameter :: is_way = 1, is_distance = 2, is_angle = 3, is_tilt = 4

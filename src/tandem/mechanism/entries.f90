@@ -41,6 +41,7 @@ module tandem_mechanism_entries
         logical :: is_first = .true.
     end type entry_type
 
+    !> Keys with values, in the order in which they were given.
     type :: entries_type
         !> The first `n` are in use.
         type(entry_type), allocatable :: list(:)

@@ -99,6 +99,7 @@ contains
         end do
     end subroutine add_force
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_springs(springs, need, t, pose, f, laws, derivatives)
         type(spring_type), intent(in) :: springs(:)
         integer, intent(in) :: need
@@ -182,6 +183,7 @@ contains
         end do
     end subroutine take_off
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, derivatives)
         type(torsion_type), intent(inout) :: torsions(:)
         integer, intent(in) :: need
@@ -240,6 +242,7 @@ contains
         end do
     end subroutine add_bushings
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_bushings(bushings, need, pose, derivatives)
         type(bushing_type), intent(inout) :: bushings(:)
         integer, intent(in) :: need

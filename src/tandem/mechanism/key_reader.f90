@@ -40,6 +40,7 @@ module tandem_mechanism_key_reader
         integer :: n = 0
     end type element_type
 
+    !> Who reads the keys of one element after the other, checks them, and keeps the first error.
     type :: key_reader_type
         !> The first error, and the place of its entry, 0 for none.
         type(error_type), allocatable :: error
@@ -816,15 +817,22 @@ contains
     pure function key_of(entry, element) result(key)
         type(entry_type), intent(in) :: entry
         type(element_type), intent(in) :: element
-        character(len=len(entry%key) - len_trim(element%kind) - len_trim(element%name) - merge(1, 2, element%name == '')) :: key
+        character(len=len(entry%key) - path_length(element) - 1) :: key
 
         key = entry%key(len(entry%key) - len(key) + 1:)
     end function key_of
 
+    !> Of the name of an element in messages and headings.
+    pure integer function path_length(element)
+        type(element_type), intent(in) :: element
+
+        path_length = len_trim(element%kind) + len_trim(element%name) + merge(0, 1, element%name == '')
+    end function path_length
+
     !> The name of an element in messages and headings.
     pure function path_of(element) result(path)
         type(element_type), intent(in) :: element
-        character(len=len_trim(element%kind) + len_trim(element%name) + merge(0, 1, element%name == '')) :: path
+        character(len=path_length(element)) :: path
 
         path = joined(trim(element%kind), trim(element%name))
     end function path_of
@@ -832,7 +840,7 @@ contains
     !> Two parts of a key, the second of which may be empty.
     pure function joined(first, second) result(path)
         character(len=*), intent(in) :: first, second
-        character(len=len(first) + len(second) + merge(1, 0, len(second) > 0)) :: path
+        character(len=len(first) + len(second) + count([len(second) > 0])) :: path
 
         path = first
         if (len(second) > 0) path = first//'.'//second

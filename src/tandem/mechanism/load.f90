@@ -85,6 +85,7 @@ contains
         end if
     end subroutine resolve
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_loads(loads, need, t, pose, f, formulas, coordinates, derivatives)
         type(load_type), intent(in) :: loads(:)
         integer, intent(in) :: need

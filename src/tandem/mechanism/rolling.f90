@@ -117,6 +117,7 @@ contains
         moment_t = cross(edge%point, across_t)
     end subroutine steer
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_edges(edges, need, pose, f, lambda, derivatives)
         type(edge_type), intent(in) :: edges(:)
         integer, intent(in) :: need

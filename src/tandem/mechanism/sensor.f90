@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Sensors: what is told of a motion besides its coordinates. Points with velocity and acceleration, the coordinates of joints with
-!> turns counted, distances, energies. Each is measured at a state where the poses of the bodies with their derivatives are known.
+!> Sensors are what is told of a motion besides its coordinates. Points with velocity and acceleration, the coordinates of joints
+!> with turns counted, distances, energies. Each is measured at a state where the poses of the bodies with their derivatives are
+!> known.
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
     use tandem_mechanism_joint, only: name_length

@@ -144,6 +144,7 @@ contains
         end do
     end subroutine put_end
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)
         type(span_type), intent(in) :: meetings(:)
         integer, intent(in) :: n_rows, need
@@ -207,6 +208,7 @@ contains
         end do
     end subroutine evaluate_distances
 
+    !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_distances(distances, need, pose, lambda, derivatives)
         type(span_type), intent(in) :: distances(:)
         integer, intent(in) :: need
