@@ -817,22 +817,15 @@ contains
     pure function key_of(entry, element) result(key)
         type(entry_type), intent(in) :: entry
         type(element_type), intent(in) :: element
-        character(len=len(entry%key) - path_length(element) - 1) :: key
+        character(len=len(entry%key) - len_trim(element%kind) - len_trim(element%name) - 1 - count([element%name /= ''])) :: key
 
         key = entry%key(len(entry%key) - len(key) + 1:)
     end function key_of
 
-    !> Of the name of an element in messages and headings.
-    pure integer function path_length(element)
-        type(element_type), intent(in) :: element
-
-        path_length = len_trim(element%kind) + len_trim(element%name) + merge(0, 1, element%name == '')
-    end function path_length
-
     !> The name of an element in messages and headings.
     pure function path_of(element) result(path)
         type(element_type), intent(in) :: element
-        character(len=path_length(element)) :: path
+        character(len=len_trim(element%kind) + len_trim(element%name) + count([element%name /= ''])) :: path
 
         path = joined(trim(element%kind), trim(element%name))
     end function path_of
