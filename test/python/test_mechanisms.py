@@ -289,6 +289,8 @@ class Keys(Mechanism):
         self.assertIn('[repeat.bay.body."coupler{i}"]', shown)
         self.assertIn('position = ["i - 0.5", 1.0]', shown)
         self.assertEqual(len(json.loads(self.tandem("check", "trailers", "--set", "parameters.n=0", "--json").stdout)["elements"]), 2)
+        # A thousand coordinates are no reason to refuse the complete scene, whose lines are bounded.
+        self.assertIn("1203 numbers each", self.tandem("show", "a02_four_bars", "--set", "parameters.n=200").stdout)
 
     def test_assembly(self):
         """A loop that is open in the drawing: an error says by how much, and assembly closes it."""

@@ -143,10 +143,10 @@ contains
         associate (n => scene%model%n, names => scene%model%coordinate_name)
             if (source >= 0) then
                 call reader%hide(source, 'cannot be combined with q and qd, which give the whole start')
-                call reader%get_reals('q', scene%q, n, help='coordinates '//listed(names), required=.true.)
+                call reader%get_reals('q', scene%q, n, help='coordinates '//some_of(names), required=.true.)
                 call reader%get_reals('qd', scene%qd, n, help='velocities', required=.true.)
             else
-                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//listed(names))
+                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//some_of(names))
                 call reader%propose('q')
                 call reader%propose('qd')
             end if
@@ -157,6 +157,19 @@ contains
         call read_assembly(reader, scene%model, scene%assembly)
         call reader%close_table()
     end subroutine read_start
+
+    !> Names for a line: of many the first and the last, since a line is bounded and nobody reads a thousand.
+    pure function some_of(names) result(text)
+        character(len=*), intent(in) :: names(:)
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 30
+
+        if (size(names) <= most) then
+            text = listed(names)
+        else
+            text = listed(names(:most - 1))//' ... '//trim(names(size(names)))
+        end if
+    end function some_of
 
     !> [time]
     subroutine read_time(reader, scene)

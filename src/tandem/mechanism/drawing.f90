@@ -36,8 +36,7 @@ module tandem_mechanism_drawing
     public :: drawing_type, motion_type, angle_type
 
     !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it,
-    !> 0
-    !> where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
+    !> 0 where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
     type :: motion_type
         class(function_type), allocatable :: f
         integer :: jump_order = -1
