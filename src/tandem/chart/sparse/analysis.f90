@@ -11,6 +11,7 @@
 module tandem_chart_sparse_analysis
     use tandem_kinds, only: long, wp
     use tandem_model_pattern, only: pattern_type
+    use tandem_chart_sparse_blocks, only: of_any_blocks, of_rigid_body, of_single_blocks
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
@@ -26,6 +27,8 @@ module tandem_chart_sparse_analysis
         !> the one of these that is eliminated with it, 0 for none; whether a body is kept, and its node.
         integer, allocatable :: first(:), block_first(:), norm_row(:), own_row(:), node_of_body(:)
         logical, allocatable :: is_kept(:)
+        !> What the blocks of each body's M are, see `tandem_chart_sparse_blocks`.
+        integer, allocatable :: kind(:)
         !> A link is where a body and a node meet: those of body b are link_start(b) to link_start(b + 1) - 1. Of each its node, and
         !> where its part of C begins among all, (rows, coordinates) in size.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
@@ -77,6 +80,16 @@ contains
         allocate (self%block_first(self%n))
         do j = 1, self%n
             self%block_first(j) = j - pattern%mass_column(j) + 1
+        end do
+        self%kind = spread(of_any_blocks, 1, self%n_bodies)
+        do b = 1, self%n_bodies
+            associate (columns => pattern%mass_column(self%first(b):self%first(b + 1) - 1))
+                if (all(columns == 1)) then
+                    self%kind(b) = of_single_blocks
+                else if (size(columns) == 7) then
+                    if (all(columns == [1, 1, 1, 1, 2, 3, 4])) self%kind(b) = of_rigid_body
+                end if
+            end associate
         end do
         call self%gather_rows(pattern, rows, node_first, node_size, nodes_of, bodies_of)
         ! Kept bodies are nodes behind those of rows.

@@ -7,6 +7,8 @@
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_links, most_rows
+    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, multiply_block, set_product, subtract_product, &
+        subtract_rows, subtract_transposed
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok, status_rank_deficient, status_singular_mass
@@ -216,42 +218,6 @@ contains
         end do
     end subroutine invert_block
 
-    !> The inverse of a symmetric matrix in place, definite with the sign; pivots are compared with what they would be alone.
-    pure subroutine invert(s, x, alone, sign, least, worst)
-        integer, intent(in) :: s
-        real(wp), intent(inout) :: x(s, s)
-        !> On entry the comparison, then the pivots against it.
-        real(wp), intent(inout) :: alone(s)
-        real(wp), intent(in) :: sign, least
-        !> The first pivot that is not larger than the least part of that, 0 for none.
-        integer, intent(out) :: worst
-        real(wp) :: factor
-        integer :: i, j, k
-
-        worst = 0
-        do k = 1, s
-            factor = sign*x(k, k)
-            if (.not. factor > least*alone(k)) then
-                worst = k
-                return
-            end if
-            alone(k) = factor/alone(k)
-            factor = 1.0_wp/x(k, k)
-            x(k, k) = 1.0_wp
-            do i = 1, s
-                x(i, k) = x(i, k)*factor
-            end do
-            do j = 1, s
-                if (j == k) cycle
-                factor = x(k, j)
-                x(k, j) = 0.0_wp
-                do i = 1, s
-                    x(i, j) = x(i, j) - factor*x(i, k)
-                end do
-            end do
-        end do
-    end subroutine invert
-
     !> Factor at the point of `load_rows` and `invert_masses`.
     subroutine factorize(self, a, stat)
         class(factor_type), intent(inout) :: self
@@ -304,7 +270,7 @@ contains
                 do l = from, last
                     n = a%link_node(l)
                     s = a%height(n)
-                    call apply_inverse(s, nb, a%block_first(f:f + nb - 1), f, size(self%w, 1), self%w(:, f:f + nb - 1), &
+                    call apply_inverse(a%kind(b), s, nb, a%block_first(f:f + nb - 1), f, size(self%w, 1), self%w(:, f:f + nb - 1), &
                         self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), y(:s*nb, l - from + 1))
                     do k = from, l
                         d = d + 1
@@ -350,43 +316,6 @@ contains
             end associate
         end subroutine put_kept
     end subroutine add_bodies
-
-    !> y := c W.
-    pure subroutine apply_inverse(s, nb, block_first, first, ldw, w, c, y)
-        integer, intent(in) :: s, nb, block_first(nb), first, ldw
-        real(wp), intent(in) :: w(ldw, nb), c(s, nb)
-        real(wp), intent(out) :: y(s, nb)
-        integer :: i, j, k, from
-
-        do j = 1, nb
-            from = block_first(j) - first + 1
-            do i = 1, s
-                y(i, j) = c(i, from)*w(1, j)
-            end do
-            do k = from + 1, nb
-                if (block_first(k) /= block_first(j)) exit
-                do i = 1, s
-                    y(i, j) = y(i, j) + c(i, k)*w(k - from + 1, j)
-                end do
-            end do
-        end do
-    end subroutine apply_inverse
-
-    !> x := x - c y'.
-    pure subroutine subtract_product(s, p, nb, c, y, x)
-        integer, intent(in) :: s, p, nb
-        real(wp), intent(in) :: c(s, nb), y(p, nb)
-        real(wp), intent(inout) :: x(s, p)
-        integer :: i, j, k
-
-        do k = 1, nb
-            do j = 1, p
-                do i = 1, s
-                    x(i, j) = x(i, j) - c(i, k)*y(j, k)
-                end do
-            end do
-        end do
-    end subroutine subtract_product
 
     !> Eliminate the nodes.
     subroutine eliminate(self, a, stat)
@@ -456,25 +385,6 @@ contains
         end subroutine refuse
     end subroutine eliminate
 
-    !> z := x y.
-    pure subroutine multiply_block(p, s, x, y, z)
-        integer, intent(in) :: p, s
-        real(wp), intent(in) :: x(p, s), y(s, s)
-        real(wp), intent(out) :: z(p, s)
-        integer :: i, j, k
-
-        do j = 1, s
-            do i = 1, p
-                z(i, j) = x(i, 1)*y(1, j)
-            end do
-            do k = 2, s
-                do i = 1, p
-                    z(i, j) = z(i, j) + x(i, k)*y(k, j)
-                end do
-            end do
-        end do
-    end subroutine multiply_block
-
     !> Solve M x + C' lambda = f, C x = g.
     subroutine solve(self, a, has_force, f, g, x, z)
         class(factor_type), intent(in) :: self
@@ -508,7 +418,8 @@ contains
                     cycle
                 end if
                 if (has_force) then
-                    call apply_body(nb, first, a%block_first(first:first + nb - 1), size(self%w, 1), &
+                    x(first:first + nb - 1) = 0.0_wp
+                    call add_moved(a%kind(b), nb, a%block_first(first:first + nb - 1), first, size(self%w, 1), &
                         self%w(:, first:first + nb - 1), f(first:first + nb - 1), x(first:first + nb - 1))
                     if (a%norm_row(b) > 0) then
                         do i = first, first + nb - 1
@@ -546,8 +457,8 @@ contains
                     call subtract_transposed(s, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), &
                         z(a%place(n) + 1:a%place(n) + s), t(:nb))
                 end do
-                call add_body(nb, first, a%block_first(first:first + nb - 1), size(self%w, 1), self%w(:, first:first + nb - 1), &
-                    t(:nb), x(first:first + nb - 1))
+                call add_moved(a%kind(b), nb, a%block_first(first:first + nb - 1), first, size(self%w, 1), &
+                    self%w(:, first:first + nb - 1), t(:nb), x(first:first + nb - 1))
             end associate
         end do
     end subroutine solve
@@ -584,80 +495,6 @@ contains
             end associate
         end do
     end subroutine solve_nodes
-
-    !> z := x y.
-    pure subroutine set_product(s, x, y, z)
-        integer, intent(in) :: s
-        real(wp), intent(in) :: x(s, s), y(s)
-        real(wp), intent(out) :: z(s)
-        integer :: i, j
-
-        do i = 1, s
-            z(i) = x(i, 1)*y(1)
-        end do
-        do j = 2, s
-            do i = 1, s
-                z(i) = z(i) + x(i, j)*y(j)
-            end do
-        end do
-    end subroutine set_product
-
-    !> x := W f.
-    pure subroutine apply_body(nb, first, block_first, ldw, w, f, x)
-        integer, intent(in) :: nb, first, block_first(nb), ldw
-        real(wp), intent(in) :: w(ldw, nb), f(nb)
-        real(wp), intent(out) :: x(nb)
-
-        x = 0.0_wp
-        call add_body(nb, first, block_first, ldw, w, f, x)
-    end subroutine apply_body
-
-    !> x := x + W f.
-    pure subroutine add_body(nb, first, block_first, ldw, w, f, x)
-        integer, intent(in) :: nb, first, block_first(nb), ldw
-        real(wp), intent(in) :: w(ldw, nb), f(nb)
-        real(wp), intent(inout) :: x(nb)
-        integer :: from, j, k
-
-        do j = 1, nb
-            from = block_first(j) - first + 1
-            do k = from, nb
-                if (block_first(k) /= block_first(j)) exit
-                x(k) = x(k) + w(k - from + 1, j)*f(j)
-            end do
-        end do
-    end subroutine add_body
-
-    !> g := g - c x.
-    pure subroutine subtract_rows(s, nb, c, x, g)
-        integer, intent(in) :: s, nb
-        real(wp), intent(in) :: c(s, nb), x(nb)
-        real(wp), intent(inout) :: g(s)
-        integer :: i, j
-
-        do j = 1, nb
-            do i = 1, s
-                g(i) = g(i) - c(i, j)*x(j)
-            end do
-        end do
-    end subroutine subtract_rows
-
-    !> f := f - c' l.
-    pure subroutine subtract_transposed(s, nb, c, l, f)
-        integer, intent(in) :: s, nb
-        real(wp), intent(in) :: c(s, nb), l(s)
-        real(wp), intent(inout) :: f(nb)
-        real(wp) :: total
-        integer :: i, j
-
-        do j = 1, nb
-            total = 0.0_wp
-            do i = 1, s
-                total = total + c(i, j)*l(i)
-            end do
-            f(j) = f(j) - total
-        end do
-    end subroutine subtract_transposed
 
     !> g := g - C x, all rows in use.
     subroutine multiply(self, a, x, g)
@@ -725,7 +562,8 @@ contains
         do b = 1, a%n_bodies
             associate (first => a%first(b), last => a%first(b + 1) - 1)
                 x(first:last) = 0.0_wp
-                if (.not. a%is_kept(b)) call add_body(last - first + 1, first, a%block_first(first:last), size(self%w, 1), &
+                if (a%is_kept(b)) cycle
+                call add_moved(a%kind(b), last - first + 1, a%block_first(first:last), first, size(self%w, 1), &
                     self%w(:, first:last), f(first:last), x(first:last))
             end associate
         end do
