@@ -221,9 +221,9 @@ contains
     subroutine find_multipliers(self, qdd, lambda)
         class(system_type), intent(inout) :: self
         !> (n)
-        real(wp), intent(in) :: qdd(:)
+        real(wp), intent(in), contiguous :: qdd(:)
         !> (m)
-        real(wp), intent(out) :: lambda(:)
+        real(wp), intent(out), contiguous :: lambda(:)
         integer :: b, first, i, last, n
 
         lambda = 0.0_wp
