@@ -126,8 +126,8 @@ contains
         end do
     end subroutine draw_star
 
-    !> Bodies in a square grid of k by k on spherical joints with their neighbours in both directions, as crosses whose ends meet; the
-    !> first row hangs on the ground.
+    !> Bodies in a square grid of k by k: columns on spherical joints, of which the first one is on the ground, tied to each other by
+    !> distances.
     subroutine draw_net(k, mechanism, error)
         integer, intent(in) :: k
         type(mechanism_type), intent(inout) :: mechanism
@@ -146,7 +146,7 @@ contains
                 if (allocated(error)) return
             end do
         end do
-        ! The second direction closes loops: every other column stays free, so that the net can hang.
+        ! These close loops.
         do j = 1, k
             do i = 2, k, 4
                 call mechanism%add_distance(numbered('x', i + k*(j - 1)), numbered('b', i - 1 + k*(j - 1)), &

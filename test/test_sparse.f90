@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the sparse chart: the motions of large mechanisms against those of the dense chart, against closed forms and against their
-!> own energy; its factor against a dense solver; what it refuses; checkpoints, statuses, dense output.
+!> Tests of the sparse chart: the motions of large mechanisms against those of the dense chart, against closed forms and against
+!> their own energy; what it refuses; checkpoints, statuses, dense output.
 module test_sparse
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_mechanisms, only: make_large
@@ -203,8 +203,8 @@ contains
 
             if (allocated(error)) return
             call mechanism%start(q, qd)
-            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, but for b1 and b4,
-            ! whose joints the gear ties: at rest against each other they satisfy it.
+            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the gear
+            ! is at rest.
             call set_rigid(mechanism%n, qd)
             call simulation%initialize(mechanism, controlled(1.0e-12_wp, kind), 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
@@ -310,8 +310,8 @@ contains
         end function rate
     end function exact_angle
 
-    !> At t = 0.71 to 0.72 uprights and couplers align, and the motion is not determined: the run ends there by name, with fixed steps
-    !> and with controlled ones, however many loops go flat at once.
+    !> At t = 0.71 to 0.72 uprights and couplers align, and the motion is not determined: the run ends there by name, with fixed
+    !> steps and with controlled ones, however many loops go flat at once.
     subroutine test_singular(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n(3) = [2, 5, 40]
@@ -336,8 +336,8 @@ contains
         end do
     end subroutine test_singular
 
-    !> A free-swinging chain in space from the horizontal at rest: what potential energy is lost is kinetic. Within 1e-6 of m g l summed
-    !> over the bodies, with fixed steps of 1 ms.
+    !> A free-swinging chain in space from the horizontal at rest: what potential energy is lost is kinetic. Within 1e-6 of m g l
+    !> summed over the bodies, with fixed steps of 1 ms.
     subroutine test_energy(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 20

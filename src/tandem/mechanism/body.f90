@@ -35,11 +35,12 @@ module tandem_mechanism_body
 contains
 
     !> The body's block of M, which is zero before.
-    pure subroutine set_mass(body, pose, n, mass)
+    pure subroutine set_mass(body, pose, n, width, mass)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
-        integer, intent(in) :: n
-        real(wp), intent(inout) :: mass(n, *)
+        !> The size of the M that is set, which may be compressed.
+        integer, intent(in) :: n, width
+        real(wp), intent(inout) :: mass(n, width)
         real(wp) :: g(4, 4)
         integer :: i
 

@@ -424,7 +424,7 @@ contains
         if (iand(need, need_mass) /= 0) then
             terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
-                call set_mass(self%bodies(i), self%pose(i), self%n, terms%mass)
+                call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
             end do
         end if
         if (iand(need, need_force) == 0) return

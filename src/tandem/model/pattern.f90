@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Which entries of C and M may differ from zero, where a model says so: bodies, ranges of coordinates that no block of M leaves, and
-!> the bodies that each row of C touches. The terms are then held compressed, C as (m, width) and M as (n, mass_width), so that
+!> Which entries of C and M may differ from zero, where a model says so: bodies, ranges of coordinates that no block of M leaves,
+!> and the bodies that each row of C touches. The terms are then held compressed, C as (m, width) and M as (n, mass_width), so that
 !> memory grows with the number of bodies.
 !>
 !> Two bodies that share a row have columns of their own there; others may share them, as colours of a map are shared (A. R. Curtis,
-!> M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). So entry (i, j) of C stands at (i, column(j)), for any row
-!> i that touches the body of j, and entry (i, j) of M at (i, mass_column(j)).
+!> M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). So entry (i, j) of C stands at (i, column(j)), for any
+!> row i that touches the body of j, and entry (i, j) of M at (i, mass_column(j)).
 module tandem_model_pattern
     use tandem_kinds, only: wp
     implicit none (type, external)

@@ -5,9 +5,9 @@
 !> The system is M x + C' lambda = f, C x = g. Bodies with few rows go first, each with the row that it owns; what is left is the
 !> matrix K of nodes: rows that touch the same bodies, with -C M^-1 C' of what has gone, and bodies that are kept (hubs), whose
 !> rows would otherwise all become neighbours. Without hubs -K is positive definite where C has full rank, and any order serves.
-!> With hubs a row between a hub and what has gone acts as if the hub were ground: among bodies that hang together one such row may go
-!> before its hub, and only if they have no ground of their own, since otherwise those rows alone could be dependent. The other rows
-!> wait for their hubs.
+!> With hubs a row between a hub and what has gone acts as if the hub were ground: among bodies that hang together one such row may
+!> go before its hub, and only if they have no ground of their own, since otherwise those rows alone could be dependent. The other
+!> rows wait for their hubs.
 module tandem_chart_sparse_analysis
     use tandem_kinds, only: long, wp
     use tandem_model_pattern, only: pattern_type
@@ -33,8 +33,8 @@ module tandem_chart_sparse_analysis
         !> where its part of C begins among all, (rows, coordinates) in size.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
         integer :: n_entries = 0
-        !> Where a product of the parts of two links of a body that is eliminated goes, first those of link 1 with itself, then 2 with
-        !> 1 and with itself, and so on; of a kept body the block of each link. From pair_start(b) + 1 on.
+        !> Where a product of the parts of two links of a body that is eliminated goes: of link 1 with itself, of 2 with 1 and with
+        !> itself, and so on; of a kept body the block of each link. From pair_start(b) + 1 on.
         integer, allocatable :: pair_start(:), pair_target(:)
         !> Nodes in their order of elimination: how many unknowns each has, before which entry of the vector of all they stand, the
         !> first row or coordinate, and whether it is a body.

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> M x + C' lambda = f, C x = g at one point, by blocks: C and the inverses of the bodies' masses, and the factor of what they leave,
-!> see `tandem_chart_sparse_analysis`.
+!> M x + C' lambda = f, C x = g at one point, by blocks: C and the inverses of the bodies' masses, and the factor of what they
+!> leave, see `tandem_chart_sparse_analysis`.
 !>
-!> A body with a row of its own, c'x = g, has the inverse W = N - u u'/(c'u), R = u/(c'u) with N = (M + a c c')^-1, u = N c: M need be
-!> definite across c only, and any a > 0 gives the same.
+!> A body with a row of its own, c'x = g, has the inverse W = N - u u'/(c'u), R = u/(c'u) with N = (M + a c c')^-1, u = N c: M need
+!> be definite across c only, and any a > 0 gives the same.
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_links, most_rows
@@ -82,9 +82,21 @@ contains
                 associate (s => a%height(a%link_node(l)), origin => a%origin(a%link_node(l)))
                     k = a%link_offset(l)
                     do j = a%first(b), a%first(b + 1) - 1
-                        do i = 1, s
-                            self%c(k + i) = jacobian(origin + i - 1, pattern%column(j))
-                        end do
+                        if (s == 5) then
+                            ! A copy of variable length would be a call.
+                            self%c(k + 1) = jacobian(origin, pattern%column(j))
+                            self%c(k + 2) = jacobian(origin + 1, pattern%column(j))
+                            self%c(k + 3) = jacobian(origin + 2, pattern%column(j))
+                            self%c(k + 4) = jacobian(origin + 3, pattern%column(j))
+                            self%c(k + 5) = jacobian(origin + 4, pattern%column(j))
+                        else if (s == 2) then
+                            self%c(k + 1) = jacobian(origin, pattern%column(j))
+                            self%c(k + 2) = jacobian(origin + 1, pattern%column(j))
+                        else
+                            do i = 1, s
+                                self%c(k + i) = jacobian(origin + i - 1, pattern%column(j))
+                            end do
+                        end if
                         k = k + s
                     end do
                 end associate

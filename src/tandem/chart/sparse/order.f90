@@ -13,6 +13,16 @@ module tandem_chart_sparse_order
         integer, allocatable :: item(:)
     end type list_type
 
+    !> Nodes by their number of neighbours: of each the first node, then chains in both directions.
+    type :: queue_type
+        integer :: least = 0
+        integer, allocatable :: head(:), next(:), before(:), degree(:)
+    contains
+        procedure :: enter
+        procedure :: leave
+        procedure :: take
+    end type queue_type
+
 contains
 
     !> One number more.
@@ -31,6 +41,45 @@ contains
         list%item(list%n) = number
     end subroutine append
 
+    !> A node that may go.
+    pure subroutine enter(self, node)
+        class(queue_type), intent(inout) :: self
+        integer, intent(in) :: node
+
+        associate (degree => self%degree(node))
+            self%before(node) = 0
+            self%next(node) = self%head(degree)
+            if (self%next(node) > 0) self%before(self%next(node)) = node
+            self%head(degree) = node
+            self%least = min(self%least, degree)
+        end associate
+    end subroutine enter
+
+    !> A node whose number of neighbours changes, or that goes.
+    pure subroutine leave(self, node)
+        class(queue_type), intent(inout) :: self
+        integer, intent(in) :: node
+
+        if (self%before(node) > 0) then
+            self%next(self%before(node)) = self%next(node)
+        else
+            self%head(self%degree(node)) = self%next(node)
+        end if
+        if (self%next(node) > 0) self%before(self%next(node)) = self%before(node)
+    end subroutine leave
+
+    !> The node with the fewest neighbours, of these the one that entered last; some node is there.
+    pure subroutine take(self, node)
+        class(queue_type), intent(inout) :: self
+        integer, intent(out) :: node
+
+        do while (self%head(self%least) == 0)
+            self%least = self%least + 1
+        end do
+        node = self%head(self%least)
+        call self%leave(node)
+    end subroutine take
+
     !> Order the nodes of a graph.
     subroutine order_nodes(neighbours, waits_for, order)
         !> The neighbours of each node, each once; afterwards those that were left when it went.
@@ -39,17 +88,18 @@ contains
         type(list_type), intent(in) :: waits_for(:)
         !> The nodes in the order in which they go.
         integer, intent(out) :: order(:)
-        integer, allocatable :: head(:), next(:), before(:), degree(:), waits(:), mark(:)
+        integer, allocatable :: waits(:), mark(:)
         logical, allocatable :: is_gone(:)
         type(list_type), allocatable :: awaited(:)
-        integer :: i, k, n, least, v
+        type(queue_type) :: queue
+        integer :: i, k, n, v
 
         n = size(neighbours)
-        allocate (head(0:n), next(n), before(n), degree(n), waits(n), mark(n), source=0)
+        allocate (queue%head(0:n), queue%next(n), queue%before(n), queue%degree(n), waits(n), mark(n), source=0)
         allocate (is_gone(n), source=.false.)
         allocate (awaited(n))
         do v = 1, n
-            degree(v) = neighbours(v)%n
+            queue%degree(v) = neighbours(v)%n
             waits(v) = waits_for(v)%n
             do k = 1, waits_for(v)%n
                 call append(awaited(waits_for(v)%item(k)), v)
@@ -57,89 +107,73 @@ contains
         end do
         ! The first comes out first, and then its neighbours: what follows each other stands side by side in memory.
         do v = n, 1, -1
-            if (waits(v) == 0) call enter(v)
+            if (waits(v) == 0) call queue%enter(v)
         end do
-        least = 0
         do i = 1, n
-            do while (head(least) == 0)
-                least = least + 1
-            end do
-            v = head(least)
-            call leave(v)
+            call queue%take(v)
             is_gone(v) = .true.
             order(i) = v
-            call drop_gone(v)
-            call join_neighbours(v)
+            call drop_gone(is_gone, neighbours(v))
+            do k = 1, neighbours(v)%n
+                associate (u => neighbours(v)%item(k))
+                    if (waits(u) == 0) call queue%leave(u)
+                    call join(v, u, is_gone, mark, neighbours, queue%degree(u))
+                    if (waits(u) == 0) call queue%enter(u)
+                end associate
+            end do
             do k = 1, awaited(v)%n
                 associate (u => awaited(v)%item(k))
                     waits(u) = waits(u) - 1
-                    if (waits(u) == 0) call enter(u)
+                    if (waits(u) == 0) call queue%enter(u)
                 end associate
             end do
         end do
-
-    contains
-
-        !> A node that may go.
-        subroutine enter(u)
-            integer, intent(in) :: u
-
-            before(u) = 0
-            next(u) = head(degree(u))
-            if (next(u) > 0) before(next(u)) = u
-            head(degree(u)) = u
-            least = min(least, degree(u))
-        end subroutine enter
-
-        subroutine leave(u)
-            integer, intent(in) :: u
-
-            if (before(u) > 0) then
-                next(before(u)) = next(u)
-            else
-                head(degree(u)) = next(u)
-            end if
-            if (next(u) > 0) before(next(u)) = before(u)
-        end subroutine leave
-
-        !> Keep only those neighbours that are there.
-        subroutine drop_gone(u)
-            integer, intent(in) :: u
-            integer :: j, kept
-
-            kept = 0
-            do j = 1, neighbours(u)%n
-                if (is_gone(neighbours(u)%item(j))) cycle
-                kept = kept + 1
-                neighbours(u)%item(kept) = neighbours(u)%item(j)
-            end do
-            neighbours(u)%n = kept
-        end subroutine drop_gone
-
-        !> The neighbours of a node that goes become each other's.
-        subroutine join_neighbours(v)
-            integer, intent(in) :: v
-            integer :: j, l, u
-
-            do j = 1, neighbours(v)%n
-                u = neighbours(v)%item(j)
-                if (waits(u) == 0) call leave(u)
-                if (neighbours(v)%n == 1) then
-                    ! Gone ones stay in its list until it is looked at.
-                    degree(u) = degree(u) - 1
-                else
-                    call drop_gone(u)
-                    do l = 1, neighbours(u)%n
-                        mark(neighbours(u)%item(l)) = u
-                    end do
-                    mark(u) = u
-                    do l = 1, neighbours(v)%n
-                        if (mark(neighbours(v)%item(l)) /= u) call append(neighbours(u), neighbours(v)%item(l))
-                    end do
-                    degree(u) = neighbours(u)%n
-                end if
-                if (waits(u) == 0) call enter(u)
-            end do
-        end subroutine join_neighbours
     end subroutine order_nodes
+
+    !> Keep only those neighbours that are there.
+    pure subroutine drop_gone(is_gone, list)
+        logical, intent(in) :: is_gone(:)
+        type(list_type), intent(inout) :: list
+        integer :: j, kept
+
+        kept = 0
+        do j = 1, list%n
+            if (is_gone(list%item(j))) cycle
+            kept = kept + 1
+            list%item(kept) = list%item(j)
+        end do
+        list%n = kept
+    end subroutine drop_gone
+
+    !> The other neighbours of a node that goes become those of one neighbour.
+    pure subroutine join(gone, node, is_gone, mark, neighbours, degree)
+        integer, intent(in) :: gone, node
+        logical, intent(in) :: is_gone(:)
+        !> Work space; no entry is the number of a node that was not joined before.
+        integer, intent(inout) :: mark(:)
+        type(list_type), intent(inout) :: neighbours(:)
+        !> How many the neighbour has then.
+        integer, intent(inout) :: degree
+        integer :: l
+
+        if (neighbours(gone)%n == 1) then
+            ! The gone one stays in its list until that is looked at.
+            degree = degree - 1
+            return
+        end if
+        call drop_gone(is_gone, neighbours(node))
+        mark(node) = node
+        do l = 1, neighbours(node)%n
+            mark(neighbours(node)%item(l)) = node
+        end do
+        do l = 1, neighbours(gone)%n
+            if (mark(neighbours(gone)%item(l)) /= node) call append(neighbours(node), neighbours(gone)%item(l))
+        end do
+        degree = neighbours(node)%n
+        ! It may be joined again.
+        do l = 1, neighbours(node)%n
+            mark(neighbours(node)%item(l)) = 0
+        end do
+        mark(node) = 0
+    end subroutine join
 end module tandem_chart_sparse_order
