@@ -212,9 +212,9 @@ contains
         self%is_second = .true.
         self%n_taken = 0
         if (options%is_adaptive()) then
-            ! Its steps end where the two are compared: the polynomial within a long step may be off by more than either of them. They
-            ! are shorter than those of the first run, also where no tolerance decides on these: the same steps would tell nothing.
-            ! Fixed steps of half the size do both by themselves.
+            ! Its steps end where the two are compared: the polynomial within a long step may be off by more than either of them.
+            ! They are shorter than those of the first run, also where no tolerance decides on these: the same steps would tell
+            ! nothing. Fixed steps of half the size do both by themselves.
             do k = 1, self%n_seen
                 call simulation%limit_steps(of_step*self%longest(k))
                 call simulation%integrate(self%t(k), error, self)

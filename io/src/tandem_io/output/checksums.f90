@@ -170,8 +170,9 @@ contains
         end if
         ! One of the places may be half written where the run was killed, and only there.
         if (is_torn .and. status /= 'running') finding%problem = 'its checksums are damaged'
-        if (finding%are_other_texts .and. status /= 'running') &
+        if (finding%are_other_texts .and. status /= 'running') then
             finding%problem = 'texts among its attributes are not those that were written'
+        end if
         finding%rows = finding%words(rows_at)
         finding%events = finding%words(events_at)
         asked = [finding%rows, finding%events]
