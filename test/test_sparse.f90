@@ -204,8 +204,8 @@ contains
 
             if (allocated(error)) return
             call mechanism%start(q, qd)
-            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the gear
-            ! is at rest.
+            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the
+            ! gear is at rest.
             call set_rigid(mechanism%n, qd)
             call simulation%initialize(mechanism, controlled(1.0e-12_wp, kind), 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
