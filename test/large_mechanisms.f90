@@ -47,12 +47,12 @@ contains
         write (text, '(a, i0)') name, i
     end function numbered
 
-    !> A chain of rods of 0.1 m from the ground, horizontal at the start; in space the axes of its hinges alternate.
+    !> A chain of rods of 1 m and 1 kg from the ground, horizontal at the start; in space the axes of its hinges alternate.
     subroutine draw_chain(n, mechanism, error)
         integer, intent(in) :: n
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: l = 0.1_wp, mass = 0.1_wp, inertia = mass*l**2/12
+        real(wp), parameter :: l = 1.0_wp, mass = 1.0_wp, inertia = mass*l**2/12
         real(wp) :: axis(3)
         character(len=16) :: last
         integer :: i

@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> What takes the time of a run, for `tandem run --profile`.
 module tandem_cli_profiling
-    use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_chart_type, profiled_observer_type
+    use tandem, only: chart_type, model_type, new_profiled_chart, observer_type, options_type, part_rows, part_watch, &
+        profile_type, profiled_observer_type
     use tandem_io, only: observer_list_type
     implicit none (type, external)
     private
@@ -21,16 +22,17 @@ module tandem_cli_profiling
 contains
 
     !> Take the time from now on.
-    subroutine begin(self, model, chart)
+    subroutine begin(self, model, options, chart)
         class(profiling_type), intent(inout), target :: self
         !> The model of the run.
         class(model_type), intent(inout) :: model
+        type(options_type), intent(in) :: options
         !> What `initialize` of the simulation takes as its chart.
-        type(profiled_chart_type), intent(inout) :: chart
+        class(chart_type), allocatable, intent(out) :: chart
 
         call self%profile%begin()
         model%timer => self%profile
-        chart%profile => self%profile
+        call new_profiled_chart(model, options, self%profile, chart)
     end subroutine begin
 
     !> Take the time of observers.

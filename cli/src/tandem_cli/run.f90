@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_cli_run
-    use tandem, only: at_end, error_type, mark_type, part_open, part_start, profile_type, profiled_chart_type, short_run, &
+    use tandem, only: at_end, chart_type, error_type, mark_type, part_open, part_start, profile_type, short_run, &
         simulation_type, statistics_type, status_output_failed, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
@@ -147,12 +147,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> Takes the time from here on, where it is given.
         type(profiling_type), intent(inout), optional, target :: profiling
-        type(profiled_chart_type) :: chart
+        class(chart_type), allocatable :: chart
         type(mark_type) :: mark
         integer :: i
 
         if (present(profiling)) then
-            call profiling%begin(scene%model, chart)
+            call profiling%begin(scene%model, scene%options, chart)
             call profiling%profile%enter(part_start, mark)
             call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, chart)
             call profiling%profile%leave(mark)

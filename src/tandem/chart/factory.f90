@@ -9,7 +9,7 @@ module tandem_chart_factory
     implicit none (type, external)
     private
 
-    public :: new_chart, wants_sparse
+    public :: is_sparse_chart, new_chart, wants_sparse
 
     !> Sparse charts are faster from so many coordinates on. Measured, doc/sparse.md has the table.
     integer, parameter :: crossover = 60
@@ -31,6 +31,17 @@ contains
             wants_sparse = options%chart_kind == 'sparse'
         end if
     end function wants_sparse
+
+    !> Whether a chart is sparse.
+    pure logical function is_sparse_chart(chart)
+        class(chart_type), intent(in) :: chart
+
+        is_sparse_chart = .false.
+        select type (chart)
+        class is (sparse_chart_type)
+            is_sparse_chart = .true.
+        end select
+    end function is_sparse_chart
 
     !> A chart that knows nothing yet.
     subroutine new_chart(is_sparse, chart)

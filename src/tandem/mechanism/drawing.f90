@@ -81,7 +81,8 @@ module tandem_mechanism_drawing
         type(edge_type), allocatable :: edges(:)
         type(roller_type), allocatable :: rollers(:)
         type(sensor_type), allocatable :: sensors(:)
-        !> Names and units of the rows so far, at position level without those of Euler parameters, and at velocity level.
+        !> Names and units of the rows so far, at position level without those of Euler parameters (n_held), and at velocity level.
+        integer :: n_held = 0
         character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
             rolling_unit(:)
         !> The names of all elements.
@@ -414,8 +415,8 @@ contains
         self%edges = [edge_type ::]
         self%rollers = [roller_type ::]
         self%sensors = [sensor_type ::]
-        self%held_name = [character(len=label_length) ::]
-        self%held_unit = [character(len=label_length) ::]
+        self%n_held = 0
+        allocate (self%held_name(16), self%held_unit(16))
         self%rolling_name = [character(len=label_length) ::]
         self%rolling_unit = [character(len=label_length) ::]
         self%names = [character(len=name_length) ::]
@@ -820,8 +821,14 @@ contains
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: name, unit
 
-        self%held_name = [character(len=label_length) :: self%held_name, name]
-        self%held_unit = [character(len=label_length) :: self%held_unit, unit]
+        ! Room for many more: a row more must not cost a copy of all before.
+        if (self%n_held == size(self%held_name)) then
+            self%held_name = [character(len=label_length) :: self%held_name, self%held_name]
+            self%held_unit = [character(len=label_length) :: self%held_unit, self%held_unit]
+        end if
+        self%n_held = self%n_held + 1
+        self%held_name(self%n_held) = name
+        self%held_unit(self%n_held) = unit
     end subroutine new_row
 
     !> One row more at velocity level.

@@ -225,7 +225,7 @@ contains
         integer :: k, l, m, n, driven, number, before
         logical :: turn(3)
 
-        before = size(self%held_name)
+        before = self%n_held
         n = merge(2, 3, self%planar)
         driven = drive
         number = 0
@@ -245,7 +245,7 @@ contains
             do k = 1, n
                 if (.not. joint%kind%held(k) .and. driven /= k) cycle
                 call self%new_row(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
-                self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+                self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
                     is_point=.true., a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1), &
                     motion=merge(number, 0, driven == k))]
             end do
@@ -253,7 +253,7 @@ contains
         if (self%planar) then
             if (joint%kind%held(3) .or. driven == 3) then
                 call self%new_row(trim(joint%name)//merge(' motion', ' angle ', driven == 3), 'N m')
-                self%angles = [self%angles, angle_type(joint%first, joint%second, size(self%held_name), &
+                self%angles = [self%angles, angle_type(joint%first, joint%second, self%n_held, &
                     self%angle_of(joint%second) - self%angle_of(joint%first), merge(number, 0, driven == 3))]
             end if
         else
@@ -269,7 +269,7 @@ contains
                 end if
                 if (driven == k + 3) then
                     call self%new_row(trim(joint%name)//' motion', 'N m')
-                    self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+                    self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
                         a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l))]
                 else if (count(turn) /= 2 .and. turn(k)) then
                     call add_direction(l, m, k)
@@ -277,7 +277,7 @@ contains
             end do
         end if
         joint%row = before + 1
-        joint%n_rows = size(self%held_name) - before
+        joint%n_rows = self%n_held - before
 
     contains
 
@@ -286,7 +286,7 @@ contains
             integer, intent(in) :: a, b, about
 
             call self%new_row(trim(joint%name)//' turn '//letter(about), 'N m')
-            self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=size(self%held_name), &
+            self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
                 a=joint%axes1(:, a), b=joint%axes2(:, b))]
         end subroutine add_direction
     end subroutine add_joint_rows
@@ -365,7 +365,7 @@ contains
         coupling%factors(:coupling%n) = factors
         if (present(motion)) coupling%motion = motion
         call self%new_row(name, unit)
-        coupling%row = size(self%held_name)
+        coupling%row = self%n_held
         self%couplings = [self%couplings, coupling]
     end subroutine couple
 
@@ -451,7 +451,7 @@ contains
             return
         end if
         span%weight = span%length
-        span%row = size(self%held_name) + 1
+        span%row = self%n_held + 1
         call self%new_row(name, 'N')
         self%distances = [self%distances, span]
         call self%keep_name(name)

@@ -150,7 +150,7 @@ contains
         if (present(turn)) call self%take_motion(name, turn, 1, roller%turn)
         if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
         call self%new_row(trim(name)//' height', 'N')
-        roller%height_row = size(self%held_name)
+        roller%height_row = self%n_held
         do k = 1, 2
             call self%new_rolling_row(trim(name)//' slip '//merge('1', '2', k == 1), 'N')
         end do

@@ -209,13 +209,15 @@ contains
     subroutine number_coordinates(self)
         class(mechanism_type), intent(inout) :: self
         character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
+        integer, allocatable :: blocks(:)
         integer :: i, k, n
 
         if (allocated(self%pose)) deallocate (self%pose)
         allocate (self%pose(0:size(self%bodies)))
-        self%coordinate_name = [character(len=label_length) ::]
-        self%coordinate_unit = [character(len=label_length) ::]
-        self%mass_blocks = [integer ::]
+        if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
+        ! At most seven a body.
+        allocate (self%coordinate_name(7*size(self%bodies)), self%coordinate_unit(7*size(self%bodies)))
+        allocate (blocks(7*size(self%bodies)), source=0)
         self%turning = [integer ::]
         n = 0
         do i = 1, size(self%bodies)
@@ -240,6 +242,9 @@ contains
             end associate
         end do
         self%n = n
+        self%coordinate_name = self%coordinate_name(:n)
+        self%coordinate_unit = self%coordinate_unit(:n)
+        self%mass_blocks = pack(blocks, blocks > 0)
         allocate (self%weight(n), source=0.0_wp)
         do i = 1, size(self%bodies)
             associate (pose => self%pose(i))
@@ -255,9 +260,9 @@ contains
             integer, intent(in) :: block
 
             n = n + 1
-            self%coordinate_name = [character(len=label_length) :: self%coordinate_name, name]
-            self%coordinate_unit = [character(len=label_length) :: self%coordinate_unit, unit]
-            if (block > 0) self%mass_blocks = [self%mass_blocks, block]
+            self%coordinate_name(n) = name
+            self%coordinate_unit(n) = unit
+            blocks(n) = block
         end subroutine add_coordinate
     end subroutine number_coordinates
 
@@ -266,13 +271,13 @@ contains
         class(mechanism_type), intent(inout) :: self
         integer :: i
 
-        self%before_norms = size(self%held_name)
+        self%before_norms = self%n_held
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = size(self%rolling_name)
-        self%holonomic_name = [character(len=label_length) :: self%held_name, &
+        self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
             (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
         self%nonholonomic_name = self%rolling_name
-        self%multiplier_unit = [character(len=label_length) :: self%held_unit, ('J', i=1, size(self%turning)), &
+        self%multiplier_unit = [character(len=label_length) :: self%held_unit(:self%n_held), ('J', i=1, size(self%turning)), &
             self%rolling_unit]
         self%glides%row = self%glides%row + self%n_holonomic
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic

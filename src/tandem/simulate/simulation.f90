@@ -29,7 +29,7 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_factory, only: new_chart, wants_sparse
+    use tandem_chart_factory, only: is_sparse_chart, new_chart, wants_sparse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -70,7 +70,7 @@ module tandem_simulation
         type(warning_type), allocatable :: warnings(:)
         !> How many redundant constraint rows were left out.
         integer :: n_redundant = 0
-        !> Whether charts are sparse, where none was given to `initialize`.
+        !> Whether charts are sparse.
         logical :: is_sparse = .false.
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)

@@ -118,13 +118,13 @@ contains
         integer, intent(in) :: stat
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%options%chart_kind /= chart_kinds(1)) then
+        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%blank)) then
             if (stat == status_rank_deficient) then
-                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the constraint "'// &
+                call set_error(error, status_invalid_option, 'the chart is sparse, but the constraint "'// &
                     self%model%row_name(self%chart%failed_row)//'" depends on others at the start', &
                     'take it out where it is redundant, or use chart_kind = "dense"')
             else
-                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the coordinate "'// &
+                call set_error(error, status_invalid_option, 'the chart is sparse, but the coordinate "'// &
                     self%model%coordinate_label(self%chart%failed_coordinate)//'" has no mass of its own', &
                     'give its body mass and inertia, or use chart_kind = "dense"')
             end if

@@ -335,6 +335,8 @@ contains
         self%later = spread(0, 1, k)
         do i = 1, self%n_nodes
             associate (list => neighbours(order(i)))
+                ! One that never had a neighbour has no list.
+                if (list%n == 0) cycle
                 self%later(self%later_start(i):self%later_start(i + 1) - 1) = sorted(position(list%item(:list%n)))
             end associate
         end do

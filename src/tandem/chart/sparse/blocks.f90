@@ -6,7 +6,7 @@ module tandem_chart_sparse_blocks
     implicit none (type, external)
     private
 
-    public :: invert, invert_some, subtract_product, multiply_block, set_product, subtract_rows, subtract_transposed
+    public :: invert, invert_some, subtract_product, multiply_block, multiply_by, set_product, subtract_rows, subtract_transposed
     public :: apply_inverse, add_moved, of_single_blocks, of_rigid_body, of_any_blocks
 
     !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
@@ -212,6 +212,42 @@ contains
             call set_product_sized(s, x, y, z)
         end select
     end subroutine set_product
+
+    !> z := x z for x (s, s).
+    pure subroutine multiply_by(s, x, z)
+        integer, intent(in) :: s
+        real(wp), intent(in) :: x(s*s)
+        real(wp), intent(inout) :: z(s)
+
+        select case (s)
+        case (5)
+            call multiply_by_sized(5, x, z)
+        case (2)
+            call multiply_by_sized(2, x, z)
+        case default
+            call multiply_by_sized(s, x, z)
+        end select
+    end subroutine multiply_by
+
+    pure subroutine multiply_by_sized(s, x, z)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: x(s, s)
+        real(wp), intent(inout) :: z(s)
+        real(wp) :: total(s)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = x(i, 1)*z(1)
+        end do
+        do j = 2, s
+            do i = 1, s
+                total(i) = total(i) + x(i, j)*z(j)
+            end do
+        end do
+        do i = 1, s
+            z(i) = total(i)
+        end do
+    end subroutine multiply_by_sized
 
     pure subroutine set_product_sized(s, x, y, z)
         integer, intent(in), value :: s

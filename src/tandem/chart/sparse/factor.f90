@@ -7,7 +7,7 @@
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_links, most_rows
-    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, invert_some, multiply_block, set_product, &
+    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, invert_some, multiply_block, multiply_by, set_product, &
         subtract_product, subtract_rows, subtract_transposed
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
@@ -507,7 +507,7 @@ contains
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
         real(wp), intent(inout), contiguous :: z(:)
-        real(wp) :: y(max(most_rows, most_coordinates)), x(max(most_rows, most_coordinates))
+        real(wp) :: y(max(most_rows, most_coordinates))
         integer :: j, n, p, s
 
         do n = 1, a%n_nodes
@@ -524,13 +524,12 @@ contains
         do n = a%n_nodes, 1, -1
             s = a%height(n)
             associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                x(:s) = z(place + 1:place + s)
                 do j = a%later_start(n), a%later_start(n + 1) - 1
                     p = a%height(a%later(j))
                     call subtract_transposed(p, s, self%blocks(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
-                        z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), x(:s))
+                        z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
                 end do
-                call set_product(s, self%blocks(diagonal + 1:diagonal + s*s), x(:s), z(place + 1:place + s))
+                call multiply_by(s, self%blocks(diagonal + 1:diagonal + s*s), z(place + 1:place + s))
             end associate
         end do
     end subroutine solve_nodes

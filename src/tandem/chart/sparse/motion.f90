@@ -36,6 +36,9 @@ module tandem_chart_sparse_motion
         type(rank_type) :: rank
         !> What may be left of a constraint on its natural scale: in the end, at ends of steps and at stages.
         real(wp) :: tolerance = 0.0_wp, end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp
+        !> What may be left where rounding keeps it from there: rows are judged by their scales at the start of a step here, by
+        !> those at its end afterwards.
+        real(wp) :: allowed = 0.0_wp
         !> The origin, and coordinate scales (n).
         real(wp) :: t0 = 0.0_wp
         real(wp), allocatable :: q0(:), qd0(:), scale(:)
@@ -115,6 +118,7 @@ contains
         self%n = model%n
         self%tolerance = options%constraint_tolerance
         ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start.
+        self%allowed = 0.25_wp*self%tolerance
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
         self%stage_tolerance = max(options%stage_tolerance(), self%tolerance)
         self%scale = spread(1.0_wp, 1, model%n)
@@ -332,7 +336,7 @@ contains
                 s%has_phi = .not. self%is_stage
                 if (error <= wanted) return
                 ! Rounding keeps it from there, which is near enough.
-                if (error <= self%tolerance .and. error > 0.5_wp*last_error) return
+                if (error <= self%allowed .and. error > 0.5_wp*last_error) return
                 s%has_phi = .false.
                 if (k == 0) first_error = error
                 if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
@@ -445,7 +449,7 @@ contains
                 end if
                 if (k == 1) call learn(self%velocity, age, error, last_error)
                 if (error <= wanted) exit
-                if (error <= self%tolerance .and. error > 0.5_wp*last_error) exit
+                if (error <= self%allowed .and. error > 0.5_wp*last_error) exit
                 if (k == 0) first_error = error
                 if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
                     stat = status_chart_left
@@ -471,6 +475,7 @@ contains
         real(wp), intent(in) :: q(self%n), qd(self%n)
         real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
+        integer :: pass
 
         self%failed_row = 0
         ! A stage that was not projected left Phi as it was elsewhere.
@@ -485,12 +490,13 @@ contains
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
-                if (.not. self%is_stage) then
+                do pass = 1, merge(0, passes(here%least), self%is_stage)
                     ! What rounding left of C qdd + gamma.
+                    s%g(:) = -s%model%terms%gamma
                     call here%multiply(s%analysis, qdd, s%g)
                     call here%solve(s%analysis, .false., qdd, s%g, s%x, s%z)
                     qdd = qdd + s%x
-                end if
+                end do
             end associate
             if (.not. sum(abs(qdd)) <= huge(1.0_wp)) then
                 stat = status_not_finite
@@ -499,6 +505,16 @@ contains
             end if
         end associate
     end subroutine solve_dynamics
+
+    !> How often what rounding left is removed, by the smallest pivot: near a loss of rank a solution leaves more.
+    pure integer function passes(least)
+        real(wp), intent(in) :: least
+        real(wp), parameter :: near = 1.0e-4_wp, nearer = 1.0e-7_wp
+
+        passes = 1
+        if (least < near) passes = 2
+        if (least < nearer) passes = 4
+    end function passes
 
     !> All of them.
     subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)

@@ -1,0 +1,188 @@
+! SPDX-License-Identifier: MIT
+!> The same for sparse charts. Points, velocities and accelerations of a step are asked for one by one in the chart itself.
+module tandem_profile_sparse_chart
+    use tandem_kinds, only: wp
+    use tandem_profile_ledger, only: mark_type, profile_type
+    use tandem_profile_parts, only: part_acceleration, part_energy, part_errors, part_multipliers, part_position, part_projection, &
+        part_rank, part_refresh, part_renew, part_velocity
+    use tandem_chart_sparse, only: sparse_chart_type
+    implicit none (type, external)
+    private
+
+    public :: profiled_sparse_chart_type
+
+    !> Give one with its `profile` to `initialize` of the simulation.
+    type, extends(sparse_chart_type) :: profiled_sparse_chart_type
+        !> Where the time is booked; it must outlive the simulation.
+        type(profile_type), pointer :: profile => null()
+    contains
+        procedure :: renew
+        procedure :: refresh
+        procedure :: restore_position
+        procedure :: restore_velocity
+        procedure :: solve_dynamics
+        procedure :: restore_near
+        procedure :: multipliers
+        procedure :: project_velocity
+        procedure :: constraint_errors
+        procedure :: measure_rank
+        procedure :: kinetic_energy
+        procedure :: loss_ahead
+    end type profiled_sparse_chart_type
+
+contains
+
+    subroutine renew(self, t, q, qd, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_renew, mark)
+        call self%sparse_chart_type%renew(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine renew
+
+    subroutine refresh(self, t, q, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_refresh, mark)
+        call self%sparse_chart_type%refresh(t, q, stat)
+        call self%profile%leave(mark)
+    end subroutine refresh
+
+    subroutine restore_position(self, t, increment, q, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: q(self%n)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_position, mark)
+        call self%sparse_chart_type%restore_position(t, increment, q, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_position
+
+    subroutine restore_velocity(self, t, q, increment, qd, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n)
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_velocity, mark)
+        call self%sparse_chart_type%restore_velocity(t, q, increment, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_velocity
+
+    subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(out) :: qdd(self%n)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_acceleration, mark)
+        call self%sparse_chart_type%solve_dynamics(t, q, qd, qdd, stat)
+        call self%profile%leave(mark)
+    end subroutine solve_dynamics
+
+    subroutine restore_near(self, t, q, qd, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_position, mark)
+        call self%sparse_chart_type%restore_near(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine restore_near
+
+    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_multipliers, mark)
+        call self%sparse_chart_type%multipliers(t, q, qd, qdd, lambda, stat)
+        call self%profile%leave(mark)
+    end subroutine multipliers
+
+    subroutine project_velocity(self, t, q, qd, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(inout), contiguous :: qd(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_projection, mark)
+        call self%sparse_chart_type%project_velocity(t, q, qd, stat)
+        call self%profile%leave(mark)
+    end subroutine project_velocity
+
+    subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_errors, mark)
+        call self%sparse_chart_type%constraint_errors(t, q, qd, qdd, errors, rows, stat)
+        call self%profile%leave(mark)
+    end subroutine constraint_errors
+
+    subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:)
+        real(wp), intent(out) :: room
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_rank, mark)
+        call self%sparse_chart_type%measure_rank(t_from, q_from, t, q, room, stat)
+        call self%profile%leave(mark)
+    end subroutine measure_rank
+
+    subroutine kinetic_energy(self, t, q, qd, energy, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_energy, mark)
+        call self%sparse_chart_type%kinetic_energy(t, q, qd, energy, stat)
+        call self%profile%leave(mark)
+    end subroutine kinetic_energy
+
+    integer function loss_ahead(self, t, q, qd, h)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: h
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_rank, mark)
+        loss_ahead = self%sparse_chart_type%loss_ahead(t, q, qd, h)
+        call self%profile%leave(mark)
+    end function loss_ahead
+end module tandem_profile_sparse_chart
