@@ -12,7 +12,7 @@ module tandem_mechanism_described_elements
     implicit none (type, external)
     private
 
-    public :: read_constraint, read_wheel, read_force, read_sensor
+    public :: read_constraint, read_wheel, read_force
 
 contains
 
@@ -240,45 +240,4 @@ contains
         numbers = [(expressions(i)%value([real(wp) ::]), i=1, size(expressions))]
         deallocate (expressions)
     end subroutine take_constants
-
-    !> [sensor.NAME]
-    subroutine read_sensor(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=*), parameter :: kinds(4) = [character(len=8) :: 'point', 'joint', 'distance', 'energy']
-        character(len=:), allocatable :: name, text
-        character(len=key_length) :: points(2), point
-        real(wp), allocatable :: zero
-        type(error_type), allocatable :: error
-        logical :: energy
-        integer :: i, n
-
-        call reader%open('sensor', number)
-        if (reader%failed()) return
-        name = reader%name
-        n = count([(reader%gives(trim(kinds(i))), i=1, 4)])
-        if (reader%gives('point')) then
-            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
-            if (reader%failed()) return
-            call take_point(reader, 'point', text, mechanism, n_points, point)
-            if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
-        else if (reader%gives('joint')) then
-            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
-            zero = 0.0_wp
-            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
-            if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
-        else if (reader%gives('distance')) then
-            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
-            if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
-        else if (reader%gives('energy')) then
-            energy = .true.
-            call reader%get_truth('energy', energy, 'kinetic, potential and total energy of the mechanism')
-            if (energy .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
-        end if
-        call reader%blame(error)
-        if (n /= 1) call reader%fail('', 'must measure one thing', 'give one of point, joint, distance, energy')
-        call reader%close()
-    end subroutine read_sensor
 end module tandem_mechanism_described_elements

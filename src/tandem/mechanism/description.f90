@@ -6,7 +6,8 @@ module tandem_mechanism_description
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_sensor, read_wheel
+    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
+    use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
@@ -25,7 +26,8 @@ module tandem_mechanism_description
     !> The kinds of elements with a name of their own, and those that there are once.
     character(len=10), parameter :: mechanism_kinds(7) = [character(len=10) :: 'body', 'joint', 'constraint', 'wheel', 'force', &
         'sensor', 'repeat']
-    character(len=10), parameter :: mechanism_singles(3) = [character(len=10) :: 'parameters', 'gravity', 'ground']
+    character(len=10), parameter :: mechanism_singles(4) = [character(len=10) :: 'parameters', 'gravity', 'ground', &
+        'results']
 
 contains
 
@@ -82,6 +84,7 @@ contains
             do i = 1, reader%n_of('sensor')
                 call read_sensor(reader, i, mechanism, n_points)
             end do
+            call read_results(reader, mechanism)
         end if
         if (.not. reader%failed()) call mechanism%define(its_error)
         call reader%blame_named(its_error)

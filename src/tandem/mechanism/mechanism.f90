@@ -9,7 +9,7 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
@@ -20,7 +20,7 @@ module tandem_mechanism
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
-    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
+    use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -50,11 +50,21 @@ module tandem_mechanism
         integer, private :: held_segment = 0
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        !> C and nu at a row of a file; only where a sensor looks at reactions.
+        type(terms_type), private :: at_row
     contains
         procedure :: define
         procedure :: start
         procedure :: pack_state
     end type mechanism_type
+
+    interface
+        !> What the sensors give; the coordinates and rows have their numbers.
+        module subroutine list_quantities(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_quantities
+    end interface
 
 contains
 
@@ -94,20 +104,6 @@ contains
         self%potential_energy => potential_energy
         call list_quantities(self)
     end subroutine define
-
-    !> What the sensors give.
-    subroutine list_quantities(self)
-        class(mechanism_type), intent(inout) :: self
-        integer :: i
-
-        if (size(self%sensors) == 0) return
-        self%measure => measure
-        allocate (self%quantities(0))
-        do i = 1, size(self%sensors)
-            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
-        end do
-        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
-    end subroutine list_quantities
 
     !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
     subroutine find_breakpoints(self, error)
@@ -492,39 +488,6 @@ contains
         end select
     end subroutine potential_energy
 
-    !> What the sensors show.
-    subroutine measure(self, t, q, qd, qdd, values, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
-        real(wp) :: energies(2)
-        integer :: i, n, width
-
-        stat = 0
-        energies = 0.0_wp
-        select type (self)
-        class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-                call set_rates(self%pose(i), qd)
-                call set_curve(self%pose(i), qdd)
-            end do
-            if (any(self%sensors%kind == sensed_energy)) then
-                do i = 1, size(self%bodies)
-                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
-                end do
-                call potential_energy(self, t, q, energies(2), stat)
-            end if
-            n = 0
-            do i = 1, size(self%sensors)
-                width = width_of_sensor(self%sensors(i))
-                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
-                n = n + width
-            end do
-        end select
-    end subroutine measure
-
     !> The angles from which turns are counted.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
@@ -544,6 +507,10 @@ contains
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
+        end do
+        if (.not. allocated(self%integrals)) return
+        do i = 1, size(self%integrals)
+            call pack%item(self%integrals(i))
         end do
     end subroutine pack_state
 end module tandem_mechanism
