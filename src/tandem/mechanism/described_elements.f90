@@ -29,6 +29,7 @@ contains
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)
         type(error_type), allocatable :: error
+        logical, allocatable :: locked
         integer :: i
 
         call reader%open('constraint', number)
@@ -49,6 +50,8 @@ contains
             if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
                 'one for each joint', required=.true.)
             call reader%get_function('motion', motion, '', 'of time')
+            if (reader%gives('locked')) locked = .true.
+            if (allocated(locked)) call reader%get_truth('locked', locked, 'whether it begins locked; events lock and free it')
         case default
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
                 required=.true.)
@@ -64,7 +67,7 @@ contains
         case ('distance')
             call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
         case ('coupling')
-            call mechanism%add_coupling(name, texts, factors, error, motion)
+            call mechanism%add_coupling(name, texts, factors, error, motion, locked)
         case default
             if (allocated(rhs)) then
                 call mechanism%add_rate_row(name, texts, coefficients, error, rhs(1))

@@ -116,6 +116,7 @@ module tandem_mechanism_drawing
         procedure :: add_rolling_ellipsoid
         procedure :: clear
         procedure :: find_body
+        procedure :: find_element
         procedure, private :: check_name
         procedure, private :: keep_name
         procedure, private :: take_point
@@ -182,7 +183,7 @@ module tandem_mechanism_drawing
 
         !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
         !> the drawing.
-        module subroutine add_coupling(self, name, joints, factors, error, motion)
+        module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
@@ -193,6 +194,8 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
             !> f, which is 0 by default.
             class(function_type), intent(in), optional :: motion
+            !> Events can lock and free it, and how it starts. It takes one coordinate more.
+            logical, intent(in), optional :: locked
         end subroutine add_coupling
 
         !> A row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of places, angles
@@ -652,6 +655,21 @@ contains
             if (self%bodies(i)%name == name) find_body = i
         end do
     end function find_body
+
+    !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
+    pure subroutine find_element(self, name, type_of, number)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(out) :: type_of, number
+        integer :: k
+
+        type_of = -1
+        number = 0
+        k = findloc(self%names, name, dim=1)
+        if (k == 0) return
+        type_of = self%types(k)
+        number = self%numbers(k)
+    end subroutine find_element
 
     !> A body and a point of it from `body` or `body.point`.
     subroutine take_point(self, label, text, body, place, is_point, error)

@@ -347,6 +347,12 @@ contains
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
             merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
+        if (present(locked)) then
+            associate (coupling => self%couplings(size(self%couplings)))
+                coupling%can_be_freed = .true.
+                coupling%is_locked = locked
+            end associate
+        end if
         call self%keep_name(name, of_row, size(self%couplings))
     end procedure add_coupling
 

@@ -32,6 +32,8 @@ contains
         do i = 1, size(self%sensors)
             associate (list => quantities_of(self%sensors(i)))
                 self%sensors(i)%width = sum(max(1, list%width))
+                self%sensors(i)%first = size(self%quantities) + 1
+                self%sensors(i)%n_quantities = size(list)
                 self%quantities = [quantity_type :: self%quantities, list]
             end associate
             associate (rows => self%sensors(i)%rows)
@@ -53,9 +55,10 @@ contains
     subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: values(:)
+        real(wp), intent(inout) :: values(:)
         integer, intent(out) :: stat
         real(wp), intent(in), optional :: lambda(:)
+        logical :: with_reactions
         integer :: i, n
 
         stat = 0
@@ -66,13 +69,17 @@ contains
             do i = 1, size(self%bodies)
                 call set_curve(self%pose(i), qdd)
             end do
-            if (present(lambda) .and. any(self%sensors%kind == sensed_reaction)) then
+            with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
+            if (self%only_quantity > 0) with_reactions = self%quantities(self%only_quantity)%of_multipliers
+            if (with_reactions) then
                 call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
                 if (stat /= 0) return
             end if
             n = 0
             do i = 1, size(self%sensors)
                 associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
+                    n = n + sensor%width
+                    if (.not. is_asked_for(self, sensor)) cycle
                     if (sensor%kind == sensed_reaction .and. .not. present(lambda)) then
                         shown = ieee_value(t, ieee_quiet_nan)
                     else if (sensor%kind == sensed_reaction) then
@@ -84,12 +91,20 @@ contains
                     else
                         call measure_sensor(sensor, t, self%pose, energies_of(self, sensor, t, q, stat), shown)
                     end if
-                    n = n + sensor%width
                 end associate
                 if (stat /= 0) return
             end do
         end select
     end subroutine measure
+
+    !> Whether all is asked for, or a quantity of this sensor.
+    pure logical function is_asked_for(self, sensor)
+        type(mechanism_type), intent(in) :: self
+        type(sensor_type), intent(in) :: sensor
+
+        is_asked_for = self%only_quantity == 0 .or. (self%only_quantity >= sensor%first .and. &
+            self%only_quantity < sensor%first + sensor%n_quantities)
+    end function is_asked_for
 
     !> The poses with their rates, and the functions of time.
     subroutine set_poses(self, t, q, qd, stat)

@@ -64,6 +64,12 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine list_quantities
+
+        !> Let events change the mechanism.
+        module subroutine allow_changes(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine allow_changes
     end interface
 
 contains
@@ -103,6 +109,7 @@ contains
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         call list_quantities(self)
+        call allow_changes(self)
     end subroutine define
 
     !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
@@ -231,6 +238,12 @@ contains
                 end if
             end associate
         end do
+        ! The slacks of couplings that events lock and free.
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            self%couplings(i)%slack = n
+        end do
         self%n = n
         allocate (self%weight(n), source=0.0_wp)
         do i = 1, size(self%bodies)
@@ -279,6 +292,8 @@ contains
         real(wp), intent(out) :: q(:), qd(:)
         integer :: i
 
+        q = 0.0_wp
+        qd = 0.0_wp
         do i = 1, size(self%bodies)
             associate (pose => self%pose(i), body => self%bodies(i))
                 q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
@@ -334,7 +349,8 @@ contains
             if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
+                self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
@@ -353,6 +369,10 @@ contains
             terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
                 call set_mass(self%bodies(i), self%pose(i), self%n, terms%mass)
+            end do
+            do i = 1, size(self%couplings)
+                k = self%couplings(i)%slack
+                if (k > 0) terms%mass(k, k) = 1.0_wp
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -488,7 +508,7 @@ contains
         end select
     end subroutine potential_energy
 
-    !> The angles from which turns are counted.
+    !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -496,6 +516,14 @@ contains
 
         do i = 1, size(self%torsions)
             call pack%item(self%torsions(i)%coordinate%last)
+            call pack%item(self%torsions(i)%stiffness)
+            call pack%item(self%torsions(i)%damping)
+            call pack%item(self%torsions(i)%angle)
+        end do
+        do i = 1, size(self%springs)
+            call pack%item(self%springs(i)%stiffness)
+            call pack%item(self%springs(i)%damping)
+            call pack%item(self%springs(i)%length)
         end do
         do i = 1, size(self%coordinates)
             call pack%item(self%coordinates(i)%last)
@@ -504,6 +532,9 @@ contains
             do k = 1, self%couplings(i)%n
                 call pack%item(self%couplings(i)%coordinates(k)%last)
             end do
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call pack%item(self%couplings(i)%is_locked)
+            call pack%item(self%couplings(i)%at)
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)

@@ -43,8 +43,9 @@ module tandem_mechanism_sensor
         !> The angle at the last time that was looked at, by which turns are counted, with its rate; before that, the angle is near
         !> 0.
         real(wp) :: last_time = -huge(1.0_wp), last_angle = 0.0_wp, last_rate = 0.0_wp
-        !> How many numbers it gives, set when the mechanism is defined, and the group of files that it stands in.
-        integer :: width = 0
+        !> How many numbers it gives, its first quantity and how many it has, set when the mechanism is defined; and the group of
+        !> files that it stands in.
+        integer :: width = 0, first = 0, n_quantities = 0
         character(len=16) :: group = 'sensors'
         !> What a reaction or a force is of, and its number in the list of its type; of a body its number.
         integer :: of = 0, number = 0
@@ -113,7 +114,8 @@ contains
         character(len=*), intent(in) :: what, unit, meaning
 
         list = [quantity_type :: list, quantity_type(path=trim(sensor%name)//'/'//what, width=width, unit=unit, &
-            meaning=meaning, group=sensor%group, between=sensor%between)]
+            meaning=meaning, group=sensor%group, between=sensor%between, of_multipliers=sensor%kind == sensed_reaction, &
+            of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
     end subroutine add
 
     !> The datasets of a body.

@@ -22,7 +22,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface, integrand_interface
+    public :: measure_interface, integrand_interface, change_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -40,6 +40,8 @@ module tandem_model
         character(len=16) :: group = 'sensors'
         !> What a force acts between: the first on the second; and its entries that redundant constraints leave undetermined.
         character(len=label_length) :: between(2) = '', undetermined = ''
+        !> Whether it is made of multipliers, and whether it can be told at a state without accelerations and without a history.
+        logical :: of_multipliers = .false., of_state = .true.
     contains
         procedure :: place
     end type quantity_type
@@ -79,8 +81,9 @@ module tandem_model
         !> turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
-        !> Whether `measure` is told the multipliers.
+        !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
         logical :: measures_multipliers = .false.
+        integer :: only_quantity = 0
         !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
         !> before. None where it is not allocated.
         real(wp), allocatable :: integrals(:)
@@ -122,6 +125,8 @@ module tandem_model
         !> The rates of `integrals`, and what is called once before the first `measure`, at the state of the start: it sets what of
         !> `quantities` depends on that. Only where there is something to do.
         procedure(integrand_interface), pointer :: integrands => null(), begin_measuring => null()
+        !> What events may change of the model, in words of its own. Only where there is something.
+        procedure(change_interface), pointer :: change => null()
 
         !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
         !> one is missing, differences stand in.
@@ -233,8 +238,8 @@ module tandem_model
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n). Times ascend.
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities.
-            real(wp), intent(out) :: values(:)
+            !> All quantities; where `only_quantity` is not 0, the others are left alone.
+            real(wp), intent(inout) :: values(:)
             integer, intent(out) :: stat
             !> Multipliers (nh + nd): what is made of them is NaN without.
             real(wp), intent(in), optional :: lambda(:)
@@ -251,6 +256,20 @@ module tandem_model
             real(wp), intent(out) :: values(:)
             integer, intent(out) :: stat
         end subroutine integrand_interface
+
+        !> A change of the model at an event. The state stays on the constraints of position as they are afterwards.
+        subroutine change_interface(self, what, is_trial, t, q, problem)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> What to change, in the model's own words.
+            character(len=*), intent(in) :: what
+            !> Whether only to see if it can be done; t and q do not count then.
+            logical, intent(in) :: is_trial
+            real(wp), intent(in) :: t, q(:)
+            !> What is wrong, and what to do; blank where it is done.
+            character(len=*), intent(out) :: problem
+        end subroutine change_interface
 
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
