@@ -166,6 +166,84 @@ class Motions(Mechanism):
             self.near(coil["force"][:, 0], -(25*x + 6*v), 3e-9)
 
 
+class Tables(Mechanism):
+    """Functions that are tables of points."""
+
+    TEXT = PLANE.replace("-9.81", "0") + """[function.stroke]
+at = [0, 0.2, 0.5, 1.0]
+values = [0, "2*a", 0.05, 0.02]
+
+[function.buffer]
+at = [0.10, 0.20, 0.30]
+values = [-80, 0, 5]
+type = "linear"
+
+[parameters]
+a = 0.005
+
+[body.table]
+mass = 2.0
+inertia = 0.01
+position = [0, 0]
+
+[body.bumper]
+mass = 0.1
+position = [0.2, 0]
+
+[joint.actuator]
+type = "prismatic"
+bodies = ["ground", "table"]
+at = [0, 0]
+axis = [1, 0]
+motion = "stroke"
+
+[joint.rail]
+type = "point_on_line"
+bodies = ["ground", "bumper"]
+at = [0.2, 0]
+axis = [1, 0]
+
+[force.buffer_spring]
+type = "spring"
+between = ["table", "bumper"]
+law = "buffer"
+
+[results]
+joints = ["actuator"]
+forces = "all"
+
+[initial]
+assemble = true
+
+[output]
+interval = 0.1
+
+[time]
+end = 1.0
+"""
+
+    def test_motion_and_law(self):
+        """The way goes through the points, and the traction is that of the table at the length of the spring."""
+        with self.went(self.scene(self.TEXT)) as file:
+            t, way = file["trajectory/time"][:], file["joints/actuator/way"][:]
+            self.near([way[np.argmin(np.abs(t - x))] for x in (0, 0.2, 0.5, 1.0)], [0, 0.01, 0.05, 0.02], 1e-13)
+            coil = file["forces/buffer_spring"]
+            self.assertGreater(np.ptp(coil["length"][:]), 1e-3)
+            self.near(coil["traction"][:], np.interp(coil["length"][:], [0.1, 0.2, 0.3], [-80, 0, 5]), 1e-11)
+        checked = json.loads(self.tandem("check", "scene.toml", "--json").stdout)
+        self.assertTrue(all(procedure["passed"] for procedure in checked["procedures"]))
+        shown = self.tandem("show", "scene.toml").stdout
+        self.assertEqual(self.tandem("show", self.scene(shown)).stdout.splitlines()[2:], shown.splitlines()[2:])
+
+    def test_wrong_tables(self):
+        for old, new, says in (("0.2, 0.5", "0.5, 0.2", ["stroke", "0.2"]), ('[0, "2*a", 0.05, 0.02]', "[0, 1]", ["values", "4"]),
+                               ('"linear"', '"square"', ["linear"]), ("[0, 0.2, 0.5, 1.0]", "[0]", ["function.stroke.at"]),
+                               ('motion = "stroke"', 'motion = "stroke(t)"', ["stroke"]),
+                               ('law = "buffer"', 'law = "bufer"', ["bufer"])):
+            with self.subTest(new):
+                self.refused("check", self.scene(self.TEXT.replace(old, new, 1)), says=says)
+
+
 class EveryScene(Mechanism):
     """Newton's law for each body from what the file says, to 1e-10 of the largest force, and the balance of energies."""
 
