@@ -244,6 +244,66 @@ end = 1.0
                 self.refused("check", self.scene(self.TEXT.replace(old, new, 1)), says=says)
 
 
+class Friction(Mechanism):
+    """Friction along a joint under a given normal force (Brown and McPhee)."""
+
+    def block(self, more, rest="", velocity=0.0):
+        return PLANE.replace("-9.81", "0") + f'[body.block]\nmass = 2\nposition = [1, 0]\nvelocity = [{velocity}, 0]\n\n' \
+            '[joint.line]\ntype = "point_on_line"\nbodies = ["ground", "block"]\nat = [1, 0]\naxis = [1, 0]\n\n' \
+            f'[force.rub]\ntype = "friction"\njoint = "line"\nnormal = 20\n{more}\n\n[results]\njoints = ["line"]\nforces = "all"\n' \
+            f'balance = true\n\n[time]\nend = 1\n\n{rest}' + TIGHT
+
+    def test_slides_and_stops(self):
+        """With one coefficient m v' = -mu N tanh(4 v/v_t): sinh(4 v/v_t) falls by exp(-4 mu N t/(m v_t))."""
+        with self.went(self.scene(self.block("dynamic = 0.3\nspeed = 0.1", velocity=2.0))) as file:
+            t, v = file["trajectory/time"][:], file["joints/line/speed"][:]
+            expected = 0.1/4*np.arcsinh(np.sinh(80)*np.exp(-4*0.3*20/(2*0.1)*t))
+            self.near(v, expected, 1e-9)
+            self.assertLess(v[-1], 1e-6)
+            self.near(file["forces/rub/power"][:], -file["forces/rub/force"][:]*v, 1e-12)
+            residual, scale = energies(file)
+            # A hundred tolerances of a step, of the energy at the start.
+            self.assertLess(residual, 1e-9*scale)
+
+    def test_stick_slip(self):
+        """A block on a belt of 0.1 m/s, held by a spring: sticks, slips, sticks. Against RK4 with 1e-5 s of the same law."""
+        belt = '[body.belt]\nmass = 1\ninertia = 1\nposition = [0, 0]\nvelocity = [0.1, 0]\n\n[joint.drive]\ntype = "prismatic"\n' \
+            'bodies = ["ground", "belt"]\nat = [0, 0]\naxis = [1, 0]\nmotion = "0.1*t"\n\n[force.coil]\ntype = "spring"\n' \
+            'between = ["ground", "block"]\nstiffness = 200\n\n'
+        text = self.block("dynamic = 0.2\nstatic = 0.5\nspeed = 0.01", belt)
+        text = text.replace('bodies = ["ground", "block"]', 'bodies = ["belt", "block"]').replace('["line"]', '"all"')
+
+        def rate(y):
+            u = (y[1] - 0.1)/0.01
+            return np.array([y[1], (-200*y[0] - 20*(0.2*np.tanh(4*u) + 0.3*u/(u*u/4 + 0.75)**2))/2])
+
+        # The block begins at rest on the moving belt: it slips at once, and sticks later.
+        y, h, found = np.array([0.0, 0.0]), 1e-5, {}
+        for step in range(1, 100001):
+            a = rate(y)
+            b = rate(y + h/2*a)
+            c = rate(y + h/2*b)
+            y = y + h/6*(a + 2*b + 2*c + rate(y + h*c))
+            if step % 10000 == 0:
+                found[step//10000] = y
+        for stepper in ("dop853", "radau5"):
+            with self.subTest(stepper), self.went(self.scene(text), f'solver.stepper="{stepper}"', "solver.rtol=1e-9",
+                                                  "output.interval=0.1") as file:
+                length, speed = file["forces/coil/length"][:] - 1, file["forces/coil/rate"][:]
+                self.assertTrue(np.any(np.abs(speed - 0.1) < 2e-3) and np.any(speed < 0))
+                for k, (x, v) in found.items():
+                    self.near([length[k], speed[k]], [x, v], 1e-6)
+        checked = json.loads(self.tandem("check", "scene.toml", "--json").stdout)
+        # Far above the transition speed next to nothing is left of the derivative, beside differences of 20 N.
+        self.assertLessEqual(max(procedure["error"] for procedure in checked["procedures"]), 1e-8)
+
+    def test_wrong_friction(self):
+        for more, says in (("dynamic = 0.3", "speed"), ("dynamic = 0.3\nstatic = 0.2\nspeed = 1", "static"),
+                           ("dynamic = -0.3\nspeed = 1", "dynamic"), ("speed = 0\ndynamic = 1", "speed")):
+            with self.subTest(more):
+                self.refused("check", self.scene(self.block(more)), says=says)
+
+
 class EveryScene(Mechanism):
     """Newton's law for each body from what the file says, to 1e-10 of the largest force, and the balance of energies."""
 

@@ -8,7 +8,7 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive
-    use tandem_mechanism_law, only: law_type
+    use tandem_mechanism_law, only: friction_law_type, law_type
     implicit none (type, external)
     private
 
@@ -166,8 +166,13 @@ contains
         call reader%open('force', number)
         if (reader%failed()) return
         name = reader%name
-        call reader%get_choice('type', kind, [character(len=7) :: 'spring', 'torsion', 'bushing', 'load'], required=.true.)
+        call reader%get_choice('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
+            required=.true.)
         if (reader%failed()) return
+        if (kind == 'friction') then
+            call read_friction(reader, name, mechanism)
+            return
+        end if
         if (kind == 'spring' .or. kind == 'torsion') then
             stiffness = 0.0_wp
             damping = 0.0_wp
@@ -229,6 +234,35 @@ contains
         end select
         call reader%blame(error)
     end subroutine read_force
+
+    !> Friction along the coordinate of a joint.
+    subroutine read_friction(reader, name, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: name
+        type(mechanism_type), intent(inout) :: mechanism
+        character(len=:), allocatable :: joint
+        real(wp), allocatable :: normal, static, dynamic, speed, viscous
+        type(error_type), allocatable :: error
+
+        call reader%get_text('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+            required=.true.)
+        call reader%get_number('normal', normal, not_negative, 'N, N m', &
+            'the given normal force; of what turns times the radius', required=.true.)
+        call reader%get_number('dynamic', dynamic, not_negative, '', 'the coefficient of sliding', required=.true.)
+        if (allocated(dynamic)) static = dynamic
+        call reader%get_number('static', static, not_negative, '', 'the largest coefficient, at the transition speed')
+        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'the transition speed', required=.true.)
+        viscous = 0.0_wp
+        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'a damping beside it')
+        call reader%close()
+        if (reader%failed()) return
+        if (static < dynamic) then
+            call reader%fail('static', 'is smaller than the coefficient of sliding', 'give one that is not, or none')
+            return
+        end if
+        call mechanism%add_torsion(name, joint, error, law=friction_law_type(normal, static, dynamic, speed, viscous))
+        call reader%blame(error)
+    end subroutine read_friction
 
     !> Expressions without variables are numbers.
     pure subroutine take_constants(expressions, numbers)
