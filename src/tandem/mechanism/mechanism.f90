@@ -9,7 +9,7 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
@@ -20,7 +20,7 @@ module tandem_mechanism
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
-    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
+    use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -50,11 +50,27 @@ module tandem_mechanism
         integer, private :: held_segment = 0
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        !> C and nu at a row of a file; only where a sensor looks at reactions.
+        type(terms_type), private :: at_row
     contains
         procedure :: define
         procedure :: start
         procedure :: pack_state
     end type mechanism_type
+
+    interface
+        !> What the sensors give; the coordinates and rows have their numbers.
+        module subroutine list_quantities(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_quantities
+
+        !> Let events change the mechanism.
+        module subroutine allow_changes(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine allow_changes
+    end interface
 
 contains
 
@@ -93,21 +109,8 @@ contains
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         call list_quantities(self)
+        call allow_changes(self)
     end subroutine define
-
-    !> What the sensors give.
-    subroutine list_quantities(self)
-        class(mechanism_type), intent(inout) :: self
-        integer :: i
-
-        if (size(self%sensors) == 0) return
-        self%measure => measure
-        allocate (self%quantities(0))
-        do i = 1, size(self%sensors)
-            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
-        end do
-        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
-    end subroutine list_quantities
 
     !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
     subroutine find_breakpoints(self, error)
@@ -235,6 +238,12 @@ contains
                 end if
             end associate
         end do
+        ! The slacks of couplings that events lock and free.
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            self%couplings(i)%slack = n
+        end do
         self%n = n
         allocate (self%weight(n), source=0.0_wp)
         do i = 1, size(self%bodies)
@@ -283,6 +292,8 @@ contains
         real(wp), intent(out) :: q(:), qd(:)
         integer :: i
 
+        q = 0.0_wp
+        qd = 0.0_wp
         do i = 1, size(self%bodies)
             associate (pose => self%pose(i), body => self%bodies(i))
                 q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
@@ -338,7 +349,8 @@ contains
             if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
+                self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
@@ -357,6 +369,10 @@ contains
             terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
                 call set_mass(self%bodies(i), self%pose(i), self%n, terms%mass)
+            end do
+            do i = 1, size(self%couplings)
+                k = self%couplings(i)%slack
+                if (k > 0) terms%mass(k, k) = 1.0_wp
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -492,40 +508,7 @@ contains
         end select
     end subroutine potential_energy
 
-    !> What the sensors show.
-    subroutine measure(self, t, q, qd, qdd, values, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
-        real(wp) :: energies(2)
-        integer :: i, n, width
-
-        stat = 0
-        energies = 0.0_wp
-        select type (self)
-        class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-                call set_rates(self%pose(i), qd)
-                call set_curve(self%pose(i), qdd)
-            end do
-            if (any(self%sensors%kind == sensed_energy)) then
-                do i = 1, size(self%bodies)
-                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
-                end do
-                call potential_energy(self, t, q, energies(2), stat)
-            end if
-            n = 0
-            do i = 1, size(self%sensors)
-                width = width_of_sensor(self%sensors(i))
-                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
-                n = n + width
-            end do
-        end select
-    end subroutine measure
-
-    !> The angles from which turns are counted.
+    !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -533,6 +516,14 @@ contains
 
         do i = 1, size(self%torsions)
             call pack%item(self%torsions(i)%coordinate%last)
+            call pack%item(self%torsions(i)%stiffness)
+            call pack%item(self%torsions(i)%damping)
+            call pack%item(self%torsions(i)%angle)
+        end do
+        do i = 1, size(self%springs)
+            call pack%item(self%springs(i)%stiffness)
+            call pack%item(self%springs(i)%damping)
+            call pack%item(self%springs(i)%length)
         end do
         do i = 1, size(self%coordinates)
             call pack%item(self%coordinates(i)%last)
@@ -541,9 +532,16 @@ contains
             do k = 1, self%couplings(i)%n
                 call pack%item(self%couplings(i)%coordinates(k)%last)
             end do
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call pack%item(self%couplings(i)%is_locked)
+            call pack%item(self%couplings(i)%at)
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
+        end do
+        if (.not. allocated(self%integrals)) return
+        do i = 1, size(self%integrals)
+            call pack%item(self%integrals(i))
         end do
     end subroutine pack_state
 end module tandem_mechanism

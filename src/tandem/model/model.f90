@@ -22,7 +22,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface
+    public :: measure_interface, integrand_interface, change_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -36,6 +36,14 @@ module tandem_model
         !> Its unit, and what it is.
         character(len=label_length) :: unit = ''
         character(len=80) :: meaning = ''
+        !> The group of files that it stands in, none where it is blank.
+        character(len=16) :: group = 'sensors'
+        !> What a force acts between: the first on the second; and its entries that redundant constraints leave undetermined.
+        character(len=label_length) :: between(2) = '', undetermined = ''
+        !> Whether it is made of multipliers, and whether it can be told at a state without accelerations and without a history.
+        logical :: of_multipliers = .false., of_state = .true.
+    contains
+        procedure :: place
     end type quantity_type
 
     !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
@@ -73,6 +81,12 @@ module tandem_model
         !> turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
+        !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
+        logical :: measures_multipliers = .false.
+        integer :: only_quantity = 0
+        !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
+        !> before. None where it is not allocated.
+        real(wp), allocatable :: integrals(:)
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
@@ -108,6 +122,11 @@ module tandem_model
 
         !> The values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
         procedure(measure_interface), pointer :: measure => null()
+        !> The rates of `integrals`, and what is called once before the first `measure`, at the state of the start: it sets what of
+        !> `quantities` depends on that. Only where there is something to do.
+        procedure(integrand_interface), pointer :: integrands => null(), begin_measuring => null()
+        !> What events may change of the model, in words of its own. Only where there is something.
+        procedure(change_interface), pointer :: change => null()
 
         !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
         !> one is missing, differences stand in.
@@ -213,16 +232,44 @@ module tandem_model
         end subroutine energy_of_position
 
         !> Quantities of the motion.
-        subroutine measure_interface(self, t, q, qd, qdd, values, stat)
+        subroutine measure_interface(self, t, q, qd, qdd, values, stat, lambda)
             import :: model_type, wp
             implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n). Times ascend.
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities.
+            !> All quantities; where `only_quantity` is not 0, the others are left alone.
+            real(wp), intent(inout) :: values(:)
+            integer, intent(out) :: stat
+            !> Multipliers (nh + nd): what is made of them is NaN without.
+            real(wp), intent(in), optional :: lambda(:)
+        end subroutine measure_interface
+
+        !> Rates of integrals.
+        subroutine integrand_interface(self, t, q, qd, lambda, values, stat)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates, velocities (n), multipliers (nh + nd).
+            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+            !> One for each integral.
             real(wp), intent(out) :: values(:)
             integer, intent(out) :: stat
-        end subroutine measure_interface
+        end subroutine integrand_interface
+
+        !> A change of the model at an event. The state stays on the constraints of position as they are afterwards.
+        subroutine change_interface(self, what, is_trial, t, q, problem)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> What to change, in the model's own words.
+            character(len=*), intent(in) :: what
+            !> Whether only to see if it can be done; t and q do not count then.
+            logical, intent(in) :: is_trial
+            real(wp), intent(in) :: t, q(:)
+            !> What is wrong, and what to do; blank where it is done.
+            character(len=*), intent(out) :: problem
+        end subroutine change_interface
 
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
@@ -285,6 +332,22 @@ module tandem_model
     end interface
 
 contains
+
+    !> The length of the path in files.
+    pure integer function place_length(self)
+        class(quantity_type), intent(in) :: self
+
+        place_length = 1 + len_trim(self%group) + merge(1, 0, self%group /= '') + len_trim(self%path)
+    end function place_length
+
+    !> The path in files: /GROUP/NAME/WHAT.
+    pure function place(self)
+        class(quantity_type), intent(in) :: self
+        character(len=place_length(self)) :: place
+
+        place = '/'//trim(self%group)//merge('/', ' ', self%group /= '')
+        place = trim(place)//trim(self%path)
+    end function place
 
     !> nh + nd, the number of rows of C.
     pure integer function n_constraints(self)
