@@ -7,7 +7,9 @@ module tandem_command_line
     use tandem_cli_check, only: check
     use tandem_cli_commands, only: find_command
     use tandem_cli_completion, only: completion
+    use tandem_cli_equilibrium, only: equilibrium
     use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
     use tandem_cli_resume, only: resume
@@ -76,6 +78,10 @@ contains
             call statuses(arguments, code)
         case ('run')
             call run(arguments, code)
+        case ('equilibrium')
+            call equilibrium(arguments, code)
+        case ('linearise')
+            call linearise(arguments, code)
         case ('resume')
             call resume(arguments, code)
         case ('verify')
