@@ -50,7 +50,7 @@ contains
     subroutine print_eigenvalues(scene, it)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: it
-        character(len=22) :: re, im
+        character(len=28) :: re, im
         integer :: i
 
         call say(padded('eigenvalue [1/s]', 46)//padded('frequency', 12)//padded('damping', 12)//padded('error', 10)//'shape')
