@@ -42,6 +42,7 @@ module tandem
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
     use tandem_simulate_figures, only: figure_reader_type, tell_figures
     use tandem_simulate_global_error, only: global_error_type
+    use tandem_simulate_root, only: bracket_type
     use tandem_simulate_statistics, only: n_reasons, reason_name, statistics_type
     use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: at_end, at_event, at_start, at_step, observer_type, simulation_type
@@ -62,6 +63,7 @@ module tandem
     public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type
+    public :: bracket_type
     public :: assembly_type, assemble, velocity_metrics
     public :: global_error_type, find_error_warnings, allowed_error, short_run
     public :: profile_type, mark_type, profiled_chart_type, profiled_observer_type

@@ -16,6 +16,7 @@ module tandem_command_line
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
     use tandem_cli_statuses, only: statuses
+    use tandem_cli_study_modes, only: study_modes
     use tandem_cli_study_precision, only: study_precision
     use tandem_cli_study_stability, only: study_stability
     use tandem_cli_study_tables, only: study_tables
@@ -90,6 +91,8 @@ contains
             call study_precision(arguments, code)
         case ('study stability')
             call study_stability(arguments, code)
+        case ('study modes')
+            call study_modes(arguments, code)
         case ('study tables')
             call study_tables(arguments, code)
         case ('completion')

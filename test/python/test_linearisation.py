@@ -88,6 +88,54 @@ class Linearisation(Case):
             s = file["sensors/s/way"][:]
         self.assertLess(np.max(np.abs(s - s[0])), 1e-9)
 
+    def test_critical_speeds(self):
+        """Weave and capsize of the bicycle against its 2 x 2 form: capsize where K is singular, weave by the criterion of Routh."""
+        g, m, c1, k0, k2 = 9.81, *(np.array(entries).reshape(2, 2) for entries in (
+            [80.81722, 2.31941332208709, 2.31941332208709, 0.29784188199686],
+            [0, 33.86641391492494, -0.85035641456978, 1.68540397397560],
+            [-80.95, -2.59951685249872, -2.59951685249872, -0.80329488458618],
+            [0, 76.59734589573222, 0, 2.65431523794604]))
+
+        def routh(v):
+            c, k = v * c1, g * k0 + v**2 * k2
+            parts = [[(m[i, j], c[i, j], k[i, j]) for j in (0, 1)] for i in (0, 1)]
+            a = np.polymul(parts[0][0], parts[1][1]) - np.polymul(parts[0][1], parts[1][0])
+            return a[1] * a[2] * a[3] - a[0] * a[3] ** 2 - a[1] ** 2 * a[4]
+
+        low, high = 4.0, 5.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if (routh(middle) > 0) == (routh(low) > 0) else (low, middle)
+        capsize = np.sqrt(g * (k0[0, 1] ** 2 - k0[0, 0] * k0[1, 1]) / (k0[0, 0] * k2[1, 1] - k2[0, 1] * k0[0, 1]))
+        said = self.said("study", "modes", "bicycle", "--over", "parameters.speed=3:8:6", "--output", "loci.csv")
+        weave, fall = said["critical"]
+        self.assertEqual([weave["crossing"], weave["grows_beyond"]], ["hopf", False])
+        self.assertEqual([fall["crossing"], fall["grows_beyond"]], ["zero", True])
+        # The form has 15 digits; the places move by 1e-13 or so with its last ones.
+        self.assertLess(abs(weave["value"] - low), 1e-11)
+        self.assertLess(abs(fall["value"] - capsize), 1e-11)
+        lines = (self.folder / "loci.csv").read_text().splitlines()
+        self.assertEqual(lines[0], "value,re,im,cause")
+        self.assertEqual(len(lines), 1 + 6 * 10)
+        # The same where a sample is so near that the eigenvalue counts among the zeros.
+        for over in ("parameters.speed=0:10:101", f"parameters.speed=6:{float(capsize + (capsize - 6))!r}:3"):
+            fall = self.said("study", "modes", "bicycle", "--over", over)["critical"][-1]
+            self.assertLess(abs(fall["value"] - capsize), 1e-10)
+        # Real ones that meet and part as a pair cross nothing.
+        rows = self.said("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2")
+        self.assertEqual([len(rows["rows"]), rows["critical"]], [2, []])
+
+    def test_a_study_of_modes_that_cannot_be(self):
+        for over in ("parameters.speed", "parameters.speed=1:2", "parameters.speed=2:1:3", "parameters.speed=1:2:1",
+                     "parameters.speed=1:2:x", "=1:2:3"):
+            with self.subTest(over):
+                self.assertIn("--over KEY=a:b:n", self.tandem("study", "modes", "bicycle", "--over", over, code=2).stderr)
+        self.assertIn("body.fram", self.tandem("study", "modes", "bicycle", "--over", "body.fram.mass=1:2:3", code=2).stderr)
+        # A parameter of any name is one, and changes nothing where nobody refers to it.
+        self.assertIn("do not change", self.tandem("study", "modes", "bicycle", "--over", "parameters.spee=1:2:3").stderr)
+        self.assertIn("cannot write", self.tandem("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2", "--output",
+                                                  "no/such/file.csv", code=1).stderr)
+
     def test_what_is_refused(self):
         for words, piece in (
             (["linearise", "bicycle", "--steady", "frame.z"], "none of any, world.x"),

@@ -48,6 +48,8 @@ module tandem_cli_commands
         command_type('study stability', '[CASE...]', ' --output --force --quiet --json ', &
         'a verdict on every stiff and extreme case, with every stepper'), &
         command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
+        command_type('study modes', 'SCENE', ' --set --over --output --json ', &
+        'eigenvalues over a value of a scene, and where stability changes'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
@@ -66,6 +68,7 @@ module tandem_cli_commands
         option_type('--steady', 'NAME,NAME...', 'in the steady motion along these, or "any", as --set initial.steady=...'), &
         option_type('--quiet', '', 'no progress and no report; warnings and errors still go to stderr'), &
         option_type('--json', '', 'print what is reported as one JSON object, numbers in full precision'), &
+        option_type('--over', 'KEY=a:b:n', 'the key that is varied, from a to b by n values; --output is a file of commas then'), &
         option_type('--steppers', 'NAME,NAME...', 'only these steppers'), &
         option_type('--reference', 'FILE', 'the true motion: a result file or a text table; without it, the study makes its own'), &
         option_type('--samples', 'N', 'times at which a motion is compared with its own reference (40, at most 10000)'), &
