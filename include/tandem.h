@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1009
+#define TANDEM_INTERFACE_VERSION 1010
 
 /* Outcomes. */
 enum {
@@ -47,7 +47,8 @@ enum {
     TANDEM_EVENT_LIMIT = -17,
     TANDEM_WORK_LIMIT = -18,
     TANDEM_INVALID_CHECKPOINT = -19,
-    TANDEM_INTERRUPTED = -20
+    TANDEM_INTERRUPTED = -20,
+    TANDEM_NO_EQUILIBRIUM = -21
 };
 
 /* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */

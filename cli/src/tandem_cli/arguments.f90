@@ -95,6 +95,7 @@ contains
                     call add_text(self%scenes, word)
                 end if
             end do
+            if (self%command == 'equilibrium') call add_text(self%settings, 'initial.equilibrium=true')
             if (allocated(error) .or. self%help .or. allocated(self%scene)) return
             select case (command%operand)
             case ('FILE')
@@ -154,6 +155,10 @@ contains
             else
                 call add_text(self%given, name//'='//value)
             end if
+        case ('--equilibrium')
+            call add_text(self%settings, 'initial.equilibrium=true')
+        case ('--steady')
+            call add_text(self%settings, 'initial.steady='//quoted_list(value))
         case ('--quiet')
             self%quiet = .true.
         case ('--error')
@@ -255,6 +260,23 @@ contains
         end do
         text = text//'"'
     end function quoted
+
+    !> Words with commas between them as an array of TOML.
+    pure function quoted_list(words) result(text)
+        character(len=*), intent(in) :: words
+        character(len=:), allocatable :: text
+        integer :: first, comma
+
+        text = ''
+        first = 1
+        do
+            comma = index(words(first:), ',')
+            if (comma == 0) exit
+            text = text//quoted(trim(adjustl(words(first:first + comma - 2))))//', '
+            first = first + comma
+        end do
+        text = '['//text//quoted(trim(adjustl(words(first:))))//']'
+    end function quoted_list
 
     !> An argument of any length.
     function argument(i) result(word)

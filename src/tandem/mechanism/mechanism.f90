@@ -19,10 +19,12 @@ module tandem_mechanism
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
+    use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_model, only: label_length, model_type, quantity_type
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
@@ -108,6 +110,7 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        self%list_motions => list_motions
         call list_quantities(self)
         call allow_changes(self)
     end subroutine define
@@ -507,6 +510,17 @@ contains
             end do
         end select
     end subroutine potential_energy
+
+    !> Rigid motions of the world and of the bodies.
+    subroutine list_motions(self, motions)
+        class(model_type), intent(inout) :: self
+        type(affine_motion_type), allocatable, intent(out) :: motions(:)
+
+        select type (self)
+        class is (mechanism_type)
+            call list_rigid_motions(self%planar, self%bodies, self%pose, motions)
+        end select
+    end subroutine list_motions
 
     !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)

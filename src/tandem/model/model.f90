@@ -11,6 +11,7 @@
 !> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
     use tandem_kinds, only: wp
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
@@ -22,7 +23,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface, integrand_interface, change_interface
+    public :: measure_interface, integrand_interface, change_interface, list_motions_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -146,6 +147,9 @@ module tandem_model
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
+        !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
+        !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
+        procedure(list_motions_interface), pointer :: list_motions => null()
     contains
         procedure :: n_constraints
         procedure :: row_name
@@ -315,6 +319,14 @@ module tandem_model
             real(wp), intent(out) :: value(:, :)
             integer, intent(out) :: stat
         end subroutine matrix_of_motion
+
+        !> Ways to move the model as a whole.
+        subroutine list_motions_interface(self, motions)
+            import :: model_type, affine_motion_type
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            type(affine_motion_type), allocatable, intent(out) :: motions(:)
+        end subroutine list_motions_interface
 
         !> Several derivatives at once.
         subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
