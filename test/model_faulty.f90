@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A particle on a line with a force, for scenes: m qdd = force; its procedures end the process or never return where `fault` says so.
+!> A particle on a line with a force, for scenes: m qdd = pull. Its procedures end the process or never return where `fault` says
+!> so.
 module model_faulty
     use tandem, only: model_type, wp
     use tandem_io, only: reader_type, scene_model_type

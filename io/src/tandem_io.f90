@@ -27,7 +27,7 @@ module tandem_io
     use tandem_io_sweep_journal, only: sweep_journal_type
     use tandem_io_sweep_plan, only: plan_type
     use tandem_io_sweep_processes, only: cores, processes_type
-    use tandem_io_sweep_record, only: name_of_status, record_type
+    use tandem_io_sweep_record, only: name_of_status, record_type, words_of_record
     use tandem_io_sweep_schedule, only: distribute, watcher_type
     use tandem_io_sweep_summary, only: bins, column_summary_type, index_type, read_column, sensitivities, summarise
     use tandem_io_sweep_table, only: csv_path, indices_path, output_path, write_table
@@ -50,6 +50,6 @@ module tandem_io
     public :: stability_type, stability_columns, select_cases, case_groups, case_names
     public :: plan_type, read_sweep, settings_of, case_runner_type, record_type, name_of_status, sweep_journal_type, &
         processes_type, cores, distribute, watcher_type, write_table, csv_path, indices_path, output_path, bins, &
-        column_summary_type, index_type, read_column, sensitivities, summarise
+        column_summary_type, index_type, read_column, sensitivities, summarise, words_of_record
     public :: tandem_version, format_version
 end module tandem_io

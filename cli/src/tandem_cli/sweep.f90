@@ -44,7 +44,6 @@ contains
         jobs = cores()
         if (.not. allocated(error)) call arguments%count_of('--jobs', 4096, jobs, error)
         if (.not. allocated(error) .and. .not. arguments%merges .and. setup%journal%done <= setup%last - setup%first) then
-            call watch_signals()
             call setup%progress%begin()
             call team%prepare(setup%runner, int(min(int(jobs, long), setup%last - setup%first + 1 - setup%journal%done)))
             call distribute(setup%journal, setup%plan%n_outputs(), setup%plan%max_seconds, team, setup%progress, error)
@@ -77,6 +76,8 @@ contains
 
         call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
         if (allocated(error)) return
+        ! Not before, so that a signal ends the program at once while it waits for a file that comes through a pipe.
+        call watch_signals()
         call find_output(arguments, setup, error)
         if (allocated(error)) return
         setup%first = 1
@@ -113,8 +114,9 @@ contains
         last = index(name, '.toml', back=.true.) - 1
         if (last < 1) last = len(name)
         setup%output = arguments%value_of('--output', name(:last)//'.h5')
-        if (is_same_file(setup%output, setup%plan%path) .or. is_same_file(setup%output, setup%plan%scene_path)) &
+        if (is_same_file(setup%output, setup%plan%path) .or. is_same_file(setup%output, setup%plan%scene_path)) then
             call refuse('the table '//setup%output//' is the sweep or the scene itself; choose another with --output', error)
+        end if
     end subroutine find_output
 
     !> --cases a:b

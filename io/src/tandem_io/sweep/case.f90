@@ -111,8 +111,9 @@ contains
                 if (allocated(same)) call move_alloc(same, error)
             end if
             if (plan%max_seconds > 0.0_wp) then
-                if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) &
+                if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) then
                     scene%options%max_seconds = plan%max_seconds
+                end if
             end if
         end associate
     end subroutine read_case

@@ -192,13 +192,15 @@ contains
         if (bracket > 1 .and. key(len_trim(key):len_trim(key)) == ']') then
             input%path = key(:bracket - 1)
             stat = 1
-            if (verify(key(bracket + 1:len_trim(key) - 1), '0123456789') == 0) &
+            if (verify(key(bracket + 1:len_trim(key) - 1), '0123456789') == 0) then
                 read (key(bracket + 1:len_trim(key) - 1), *, iostat=stat) input%element
+            end if
             if (stat /= 0 .or. input%element < 1) problem = 'must have the number of an element in its brackets, from 1 on'
         end if
         dot = index(input%path, '.')
-        if (dot < 2 .or. dot == len(input%path) .or. scan(input%path, ' =') > 0) &
+        if (dot < 2 .or. dot == len(input%path) .or. scan(input%path, ' =') > 0) then
             problem = 'must be table.key, as in model.mass or body.wheel.mass'
+        end if
         if (index(input%path//'.', 'output.') == 1) problem = 'must not be one of [output], which sweeps do not look at'
     end subroutine split_key
 
@@ -207,6 +209,7 @@ contains
         type(reader_type), intent(inout) :: reader
         type(input_type), intent(inout) :: input
         character(len=11), parameter :: ways(5) = [character(len=11) :: 'values', 'from', 'uniform', 'log_uniform', 'normal']
+        character(len=7), parameter :: of_range(3) = [character(len=7) :: 'to', 'count', 'spacing']
         integer, parameter :: kinds(5) = [is_listed, is_listed, is_uniform, is_log_uniform, is_normal]
         type(value_type), allocatable :: values
         real(wp), allocatable :: pair(:)
@@ -222,11 +225,11 @@ contains
         do i = 1, size(ways)
             if (i /= way) call reader%propose(trim(ways(i)))
         end do
-        if (way /= 2) then
-            call reader%propose('to')
-            call reader%propose('count')
-            call reader%propose('spacing')
-        end if
+        do i = 1, size(of_range)
+            if (way == 2) exit
+            call reader%propose(trim(of_range(i)))
+            if (reader%source_of(trim(of_range(i))) >= 0) call reader%refuse(trim(of_range(i)), 'belongs to from, which is missing')
+        end do
         if (n /= 1) then
             call reader%refuse('key', trim(merge('needs its values:', 'must have one:   ', n == 0))// &
                 ' one of values, from (with to and count), uniform, log_uniform, normal')
@@ -278,8 +281,9 @@ contains
         call reader%get('spacing', spacing, spacing_names)
         if (count > most_values) call reader%refuse('count', 'must be at most '//to_text(most_values))
         if (count == 1) call reader%refuse('count', 'must be at least 2, so that both ends are there')
-        if (spacing == 'log' .and. .not. (from > 0.0_wp .and. to > 0.0_wp)) &
+        if (spacing == 'log' .and. .not. (from > 0.0_wp .and. to > 0.0_wp)) then
             call reader%refuse('spacing', 'can be log between positive numbers only')
+        end if
         if (reader%failed()) return
         allocate (input%values(count))
         do i = 1, count
@@ -536,11 +540,13 @@ contains
 
         if (reader%failed()) return
         call reader%open_table('sweep')
-        if (plan%n_drawn == 0 .and. reader%source_of('draws') >= 0 .and. plan%draws > 1) &
+        if (plan%n_drawn == 0 .and. reader%source_of('draws') >= 0 .and. plan%draws > 1) then
             call reader%refuse('draws', 'are asked for, but no input is drawn: vary one by uniform, log_uniform or normal')
+        end if
         if (plan%is_for_indices .and. plan%n_drawn < 1) call reader%refuse('indices', 'need inputs that are drawn')
-        if (plan%is_for_indices .and. plan%n_places*plan%n_rows > 1) &
+        if (plan%is_for_indices .and. plan%n_places*plan%n_rows > 1) then
             call reader%refuse('indices', 'need all inputs to be drawn, not listed')
+        end if
         if (plan%is_for_indices .and. plan%draws < 8) call reader%refuse('indices', 'need draws, at least 8')
         n = merge(2, 1, plan%is_for_indices)*plan%n_drawn
         if (plan%points == sobol_points .and. n > most_columns) call reader%refuse('points', 'can be sobol for '// &

@@ -5,9 +5,10 @@
 module tandem_io_sweep_journal
     use tandem, only: error_type, long, set_error, status_output_failed, to_text
     use tandem_fletcher, only: fletcher_type
-    use tandem_io_output_guard, only: guard_type, is_taken
     use tandem_io_sweep_record, only: record_type, words_of_record
+    use tandem_io_study_files, only: remove_file
     use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
     implicit none (type, external)
     private
 
@@ -17,6 +18,8 @@ module tandem_io_sweep_journal
     character(len=8), parameter :: signature = 'tandem!S'
     integer(long), parameter :: version = 1
     integer, parameter :: bytes_a_word = 8
+    !> Words that wait at most.
+    integer, parameter :: most_waiting = 65536
 
     type :: sweep_journal_type
         character(len=:), allocatable :: path
@@ -24,12 +27,14 @@ module tandem_io_sweep_journal
         integer(long) :: first = 1, last = 0, done = 0, failed = 0, resumed = 0
         !> Where the records stand, in bytes; 0 where there is none.
         integer(long), allocatable, private :: places(:)
-        !> Where the next one goes.
-        integer(long), private :: end = 1
-        integer, private :: unit = 0, outputs = 0
-        logical, private :: is_open = .false.
-        integer(long), allocatable, private :: words(:)
-        type(guard_type), private :: guard
+        !> Where the next one goes, after `n` words that are not yet written.
+        integer(long), private :: end = 0
+        integer, private :: n = 0
+        integer(c_int64_t), allocatable, private :: waiting(:)
+        integer(c_int), private :: file = -1
+        integer, private :: outputs = 0
+        !> One record.
+        integer(c_int64_t), allocatable, private :: words(:)
     contains
         procedure :: open => open_journal
         procedure :: has
@@ -38,11 +43,54 @@ module tandem_io_sweep_journal
         procedure :: read => read_record
         procedure :: take_from
         procedure :: close => close_journal
+        procedure, private :: prepare
         procedure, private :: write_head
         procedure, private :: check_head
         procedure, private :: scan
         procedure, private :: say_problem
     end type sweep_journal_type
+
+    interface
+        function c_open(path, writes) result(file) bind(c, name='tandem_journal_open')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int), value :: writes
+            integer(c_int) :: file
+        end function c_open
+
+        function c_read(file, words, n, place) result(got) bind(c, name='tandem_journal_read')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int64_t), intent(inout) :: words(*)
+            integer(c_int64_t), value :: n, place
+            integer(c_int64_t) :: got
+        end function c_read
+
+        function c_write(file, words, n, place) result(stat) bind(c, name='tandem_journal_write')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int64_t), intent(in) :: words(*)
+            integer(c_int64_t), value :: n, place
+            integer(c_int) :: stat
+        end function c_write
+
+        function c_size(file, end) result(bytes) bind(c, name='tandem_journal_size')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int), value :: file
+            integer(c_int64_t), value :: end
+            integer(c_int64_t) :: bytes
+        end function c_size
+
+        subroutine c_close(file) bind(c, name='tandem_journal_close')
+            import :: c_int
+            implicit none (type, external)
+            integer(c_int), value :: file
+        end subroutine c_close
+    end interface
 
 contains
 
@@ -59,8 +107,36 @@ contains
         !> Whether to begin anew in any case.
         logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
-        logical :: exists, is_ours
-        integer :: stat
+        logical :: is_something, is_ours
+
+        call self%prepare(path, outputs, first, last)
+        allocate (self%waiting(most_waiting + size(self%words)))
+        self%file = c_open(path//c_null_char, 1_c_int)
+        if (self%file == -2) then
+            call set_error(error, status_output_failed, 'another process writes '//path, 'let it end, or choose another table')
+        else if (self%file < 0) then
+            call self%say_problem('open', error)
+        end if
+        if (allocated(error)) return
+        is_something = .false.
+        if (.not. force) call self%check_head(settings, is_ours, is_something)
+        if (.not. is_something) then
+            call self%write_head(settings, error)
+        else if (is_ours) then
+            call self%scan()
+        else
+            call set_error(error, status_invalid_option, path//' holds cases of another sweep, or of another build of tandem', &
+                'finish that one, choose another table, or begin anew with --force')
+        end if
+        self%resumed = self%done
+    end subroutine open_journal
+
+    !> A journal that is not open.
+    subroutine prepare(self, path, outputs, first, last)
+        class(sweep_journal_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer, intent(in) :: outputs
+        integer(long), intent(in) :: first, last
 
         self%path = path
         self%outputs = outputs
@@ -68,32 +144,7 @@ contains
         self%last = last
         allocate (self%places(first:last), source=0_long)
         allocate (self%words(words_of_record(outputs) + 2))
-        inquire (file=path, exist=exists)
-        if (exists) then
-            if (is_taken(path)) then
-                call set_error(error, status_output_failed, 'another process writes '//path, 'let it end, or choose another table')
-                return
-            end if
-        end if
-        open (newunit=self%unit, file=path, status='unknown', action='readwrite', access='stream', iostat=stat)
-        if (stat /= 0) then
-            call self%say_problem('open', error)
-            return
-        end if
-        self%is_open = .true.
-        call self%guard%take(path)
-        if (exists .and. .not. force) then
-            call self%check_head(settings, is_ours, exists)
-            if (exists .and. .not. is_ours) then
-                call set_error(error, status_invalid_option, path//' holds cases of another sweep, or of another build of tandem', &
-                    'finish that one, choose another table, or begin anew with --force')
-                return
-            end if
-            if (exists) call self%scan()
-        end if
-        if (.not. exists .or. force) call self%write_head(settings, error)
-        self%resumed = self%done
-    end subroutine open_journal
+    end subroutine prepare
 
     !> Whether a case is done.
     pure logical function has(self, case)
@@ -109,17 +160,15 @@ contains
         character(len=*), intent(in) :: settings
         type(error_type), allocatable, intent(out) :: error
         integer(long), allocatable :: head(:)
-        integer :: stat
 
         head = head_of(settings, self%outputs)
-        ! What was there before is lost: the first word last, so that nothing else passes for records of ours.
-        close (self%unit, iostat=stat)
-        open (newunit=self%unit, file=self%path, status='replace', action='readwrite', access='stream', iostat=stat)
-        call self%guard%take(self%path)
-        if (stat == 0) write (self%unit, pos=1, iostat=stat) head
-        if (stat == 0) flush (self%unit, iostat=stat)
-        if (stat /= 0) call self%say_problem('write', error)
-        self%end = 1 + bytes_a_word*size(head, kind=long)
+        self%end = bytes_a_word*size(head, kind=long)
+        ! What was there before is lost.
+        if (c_size(self%file, 0_c_int64_t) /= 0) then
+            call self%say_problem('write', error)
+        else if (c_write(self%file, head, size(head, kind=c_int64_t), 0_c_int64_t) /= 0) then
+            call self%say_problem('write', error)
+        end if
     end subroutine write_head
 
     !> The words before the records.
@@ -147,18 +196,17 @@ contains
         character(len=*), intent(in) :: settings
         logical, intent(out) :: is_ours, is_something
         integer(long), allocatable :: head(:), found(:)
-        integer :: stat
-        integer(long) :: bytes
+        integer(c_int64_t) :: got
 
         head = head_of(settings, self%outputs)
         allocate (found(size(head)), source=0_long)
-        inquire (unit=self%unit, size=bytes)
+        got = c_read(self%file, found, size(found, kind=c_int64_t), 0_c_int64_t)
+        is_ours = got == size(head)
+        if (is_ours) is_ours = all(found == head)
         ! An empty one, and one whose head was cut, hold nothing that could be lost.
-        is_something = bytes > 0
-        read (self%unit, pos=1, iostat=stat) found
-        is_ours = stat == 0 .and. all(found == head)
-        if (stat /= 0 .and. found(1) == head(1) .and. bytes < bytes_a_word*size(head)) is_something = .false.
-        self%end = 1 + bytes_a_word*size(head, kind=long)
+        is_something = c_size(self%file, -1_c_int64_t) > 0
+        if (got < size(head) .and. found(1) == head(1)) is_something = .false.
+        self%end = bytes_a_word*size(head, kind=long)
     end subroutine check_head
 
     !> Find the records, up to the first that is not whole.
@@ -189,15 +237,14 @@ contains
         type(record_type), intent(inout) :: record
         logical, intent(out) :: is_whole
         type(fletcher_type) :: sum
-        integer :: stat, n
+        integer(c_int64_t) :: got
+        integer :: n
 
         is_whole = .false.
-        read (self%unit, pos=place, iostat=stat) self%words(1)
-        if (stat /= 0) return
-        if (self%words(1) < 1 .or. self%words(1) > size(self%words) - 2) return
+        got = c_read(self%file, self%words, size(self%words, kind=c_int64_t), place)
+        if (got < 3) return
+        if (self%words(1) < 1 .or. self%words(1) > got - 2) return
         n = int(self%words(1))
-        read (self%unit, iostat=stat) self%words(2:n + 2)
-        if (stat /= 0) return
         call sum%add(self%words(:n + 1))
         is_whole = sum%value() == self%words(n + 2)
         if (is_whole) call record%from_words(self%words(2:n + 1))
@@ -209,20 +256,19 @@ contains
         type(record_type), intent(in) :: record
         type(error_type), allocatable, intent(out) :: error
         type(fletcher_type) :: sum
-        integer :: n, stat
+        integer :: n
 
         if (self%has(record%case)) return
-        call record%to_words(self%words(2:), n)
-        self%words(1) = n
-        call sum%add(self%words(:n + 1))
-        self%words(n + 2) = sum%value()
-        write (self%unit, pos=self%end, iostat=stat) self%words(:n + 2)
-        if (stat /= 0) then
-            call self%say_problem('append to', error)
-            return
-        end if
-        self%places(record%case) = self%end
-        self%end = self%end + bytes_a_word*(n + 2)
+        if (self%n >= most_waiting) call self%flush(error)
+        if (allocated(error)) return
+        associate (words => self%waiting(self%n + 1:))
+            call record%to_words(words(2:), n)
+            words(1) = n
+            call sum%add(words(:n + 1))
+            words(n + 2) = sum%value()
+        end associate
+        self%places(record%case) = self%end + bytes_a_word*self%n
+        self%n = self%n + n + 2
         self%done = self%done + 1
         if (record%status /= 0) self%failed = self%failed + 1
     end subroutine append
@@ -231,13 +277,14 @@ contains
     subroutine flush_journal(self, error)
         class(sweep_journal_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: stat
-        integer(long) :: bytes
 
-        flush (self%unit, iostat=stat)
-        ! A full disk may show only in what is there.
-        inquire (unit=self%unit, size=bytes)
-        if (stat /= 0 .or. bytes < self%end - 1) call self%say_problem('append to', error)
+        if (self%n == 0) return
+        if (c_write(self%file, self%waiting, int(self%n, c_int64_t), self%end) /= 0) then
+            call self%say_problem('append to', error)
+            return
+        end if
+        self%end = self%end + bytes_a_word*self%n
+        self%n = 0
     end subroutine flush_journal
 
     !> Read the record of a case that is done.
@@ -264,17 +311,11 @@ contains
         type(record_type) :: record
         logical :: is_something
         integer(long) :: case
-        integer :: stat
 
         is_ours = .false.
-        other%path = path
-        other%outputs = self%outputs
-        other%first = self%first
-        other%last = self%last
-        allocate (other%places(self%first:self%last), source=0_long)
-        allocate (other%words(size(self%words)))
-        open (newunit=other%unit, file=path, status='old', action='read', access='stream', iostat=stat)
-        if (stat /= 0) then
+        call other%prepare(path, self%outputs, self%first, self%last)
+        other%file = c_open(path//c_null_char, 0_c_int)
+        if (other%file < 0) then
             call other%say_problem('open', error)
             return
         end if
@@ -286,7 +327,7 @@ contains
             call other%read(case, record, error)
             if (.not. allocated(error)) call self%append(record, error)
         end do
-        close (other%unit)
+        call other%close(.false.)
         if (.not. allocated(error)) call self%flush(error)
     end subroutine take_from
 
@@ -294,16 +335,11 @@ contains
     subroutine close_journal(self, removes)
         class(sweep_journal_type), intent(inout) :: self
         logical, intent(in) :: removes
-        integer :: stat
 
-        if (.not. self%is_open) return
-        if (removes) then
-            close (self%unit, status='delete', iostat=stat)
-        else
-            close (self%unit, iostat=stat)
-        end if
-        self%is_open = .false.
-        call self%guard%release()
+        if (self%file < 0) return
+        if (removes) call remove_file(self%path)
+        call c_close(self%file)
+        self%file = -1
     end subroutine close_journal
 
     !> An error of the file.
@@ -312,7 +348,7 @@ contains
         character(len=*), intent(in) :: action
         type(error_type), allocatable, intent(out) :: error
 
-        call set_error(error, status_output_failed, 'cannot '//action//' '//self%path//' ('//to_text(int(self%done))// &
-            ' cases are in it)', 'see whether the disk is full and the path can be written, then start again: what is done stays')
+        call set_error(error, status_output_failed, 'cannot '//action//' '//self%path, &
+            'see whether the disk is full and the path can be written, then start again: what is done stays')
     end subroutine say_problem
 end module tandem_io_sweep_journal

@@ -119,8 +119,9 @@ contains
                     do while (self%passed(i) < size(kept%times))
                         if (kept%times(self%passed(i) + 1) > self%t_start) exit
                         self%passed(i) = self%passed(i) + 1
-                        if (.not. kept%times(self%passed(i)) < self%t_start) &
+                        if (.not. kept%times(self%passed(i)) < self%t_start) then
                             self%values(self%first(i) + self%passed(i) - 1) = self%last(i)
+                        end if
                     end do
                 case default
                     continue

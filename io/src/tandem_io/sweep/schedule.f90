@@ -168,8 +168,9 @@ contains
             schedule%next = schedule%next + 1
         end do
         length = 1
-        if (schedule%cases > 0) &
+        if (schedule%cases > 0) then
             length = int(min(real(most, wp), lasting*real(schedule%cases, wp)/max(schedule%busy, 1.0e-9_wp)), long)
+        end if
         length = max(1_long, min(length, (journal%last - schedule%next + 1)/(4*size(schedule%duties))))
         range = [schedule%next, schedule%next - 1]
         do while (range(2) < min(journal%last, range(1) + length - 1))
