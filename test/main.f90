@@ -66,6 +66,7 @@ program main
     use test_stability, only: collect_stability
     use test_stability_limit, only: collect_stability_limit
     use test_study, only: collect_study
+    use test_sweep, only: collect_sweep
     use test_dense_parts, only: collect_dense_parts
     use test_null_space_kernels, only: collect_null_space_kernels
     use test_free_motion, only: collect_free_motion
@@ -146,6 +147,7 @@ program main
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &
         new_testsuite('study', collect_study), &
+        new_testsuite('sweep', collect_sweep), &
         new_testsuite('stability', collect_stability)]
     n_failed = 0
     call get_argument(1, suite_name)

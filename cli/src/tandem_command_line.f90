@@ -20,6 +20,7 @@ module tandem_command_line
     use tandem_cli_study_precision, only: study_precision
     use tandem_cli_study_stability, only: study_stability
     use tandem_cli_study_tables, only: study_tables
+    use tandem_cli_sweep, only: sweep
     use tandem_cli_verify, only: verify_file
     use tandem_io, only: anything, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
     implicit none (type, external)
@@ -95,6 +96,8 @@ contains
             call study_modes(arguments, code)
         case ('study tables')
             call study_tables(arguments, code)
+        case ('sweep')
+            call sweep(arguments, code)
         case ('completion')
             call completion(arguments, code)
         case ('version')

@@ -50,6 +50,8 @@ module tandem_cli_commands
         command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
         command_type('study modes', 'SCENE', ' --set --over --output --json ', &
         'eigenvalues over a value of a scene, and where stability changes'), &
+        command_type('sweep', 'SWEEP...', ' --output --jobs --cases --merge --force --quiet --json ', &
+        'many cases of a scene, on all cores, and one table of them'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
@@ -75,6 +77,9 @@ module tandem_cli_commands
         option_type('--repeats', 'N', 'least runs of which the time is the median (3, at most 1000)'), &
         option_type('--budget', 'SECONDS', 'for all runs of a row; finer rows are left out (5)'), &
         option_type('--quick', '', '--repeats 1 --budget 0.5'), &
+        option_type('--jobs', 'N', 'processes that run cases at the same time (as many as there are cores)'), &
+        option_type('--cases', 'FIRST:LAST', 'only these cases of a sweep, as a task of a job array'), &
+        option_type('--merge', '', 'run nothing: make the table from the journals that follow the sweep'), &
         option_type('--help', '', 'this text')]
 
 contains
