@@ -10,6 +10,7 @@ module tandem_command_line
     use tandem_cli_help, only: help, help_with, refuse_command
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
@@ -80,6 +81,8 @@ contains
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
+        case ('plot', 'view')
+            call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)
         case ('study stability')

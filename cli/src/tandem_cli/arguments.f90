@@ -97,7 +97,7 @@ contains
             end do
             if (allocated(error) .or. self%help .or. allocated(self%scene)) return
             select case (command%operand)
-            case ('FILE')
+            case ('FILE', 'FILE...')
                 call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
             case ('SCENE', 'SCENE...')
                 call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
