@@ -8,6 +8,7 @@
 #        tools/setup.sh docs    and what `make docs` needs
 #        tools/setup.sh plot    and what tools/plot.py needs
 #        tools/setup.sh bench   and what bench/ needs
+#        tools/setup.sh python  and what tools/python.sh needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
 #                            pkg-config; for bench/ SUNDIALS, valgrind): through apt-get
@@ -65,6 +66,8 @@ missing_packages() { # prints the Debian packages that bring what is not there
     venv_holds build || python3 -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
     [ "$purpose" != bench ] || linker_finds libsundials_ida.so || echo libsundials-dev
     [ "$purpose" != bench ] || command -v valgrind >/dev/null || echo valgrind
+    # three.js comes through it, once.
+    [ "$purpose" != python ] || ls build/three-*.tgz >/dev/null 2>&1 || command -v npm >/dev/null || echo npm
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Runs everything that verifies the project, part by part, and closes with the line "N passed, N failed".
 
-Usage: tools/verify.py [PART...]        without a name, all parts; `make test` does that after its set-up
+Usage: tools/verify.py [PART...]        without a name, all parts but `page`; `make test` does that after its set-up
        tools/verify.py --list
 
 Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
@@ -233,6 +233,8 @@ class Part:
     minutes: float = 20
     # Another part that must come before, also where it was not asked for.
     needs: str = ""
+    # Run only where it is asked for: what it needs is large.
+    by_name: bool = False
 
 
 PARTS = [
@@ -256,6 +258,8 @@ PARTS = [
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
+    Part("package", ["tools/check_package.sh"], unittest_text, needs="build"),
+    Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", by_name=True),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),
@@ -351,7 +355,7 @@ def main(names):
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     for part in PARTS:
-        if names and part.name not in chosen:
+        if (names or part.by_name) and part.name not in chosen:
             continue
         print(f"{part.name:10}", end="", flush=True)
         start = time.monotonic()

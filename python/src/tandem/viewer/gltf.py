@@ -17,7 +17,7 @@ from .rotations import carrying, conjugate, normalised
 FLOAT, SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5122, 5123, 5125
 VERTICES, INDICES = 34962, 34963
 #: More frames than these a track is a line of every second place, and so on.
-MOST_POINTS = 4000
+MOST_POINTS = 1000
 
 
 def mesh_of(shape: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
