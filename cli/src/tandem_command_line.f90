@@ -12,6 +12,7 @@ module tandem_command_line
     use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
@@ -88,6 +89,8 @@ contains
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
+        case ('plot', 'view')
+            call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)
         case ('study stability')

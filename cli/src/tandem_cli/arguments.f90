@@ -103,7 +103,7 @@ contains
             end if
             if (allocated(self%scene)) return
             select case (command%operand)
-            case ('FILE')
+            case ('FILE', 'FILE...')
                 call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
             case ('SWEEP...')
                 call set_usage_error(error, self%command, 'needs a SWEEP: the path of a TOML file; see doc/sweep.md')
