@@ -59,6 +59,7 @@ program main
     use test_rk4, only: collect_rk4
     use test_root, only: collect_root
     use test_simulation, only: collect_simulation
+    use test_sparse, only: collect_sparse
     use test_singular, only: collect_singular
     use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
@@ -141,6 +142,7 @@ program main
         new_testsuite('mechanism_rows', collect_mechanism_rows), &
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
+        new_testsuite('sparse', collect_sparse), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('rank_models', collect_rank_models), &

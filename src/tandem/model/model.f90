@@ -13,6 +13,7 @@ module tandem_model
     use tandem_kinds, only: wp
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
@@ -62,6 +63,10 @@ module tandem_model
         !> Sizes of the diagonal blocks of M in their order, n in all, where every entry outside of them is zero at every q:
         !> explicit steps leave those out. One block of n where not allocated. In a constant M they are found without being told.
         integer, allocatable :: mass_blocks(:)
+        !> Which entries of C and M may differ from zero, for sparse charts; every entry where not allocated. A model that has it
+        !> sets the entry (i, j) of C as (i, pattern%column(j)), and of M as (i, pattern%mass_column(j)), wherever it finds
+        !> `terms%is_compressed`.
+        type(pattern_type), allocatable :: pattern
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.

@@ -8,7 +8,7 @@ module tandem_simulation
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
-    use tandem_options, only: options_type, projections
+    use tandem_options, only: chart_kinds, options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
@@ -29,7 +29,7 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_dense, only: dense_chart_type
+    use tandem_chart_factory, only: new_chart, wants_sparse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -81,6 +81,8 @@ module tandem_simulation
         class(chart_type), allocatable, private :: chart
         !> What it was allocated from, if not anew.
         class(chart_type), allocatable, private :: blank
+        !> Whether charts are sparse, where none was given; of an automatic choice the start may still see that they cannot be.
+        logical, private :: is_sparse = .false.
         class(stepper_type), allocatable, private :: stepper
         type(state_type), private :: next, start, kept
         real(wp), private :: kept_errors(3) = 0.0_wp

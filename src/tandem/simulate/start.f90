@@ -17,6 +17,11 @@ contains
         self%start%q = self%state%q
         self%start%qd = self%state%qd
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
+            call leave_sparse(self, stat, error)
+            if (allocated(error)) return
+            call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        end if
         if (stat == status_ok) call measure(self, rows, stat)
         if (stat == status_rank_deficient .or. (stat == status_ok .and. may_hide_redundancy(self))) then
             call drop_redundant_rows(self, stat == status_rank_deficient, error)
@@ -54,6 +59,30 @@ contains
         call self%measure_errors(error)
         if (.not. allocated(error)) call look_for_integrable_rows(self)
     end procedure accept_start
+
+    !> Redundant rows and bodies without mass want the dense chart: take it where the choice is the program's.
+    subroutine leave_sparse(self, stat, error)
+        class(simulation_type), intent(inout) :: self
+        !> Why there is no sparse chart at the start.
+        integer, intent(in) :: stat
+        type(error_type), allocatable, intent(out) :: error
+
+        if (self%options%chart_kind /= chart_kinds(1)) then
+            if (stat == status_rank_deficient) then
+                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the constraint "'// &
+                    self%model%row_name(self%chart%failed_row)//'" depends on others at the start', &
+                    'take it out where it is redundant, or use chart_kind = "dense", which finds redundant rows')
+            else
+                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the coordinate "'// &
+                    self%model%coordinate_label(self%chart%failed_coordinate)//'" has no mass of its own', &
+                    'give its body mass and inertia, or use chart_kind = "dense"')
+            end if
+            return
+        end if
+        self%is_sparse = .false.
+        call self%allocate_chart()
+        call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+    end subroutine leave_sparse
 
     !> The constraint errors of the start.
     subroutine measure(self, rows, stat)
