@@ -37,6 +37,7 @@ contains
             new_unittest('sdirk54-reaches-its-tolerance-on-a-spring-1e6-times-as-stiff', test_stiffest_spring), &
             new_unittest('the-chart-follows-a-stiff-spring', test_followed_spring), &
             new_unittest('the-chart-follows-a-stiff-spring-at-every-tolerance', test_followed_tightly), &
+            new_unittest('the-chart-follows-a-spring-that-is-hardly-stiff', test_followed_hardly), &
             new_unittest('the-chart-follows-a-stiff-spring-without-derivatives', test_followed_by_differences), &
             new_unittest('fixed-steps-on-a-stiff-spring-complete', test_followed_fixed), &
             new_unittest('radau5-takes-no-more-steps-where-a-spring-is-stiffer', test_radau5), &
@@ -479,6 +480,26 @@ contains
             end do
         end do
     end subroutine test_followed_tightly
+
+    !> At a ratio of 1e2 the spring is neither stiff in a step nor resolved. The method takes as many steps in polar coordinates,
+    !> which are made for the problem: 169, 776 and 2579, by the same formulas and control in Python. What it needs more than at 1e4
+    !> is its stage order of 1. While small steps kept the plain complement, which makes them small, it took 4793 and 15 189.
+    subroutine test_followed_hardly(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        real(wp), parameter :: rtols(3) = [1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp], polar(3) = [169.0_wp, 776.0_wp, 2579.0_wp]
+        integer :: i
+
+        do i = 1, size(rtols)
+            call move_slowly(controlled(rtols(i)), 1.0e2_wp, .true., .true., simulation, statistics, error)
+            if (allocated(error)) return
+            ! Seen: at most 0.6 tolerances; 141, 698 and 2328 steps.
+            call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(1.0e2_wp))), 10*rtols(i), 'position')
+            call check_below(error, real(statistics%steps, wp), 1.1_wp*polar(i), 'steps')
+            if (allocated(error)) return
+        end do
+    end subroutine test_followed_hardly
 
     !> Tolerances, errors and steps of radau5; at 1e8 with the stretch alone.
     subroutine test_radau5(error)
