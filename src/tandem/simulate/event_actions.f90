@@ -115,8 +115,9 @@ contains
         end associate
         call self%measure_errors(error)
     end subroutine restart_here
-    !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in the
-    !> acceleration that they are asked for.
+
+    !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
+    !> the acceleration that they are asked for.
     subroutine find_impulses(self, before, stat)
         class(simulation_type), intent(inout) :: self
         !> Velocities before they were brought there (n).
