@@ -90,6 +90,12 @@ class Changing(Mechanism):
             self.near(file["balance/residual"][-1], -1.5, 1e-9)
             self.near(file["joints/two_axle/angle"][-1], 3, 1e-9)
             self.near(file["constraints/clutch/multiplier"][:], 0, 1e-10)
+            # J2 w = 1 comes to the second disc; freeing takes no impulse.
+            impulse = file["constraints/clutch/impulse"]
+            # M (jump of the first one's rate) = -impulse.
+            self.near(impulse[:][after], 1, 1e-9)
+            self.near(impulse[:][before], 0, 1e-300)
+            self.assertEqual(impulse.attrs["unit"], "N m s")
 
     def test_a_latch(self):
         """A pendulum that is caught at 45 degrees rests there, and the latch carries its weight."""
@@ -122,7 +128,7 @@ class Changing(Mechanism):
         self.tandem("run", scene, *settings, "--set", "solver.max_steps=120", "--output", "part.h5", code=1)
         self.tandem("resume", "part.h5", "--set", "solver.max_steps=100000", "--quiet")
         with h5py.File(self.folder / "whole.h5") as whole, h5py.File(self.folder / "part.h5") as part:
-            for path in ("trajectory/q", "joints/two_axle/angle", "balance/residual", "events/time"):
+            for path in ("trajectory/q", "joints/two_axle/angle", "balance/residual", "events/time", "constraints/clutch/impulse"):
                 np.testing.assert_array_equal(whole[path][:], part[path][:])
             self.near(whole["joints/two_axle/rate"][-1], 2, 1e-10)
 

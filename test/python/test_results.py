@@ -297,6 +297,36 @@ class Friction(Mechanism):
         # Far above the transition speed next to nothing is left of the derivative, beside differences of 20 N.
         self.assertLessEqual(max(procedure["error"] for procedure in checked["procedures"]), 1e-8)
 
+    def test_a_pendulum_that_sticks(self):
+        """A rod on a hinge with friction swings, and sticks beside the vertical. Against RK4 with 1e-5 s of the same law; it rests where
+        the moment of its weight is below that of sticking."""
+        text = PLANE + '[body.rod]\nmass = 2\ninertia = "1/6"\nposition = [0.5, 0]\n\n[joint.pivot]\ntype = "revolute"\n' \
+            'bodies = ["ground", "rod"]\nat = [0, 0]\n\n[force.rub]\ntype = "friction"\njoint = "pivot"\nnormal = 10\ndynamic = 0.2\n' \
+            'static = 0.4\nspeed = 0.05\n\n[results]\njoints = "all"\nforces = "all"\nbalance = true\n\n[time]\nend = 2\n\n' + TIGHT
+
+        def rate(y):
+            u = y[1]/0.05
+            return np.array([y[1], (-9.81*np.cos(y[0]) - 10*(0.2*np.tanh(4*u) + 0.2*u/(u*u/4 + 0.75)**2))/(2/3)])
+
+        y, h, found = np.array([0.0, 0.0]), 2e-5, {}
+        for step in range(1, 100001):
+            a = rate(y)
+            b = rate(y + h/2*a)
+            c = rate(y + h/2*b)
+            y = y + h/6*(a + 2*b + 2*c + rate(y + h*c))
+            if step % 12500 == 0:
+                found[step//12500] = y
+        with self.went(self.scene(text), "output.interval=0.25") as file:
+            angle, speed = file["joints/pivot/angle"][:], file["joints/pivot/rate"][:]
+            for k, (x, v) in found.items():
+                self.near([angle[k], speed[k]], [x, v], 1e-7)
+            residual, scale = energies(file)
+            self.assertLess(residual, 1e-9*scale)
+        with self.went(self.scene(text), 'solver.stepper="radau5"', "solver.rtol=1e-8", "time.end=12") as file:
+            angle, speed = file["joints/pivot/angle"][-1], file["joints/pivot/rate"][-1]
+            self.assertLess(abs(speed), 0.05)
+            self.assertLess(abs(9.81*np.cos(angle)), 4)
+
     def test_wrong_friction(self):
         for more, says in (("dynamic = 0.3", "speed"), ("dynamic = 0.3\nstatic = 0.2\nspeed = 1", "static"),
                            ("dynamic = -0.3\nspeed = 1", "dynamic"), ("speed = 0\ndynamic = 1", "speed")):

@@ -150,6 +150,7 @@ contains
             end select
             if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
         end associate
+        if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
         do k = 1, size(self%motions)
             if (self%motions(k)%name == element) sensor%is_driven = .true.
         end do

@@ -46,6 +46,7 @@ contains
         m = self%n_constraints()
         allocate (self%at_row%jacobian(m, self%n), self%at_row%nu(m), source=0.0_wp)
         if (any(self%sensors%kind == sensed_reaction)) self%begin_measuring => find_undetermined
+        if (any(self%sensors%can_be_freed)) allocate (self%impulses(m), source=0.0_wp)
         if (.not. any(self%sensors%kind == sensed_balance)) return
         self%integrands => powers
         self%integrals = [0.0_wp, 0.0_wp]
@@ -182,6 +183,10 @@ contains
             case default
                 values(1) = lambda(rows(1))
                 n = 1
+                if (sensor%can_be_freed) then
+                    values(2) = self%impulses(rows(1))
+                    n = 2
+                end if
             end select
             ! The reaction's -C' lambda times qd, with C qd = nu.
             if (sensor%is_driven) values(n + 1) = -dot_product(lambda(rows), self%at_row%nu(rows))
@@ -345,7 +350,7 @@ contains
             associate (quantity => self%quantities(before + i))
                 do k = 1, max(1, quantity%width)
                     n = n + 1
-                    if (abs(shown(n)) <= small .or. index(quantity%path, '/place') > 0) cycle
+                    if (abs(shown(n)) <= small .or. index(quantity%path, '/place') + index(quantity%path, '/impulse') > 0) cycle
                     if (quantity%width == 0) then
                         quantity%undetermined = 'all of it'
                     else if (index(quantity%undetermined, axis(k)) == 0) then

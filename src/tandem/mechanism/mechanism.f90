@@ -621,6 +621,7 @@ contains
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
         end do
+        if (allocated(self%impulses)) call pack%item(self%impulses)
         if (.not. allocated(self%integrals)) return
         do i = 1, size(self%integrals)
             call pack%item(self%integrals(i))

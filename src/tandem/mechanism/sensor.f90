@@ -49,9 +49,10 @@ module tandem_mechanism_sensor
         character(len=16) :: group = 'sensors'
         !> What a reaction or a force is of, and its number in the list of its type; of a body its number.
         integer :: of = 0, number = 0
-        !> Of a reaction the rows of C, whether a function of time drives one of them, and the unit of a multiplier.
+        !> Of a reaction the rows of C, whether a function of time drives one of them, whether events lock and free it, and the unit
+        !> of a multiplier.
         integer :: n_rows = 0, rows(most_rows) = 0
-        logical :: is_driven = .false.
+        logical :: is_driven = .false., can_be_freed = .false.
         character(len=label_length) :: unit = ''
         !> The names of the bodies that it is between.
         character(len=label_length) :: between(2) = ''
@@ -156,6 +157,8 @@ contains
             call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
         case default
             call add(sensor, list, 0, 'multiplier', trim(sensor%unit), 'multiplier of the row')
+            if (sensor%can_be_freed) call add(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
+                'of the row where an event made velocities jump last')
         end select
         if (sensor%is_driven) call add(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
     end subroutine list_reaction

@@ -93,6 +93,9 @@ module tandem_model
         !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
         !> before. None where it is not allocated.
         real(wp), allocatable :: integrals(:)
+        !> The impulses of the rows (nh + nd) where an event made velocities jump last; only where it is allocated, by a model that
+        !> tells of them.
+        real(wp), allocatable :: impulses(:)
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
