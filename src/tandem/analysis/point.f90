@@ -51,7 +51,7 @@ module tandem_analysis_point
         procedure :: evaluate
         procedure :: make_bases
         procedure :: solve_dynamics
-        procedure :: solve_reduced
+        procedure :: vary_acceleration
         procedure :: differentiate
         procedure :: apply_right_inverse
         procedure :: restore_position
@@ -209,16 +209,23 @@ contains
         call self%set_acceleration(self%scale*x(:, 1))
     end subroutine solve_dynamics
 
-    !> b := (W'M W)^-1 b for b (nw, k), after `solve_dynamics`.
-    subroutine solve_reduced(self, b)
+    !> How qdd (n, k) changes with the coordinates and velocities (n, k), all in scaled coordinates; after `solve_dynamics` and
+    !> `differentiate`.
+    subroutine vary_acceleration(self, dq, dqd, dqdd)
         class(point_type), intent(in) :: self
-        real(wp), intent(inout), contiguous :: b(:, :)
+        real(wp), intent(in) :: dq(:, :), dqd(:, :)
+        real(wp), intent(out) :: dqdd(:, :)
+        real(wp) :: force(self%nw, size(dq, 2))
         integer :: j
 
-        do j = 1, size(b, 2)
-            call self%reduced_mass%solve(b(:, j))
+        ! C dqdd = -(acc_q dq + acc_qd dqd), and what is left of W'M dqdd = -W'(dyn_q dq + dyn_qd dqd).
+        call self%apply_right_inverse(-matmul(self%acceleration_q, dq) - matmul(self%acceleration_qd, dqd), dqdd)
+        force = -matmul(transpose(self%w), matmul(self%dynamics_q, dq) + matmul(self%dynamics_qd, dqd) + matmul(self%mass, dqdd))
+        do j = 1, size(dq, 2)
+            call self%reduced_mass%solve(force(:, j))
         end do
-    end subroutine solve_reduced
+        dqdd = dqdd + matmul(self%w, force)
+    end subroutine vary_acceleration
 
     !> The gradients at the point, for the qdd and lambda that it holds.
     subroutine differentiate(self, stat)
