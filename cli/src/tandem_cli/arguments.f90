@@ -149,8 +149,8 @@ contains
         case ('--set')
             call add_text(self%settings, value)
         case ('--output')
-            ! A study has a folder of files.
-            if (self%first == 2) then
+            ! A study has a folder of files, and a linearised system is no run.
+            if (self%first == 2 .and. self%command /= 'linearise') then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
                 call add_text(self%given, name//'='//value)

@@ -38,7 +38,7 @@ module tandem_cli_commands
         command_type('run', 'SCENE', ' --set --output --force --error --no-error --profile --quiet --json ', &
         'runs it, writes HDF5, prints a report'), &
         command_type('equilibrium', 'SCENE', ' --set --json ', 'where it rests, and whether that is stable'), &
-        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --json ', &
+        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --output --force --json ', &
         'small motions about its start, rest or steady motion: eigenvalues, modes'), &
         command_type('resume', 'FILE', ' --set --error --no-error --quiet --json ', &
         'goes on with a run that was interrupted, in its result file'), &

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as one JSON object.
 module tandem_cli_linearisation_json
-    use tandem, only: cause_name, floquet_type, kind_name, linearisation_type, of_motion, wp
+    use tandem, only: cause_name, floquet_type, inputs_type, kind_name, linearisation_type, of_motion, wp
     use tandem_cli_messages, only: say
     use tandem_io, only: json_type, scene_type
     implicit none (type, external)
@@ -12,9 +12,10 @@ module tandem_cli_linearisation_json
 contains
 
     !> Print it.
-    subroutine print_linearisation_json(scene, linearisation, floquet)
+    subroutine print_linearisation_json(scene, linearisation, inputs, floquet)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
+        type(inputs_type), intent(in) :: inputs
         !> Multipliers, where they were asked for.
         type(floquet_type), intent(in), optional :: floquet
         type(json_type) :: json
@@ -48,6 +49,11 @@ contains
             call json%add('q', it%q)
             call json%add('qd', it%qd)
             call add_matrix(json, 'a', it%a)
+            call add_matrix(json, 'b', inputs%b)
+            call add_matrix(json, 'c', inputs%c)
+            call add_matrix(json, 'd', inputs%d)
+            call json%add('inputs', inputs%inputs)
+            call json%add('outputs', inputs%outputs)
             if (present(floquet)) then
                 call json%add('period', floquet%period)
                 call add_pairs(json, 'multipliers', floquet%multipliers)

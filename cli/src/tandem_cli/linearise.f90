@@ -2,12 +2,12 @@
 !> tandem linearise: the linear equations of small motions about a start, an equilibrium, a steady motion or a time of a run, their
 !> eigenvalues and modes.
 module tandem_cli_linearise
-    use tandem, only: error_type, floquet_type, linearisation_type, simulation_type, wp
+    use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, simulation_type, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_json, only: print_linearisation_json
     use tandem_cli_linearisation_table, only: print_linearisation, print_multipliers
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed
-    use tandem_io, only: find_scene, read_scene, scene_type
+    use tandem_io, only: check_target, find_scene, read_scene, scene_type, write_linearisation
     use tandem_status, only: status_no_equilibrium
     implicit none (type, external)
     private
@@ -27,7 +27,9 @@ contains
         type(error_type), allocatable :: error
         character(len=:), allocatable :: path
         type(floquet_type), allocatable :: floquet
+        type(inputs_type) :: inputs
         real(wp) :: time, period
+        logical :: is_new
 
         code = input_wrong
         call find_scene(arguments%scene, path, error)
@@ -36,6 +38,8 @@ contains
         period = 0.0_wp
         if (.not. allocated(error)) call arguments%number_of('--at', scene%t_start, time, error)
         if (.not. allocated(error)) call arguments%number_of('--period', 0.0_wp, period, error)
+        if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call check_target( &
+            arguments%value_of('--output', ''), arguments%force, is_new, error)
         if (.not. allocated(error)) call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, &
             error, scene%assembly)
         if (allocated(error)) then
@@ -52,12 +56,15 @@ contains
             allocate (floquet)
             call floquet%find(linearisation, scene%model, period, error)
         end if
+        if (.not. allocated(error)) call inputs%make(linearisation, scene%model, error)
+        if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_linearisation( &
+            arguments%value_of('--output', ''), scene%text, scene%model, linearisation, inputs, error)
         if (allocated(error)) then
             call complain(error%message)
             return
         end if
         if (arguments%json) then
-            call print_linearisation_json(scene, linearisation, floquet)
+            call print_linearisation_json(scene, linearisation, inputs, floquet)
         else
             call print_linearisation(scene, linearisation)
             if (allocated(floquet)) call print_multipliers(floquet)

@@ -52,6 +52,7 @@ module tandem_mechanism
         integer, private :: held_segment = 0
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        integer, private :: inputs_of_f = 0
     contains
         procedure :: define
         procedure :: start
@@ -95,6 +96,7 @@ contains
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         self%list_motions => list_motions
+        self%input_name = [character(len=label_length) :: self%motions%name]
         call list_quantities(self)
     end subroutine define
 
@@ -173,11 +175,13 @@ contains
         real(wp), intent(in) :: t
         integer :: i
 
-        if (.not. (t < self%time_of_f .or. t > self%time_of_f)) return
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%input_version) return
         self%time_of_f = t
+        self%inputs_of_f = self%input_version
         do i = 1, size(self%motions)
             call self%motions(i)%f%evaluate(t, self%f(:, i))
         end do
+        if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
     !> Let the functions hold the smooth pieces of the current segment.
