@@ -203,6 +203,15 @@ int tandem_estimate_error(tandem_problem *problem);
  * velocity_metric say which state is nearest and how near it must be: doc/linking.md. A run does not notice. */
 int tandem_assemble(tandem_problem *problem, double t, double *q, double *qd);
 
+/* Eigenvalues of small motions about a state that satisfies the constraints: `count` of them, at most 2 n, for which re and im have room,
+ * sorted by their real parts. a has room for 4 n^2 numbers and gets the matrix (count x count), one column after the other, or is
+ * NULL. Zeros that symmetries and families explain are zero exactly: doc/linearisation.md. A run does not notice. */
+int tandem_linearise(tandem_problem *problem, double t, const double *q, const double *qd, int *count, double *re, double *im,
+                     double *a);
+
+/* Move q to the nearest equilibrium, stable or not; unchanged where none is found. A run does not notice. */
+int tandem_find_equilibrium(tandem_problem *problem, double t, double *q);
+
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);
 

@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The public face of tandem: re-exports only. `use tandem` is all that a program needs.
 module tandem
+    use tandem_analysis_floquet, only: floquet_type
+    use tandem_analysis_inputs, only: channel_length, inputs_type
     use tandem_analysis_linearisation, only: at_an_instant, at_equilibrium, in_steady_motion, kind_name, linearisation_type
     use tandem_analysis_spectrum, only: cause_name, is_asymptotically_stable, is_marginal, is_unstable, of_family, &
         of_motion, of_symmetry, spectrum_type, stability_name
@@ -70,6 +72,7 @@ module tandem
     public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type
+    public :: floquet_type, inputs_type, channel_length
     public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name

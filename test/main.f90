@@ -61,6 +61,7 @@ program main
     use test_simulation, only: collect_simulation
     use test_sparse, only: collect_sparse
     use test_singular, only: collect_singular
+    use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
@@ -145,6 +146,7 @@ program main
         new_testsuite('sparse', collect_sparse), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
+        new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

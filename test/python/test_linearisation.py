@@ -14,7 +14,95 @@ DRIVEN = {"mechanism_chopper", "mechanism_motorcycle", "motorcycle", "motorcycle
 UNSTABLE = {"a02_four_bars", "a03_andrews", "bicycle", "mechanism_disk", "rolling_disk", "spatial_slider_crank"}
 
 
+CART = """
+[scene]
+model = "mechanism"
+planar = true
+[gravity]
+vector = [0, -9.81]
+[body.cart]
+mass = 2.0
+inertia = 0.1
+position = [0, 0]
+[joint.rail]
+type = "prismatic"
+bodies = ["ground", "cart"]
+at = [0, 0]
+axis = [1, 0]
+"""
+# A cart on a spring, which a force pushes; a pendulum that hangs from a cart whose way is imposed.
+PUSHED = CART + """
+[force]
+spring = { type = "spring", between = ["ground:[-1, 0]", "cart"], stiffness = 50, damping = 0.8 }
+push = { type = "load", on = "cart", force = [3, 0], factor = 0 }
+[sensor]
+cart = { point = "cart" }
+rail = { joint = "rail" }
+[time]
+end = 1
+"""
+SWUNG = CART + """
+motion = 0
+[body.bob]
+mass = 0.5
+inertia = 0.02
+position = [0, -0.8]
+[joint.pin]
+type = "revolute"
+bodies = ["cart", "bob"]
+at = [0, 0]
+[sensor]
+pin = { joint = "pin" }
+bob = { point = "bob" }
+[time]
+end = 1
+"""
+
+
 class Linearisation(Case):
+    def transfer(self, said, source, output, s):
+        """From a motion with its rate and acceleration, or from a force, to an output: C (s - A)^-1 B + D at s."""
+        a, b, c, d = (np.array(said[name]) for name in "abcd")
+        row = said["outputs"].index(output)
+        total = 0
+        for order in range(3):
+            name = source + order * "'"
+            if name in said["inputs"]:
+                column = said["inputs"].index(name)
+                state = np.linalg.solve(s * np.eye(len(a)) - a, b[:, column])
+                total += (c[row] @ state + d[row, column]) * s**order
+        return total
+
+    def test_a_force_as_input(self):
+        said = self.said("linearise", self.scene(PUSHED), "--output", "cart.h5")
+        self.assertEqual(said["inputs"], ["push"])
+        for s in (0.3, 1 + 2j, 7j):
+            way = 3 / (2 * s**2 + 0.8 * s + 50)
+            for output, expected in (("rail/way", way), ("rail/speed", s * way), ("cart/position[1]", way),
+                                     ("cart/acceleration[1]", s**2 * way), ("cart/position[2]", 0)):
+                # Sensors by differences of fourth order with displacements of 1e-3.
+                self.assertLess(abs(self.transfer(said, "push", output, s) - expected), 1e-11)
+        with h5py.File(self.folder / "cart.h5") as file:
+            group = file["linearisation"]
+            for name in "abcd":
+                self.assertEqual(group[name][:].tolist(), said[name])
+            self.assertEqual(group["eigenvalues"][:].tolist(), said["eigenvalues"])
+            self.assertEqual([name.decode() for name in group["outputs"][:]], said["outputs"])
+            self.assertEqual(group.attrs["kind"], "equilibrium")
+        self.refused("linearise", "scene.toml", "--output", "cart.h5", says="exists")
+
+    def test_a_motion_as_input(self):
+        """The pivot at u: J phi'' = -m l (g phi + u''), the bob's place u + l phi."""
+        said = self.said("linearise", self.scene(SWUNG))
+        self.assertEqual(said["inputs"], ["rail", "rail'", "rail''"])
+        inertia = 0.02 + 0.5 * 0.8**2
+        for s in (0.3, 1 + 2j, 7j):
+            angle = -0.4 * s**2 / (inertia * s**2 + 0.4 * 9.81)
+            for output, expected in (("pin/angle", angle), ("pin/rate", s * angle), ("bob/position[1]", 1 + 0.8 * angle),
+                                     ("bob/velocity[1]", s + 0.8 * s * angle),
+                                     ("bob/acceleration[1]", s**2 * (1 + 0.8 * angle))):
+                self.assertLess(abs(self.transfer(said, "rail", output, s) - expected), 1e-10 * max(1, abs(expected)))
+
     def said(self, *words):
         return json.loads(self.tandem(*words, "--json").stdout)
 
@@ -87,6 +175,27 @@ class Linearisation(Case):
         with h5py.File(self.folder / "steady.h5") as file:
             s = file["sensors/s/way"][:]
         self.assertLess(np.max(np.abs(s - s[0])), 1e-9)
+
+    def test_a_steady_turn_is_kept_for_100_s(self):
+        """A push makes the bicycle turn; the steady turn near that, found with all its rates, is what a run from it does."""
+        self.tandem("run", "bicycle", "--set", "parameters.push=30", "--set", "time.end=1.5", "--set", "solver.stepper=dop853", "--set",
+                    "solver.rtol=1e-9", "--output", "push.h5", "--quiet", "--no-error")
+        with h5py.File(self.folder / "push.h5") as file:
+            q, qd = (file[f"trajectory/{name}"][-1].tolist() for name in ("q", "qd"))
+        settings = ["--set", "parameters.push=0", "--set", f"initial.q={q}", "--set", f"initial.qd={qd}", "--set",
+                    'initial.steady=["any"]']
+        turn = self.said("linearise", "bicycle", *settings)["steady"]["world.turn_z"]
+        self.assertGreater(abs(turn), 0.01)
+        self.tandem("run", "bicycle", *settings, "--set", "time.end=100", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-11",
+                    "--set", "output.interval=1", "--output", "turn.h5", "--quiet", "--no-error")
+        with h5py.File(self.folder / "turn.h5") as file:
+            t, q, qd, steer = (file[name][:] for name in ("trajectory/time", "trajectory/q", "trajectory/qd", "sensors/steer/angle"))
+        place, velocity = q[:, 7] + 1j * q[:, 8], qd[:, 7] + 1j * qd[:, 8]
+        circle = place[0] + velocity[0] * (np.exp(1j * turn * t) - 1) / (1j * turn)
+        # Local errors add up to some 1e-9. Over 600 m a part of it in the rates is 1e-6 m.
+        self.assertLess(np.max(np.abs(steer - steer[0])), 1e-8)
+        self.assertLess(np.max(np.abs(np.abs(velocity) - abs(velocity[0]))), 1e-7)
+        self.assertLess(np.max(np.abs(place - circle)), 1e-4)
 
     def test_critical_speeds(self):
         """Weave and capsize of the bicycle against its 2 x 2 form: capsize where K is singular, weave by the criterion of Routh."""

@@ -156,8 +156,8 @@ contains
         case ('--set')
             call add_text(self%settings, value)
         case ('--output')
-            ! A study has a folder of files, a sweep a table.
-            if (self%first == 2 .and. self%command /= 'sweep') then
+            ! A study has a folder of files, a sweep a table, and a linearised system is no run.
+            if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
                 call add_text(self%given, name//'='//value)

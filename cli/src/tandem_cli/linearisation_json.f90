@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as one JSON object.
 module tandem_cli_linearisation_json
-    use tandem, only: cause_name, kind_name, linearisation_type, of_motion, wp
+    use tandem, only: cause_name, floquet_type, inputs_type, kind_name, linearisation_type, of_motion, wp
     use tandem_cli_messages, only: say
     use tandem_io, only: json_type, scene_type
     implicit none (type, external)
@@ -12,9 +12,12 @@ module tandem_cli_linearisation_json
 contains
 
     !> Print it.
-    subroutine print_linearisation_json(scene, linearisation)
+    subroutine print_linearisation_json(scene, linearisation, inputs, floquet)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
+        type(inputs_type), intent(in) :: inputs
+        !> Multipliers, where they were asked for.
+        type(floquet_type), intent(in), optional :: floquet
         type(json_type) :: json
         integer :: i
 
@@ -28,11 +31,7 @@ contains
             call json%add('exact_gradients', it%has_gradients)
             call json%add('n_v', it%nv)
             call json%add('n_w', it%nw)
-            call json%begin_array('eigenvalues')
-            do i = 1, size(spectrum%values)
-                call json%add('', [real(spectrum%values(i), wp), aimag(spectrum%values(i))])
-            end do
-            call json%end_array()
+            call add_pairs(json, 'eigenvalues', spectrum%values)
             call json%begin_array('modes')
             do i = 1, size(spectrum%values)
                 call add_mode(json, scene, it, i)
@@ -50,6 +49,16 @@ contains
             call json%add('q', it%q)
             call json%add('qd', it%qd)
             call add_matrix(json, 'a', it%a)
+            call add_matrix(json, 'b', inputs%b)
+            call add_matrix(json, 'c', inputs%c)
+            call add_matrix(json, 'd', inputs%d)
+            call json%add('inputs', inputs%inputs)
+            call json%add('outputs', inputs%outputs)
+            if (present(floquet)) then
+                call json%add('period', floquet%period)
+                call add_pairs(json, 'multipliers', floquet%multipliers)
+                call add_pairs(json, 'exponents', floquet%exponents)
+            end if
         end associate
         call json%end_object()
         call say(json%text)
@@ -101,6 +110,20 @@ contains
         end do
         call json%end_object()
     end subroutine add_motions
+
+    !> Complex numbers as pairs [re, im].
+    subroutine add_pairs(json, name, values)
+        type(json_type), intent(inout) :: json
+        character(len=*), intent(in) :: name
+        complex(wp), intent(in) :: values(:)
+        integer :: i
+
+        call json%begin_array(name)
+        do i = 1, size(values)
+            call json%add('', [real(values(i), wp), aimag(values(i))])
+        end do
+        call json%end_array()
+    end subroutine add_pairs
 
     !> A matrix by rows.
     subroutine add_matrix(json, name, matrix)

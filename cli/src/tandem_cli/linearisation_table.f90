@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as tables to read.
 module tandem_cli_linearisation_table
-    use tandem, only: at_an_instant, in_steady_motion, kind_name, linearisation_type, of_family, of_motion, of_symmetry, &
-        to_text, wp
+    use tandem, only: at_an_instant, floquet_type, in_steady_motion, kind_name, linearisation_type, of_family, of_motion, &
+        of_symmetry, to_text, wp
     use tandem_cli_messages, only: padded, say
     use tandem_io, only: brief, scene_type
     implicit none (type, external)
     private
 
-    public :: print_linearisation
+    public :: print_linearisation, print_multipliers
 
     !> Most coordinates of a mode that are named.
     integer, parameter :: most_names = 6
@@ -46,6 +46,28 @@ contains
         end associate
     end subroutine print_linearisation
 
+    !> Floquet multipliers.
+    subroutine print_multipliers(floquet)
+        type(floquet_type), intent(in) :: floquet
+        character(len=28) :: parts(4)
+        integer :: i
+
+        call say('')
+        call say(padded('multiplier over '//to_text(floquet%period)//' s', 46)//'ln(multiplier)/period [1/s]')
+        do i = 1, size(floquet%multipliers)
+            associate (mu => floquet%multipliers(i), lambda => floquet%exponents(i))
+                if (aimag(mu) < 0.0_wp) cycle
+                write (parts, '(es20.12)') real(mu, wp), aimag(mu), real(lambda, wp), aimag(lambda)
+                if (.not. aimag(mu) > 0.0_wp) parts(2) = ''
+                if (.not. abs(aimag(lambda)) > 0.0_wp) parts(4) = ''
+                if (parts(2) /= '') parts(2) = '+- '//trim(adjustl(parts(2)))//' i'
+                if (parts(4) /= '') parts(4) = '+- '//trim(adjustl(parts(4)))//' i'
+                call say(padded(trim(adjustl(parts(1))), 21)//padded(trim(parts(2)), 25)// &
+                    padded(trim(adjustl(parts(3))), 21)//trim(parts(4)))
+            end associate
+        end do
+    end subroutine print_multipliers
+
     !> The eigenvalues that are not explained by symmetries and families, one of each pair, with their shapes.
     subroutine print_eigenvalues(scene, it)
         type(scene_type), intent(in) :: scene
@@ -62,7 +84,7 @@ contains
                 im = ''
                 if (aimag(value) > 0.0_wp) write (im, '(es18.12, a)') aimag(value), ' i'
                 if (im /= '') im = '+- '//im
-                call say(padded(adjustl(re), 21)//padded(trim(im), 25)//padded(hertz(it, i), 12)// &
+                call say(padded(trim(adjustl(re)), 21)//padded(trim(im), 25)//padded(hertz(it, i), 12)// &
                     padded(brief(it%spectrum%damping_ratio(i)), 12)//padded(brief(it%spectrum%error(i)), 10)// &
                     shape_text(scene, it, i))
             end associate

@@ -77,7 +77,7 @@ contains
         real(wp), intent(out) :: ends(2)
         integer, intent(out) :: n
         type(error_type), allocatable, intent(out) :: error
-        integer :: equals, first, last, stat(3)
+        integer :: equals, first, last, stat
 
         ends = 0.0_wp
         n = 0
@@ -87,11 +87,11 @@ contains
         last = index(text, ':', back=.true.)
         key = text(:max(equals - 1, 0))
         if (equals > 1 .and. first > equals .and. last > first) then
-            read (text(equals + 1:first - 1), *, iostat=stat(1)) ends(1)
-            read (text(first + 1:last - 1), *, iostat=stat(2)) ends(2)
-            if (verify(text(last + 1:), '0123456789') == 0) read (text(last + 1:), *, iostat=stat(3)) n
+            read (text(equals + 1:first - 1), *, iostat=stat) ends(1)
+            if (stat == 0) read (text(first + 1:last - 1), *, iostat=stat) ends(2)
+            if (stat == 0 .and. verify(text(last + 1:), '0123456789') == 0) read (text(last + 1:), *, iostat=stat) n
         end if
-        if (all(stat == 0) .and. n >= 2 .and. n <= most_samples .and. all(ieee_is_finite(ends)) .and. ends(2) > ends(1)) return
+        if (stat == 0 .and. n >= 2 .and. n <= most_samples .and. all(ieee_is_finite(ends)) .and. ends(2) > ends(1)) return
         call set_error(error, status_invalid_option, 'tandem study modes needs --over KEY=a:b:n, such as '// &
             'parameters.speed=0:10:41, not "'//text//'"', 'a is less than b, and n from 2 to '//to_text(most_samples))
     end subroutine read_over

@@ -113,26 +113,23 @@ contains
     subroutine form(self, point)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
-        real(wp), allocatable :: g(:, :), hv(:, :), hw(:, :), av(:, :), aw(:, :)
+        real(wp), allocatable :: g(:, :), by_v(:, :), by_w(:, :), none(:, :)
         integer :: i
 
         associate (n => point%n, nv => point%nv, nw => point%nw, v => point%v, w => point%w)
-            allocate (g(n, nv), hv(n, nv), hw(n, nw))
+            allocate (g(n, nv), by_v(n, nv), by_w(n, nw))
+            allocate (none(n, nw), source=0.0_wp)
             call point%apply_right_inverse(-matmul(point%velocity_q, v), g)
-            call point%apply_right_inverse(-matmul(point%acceleration_q, v) - matmul(point%acceleration_qd, g), hv)
-            call point%apply_right_inverse(-matmul(point%acceleration_qd, w), hw)
-            av = -matmul(transpose(w), matmul(point%dynamics_q, v) + matmul(point%dynamics_qd, g) + matmul(point%mass, hv))
-            aw = -matmul(transpose(w), matmul(point%dynamics_qd, w) + matmul(point%mass, hw))
-            call point%solve_reduced(av)
-            call point%solve_reduced(aw)
+            call point%vary_acceleration(v, g, by_v)
+            call point%vary_acceleration(none, w, by_w)
             self%nv = nv
             self%nw = nw
             if (allocated(self%a)) deallocate (self%a)
             allocate (self%a(nv + nw, nv + nw))
             self%a(:nv, :nv) = matmul(transpose(v), g)
             self%a(:nv, nv + 1:) = matmul(transpose(v), w)
-            self%a(nv + 1:, :nv) = av
-            self%a(nv + 1:, nv + 1:) = aw
+            self%a(nv + 1:, :nv) = matmul(transpose(w), by_v)
+            self%a(nv + 1:, nv + 1:) = matmul(transpose(w), by_w)
             self%v = v
             self%g = g
             self%w = w

@@ -51,9 +51,10 @@ module tandem_analysis_point
         procedure :: evaluate
         procedure :: make_bases
         procedure :: solve_dynamics
-        procedure :: solve_reduced
+        procedure :: vary_acceleration
         procedure :: differentiate
         procedure :: apply_right_inverse
+        procedure :: apply_position_inverse
         procedure :: restore_position
         procedure :: set_acceleration
         procedure :: describe
@@ -156,6 +157,15 @@ contains
         end do
     end subroutine apply_right_inverse
 
+    !> x (n) = Phi_q^+ b for b (nh).
+    subroutine apply_position_inverse(self, b, x)
+        class(point_type), intent(in) :: self
+        real(wp), intent(in) :: b(:)
+        real(wp), intent(out) :: x(:)
+
+        call self%of_phi%solve(self%row_scale(:self%nh)*b, x)
+    end subroutine apply_position_inverse
+
     !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are those there.
     subroutine restore_position(self, t, qd, q, stat)
         class(point_type), intent(inout) :: self
@@ -171,7 +181,7 @@ contains
             call self%evaluate(t, q, qd, stat)
             if (stat /= status_ok) return
             call self%make_bases()
-            call self%of_phi%solve(-self%row_scale(:self%nh)*self%phi, correction)
+            call self%apply_position_inverse(-self%phi, correction)
             if (maxval(abs(correction)) <= 1.0e-13_wp*(1 + maxval(abs(q/self%scale)))) return
             if (maxval(abs(correction)) > most) exit
             q = q + self%scale*correction
@@ -209,16 +219,28 @@ contains
         call self%set_acceleration(self%scale*x(:, 1))
     end subroutine solve_dynamics
 
-    !> b := (W'M W)^-1 b for b (nw, k), after `solve_dynamics`.
-    subroutine solve_reduced(self, b)
+    !> How qdd (n, k) changes with the coordinates and velocities (n, k), all in scaled coordinates; after `solve_dynamics` and
+    !> `differentiate`.
+    subroutine vary_acceleration(self, dq, dqd, dqdd, acceleration, dynamics)
         class(point_type), intent(in) :: self
-        real(wp), intent(inout), contiguous :: b(:, :)
+        real(wp), intent(in) :: dq(:, :), dqd(:, :)
+        real(wp), intent(out) :: dqdd(:, :)
+        !> What else is added to C qdd + gamma (m) and to M qdd - S - Q_A (n), k = 1.
+        real(wp), intent(in), optional :: acceleration(:), dynamics(:)
+        real(wp) :: rows(self%m, size(dq, 2)), force(self%nw, size(dq, 2))
         integer :: j
 
-        do j = 1, size(b, 2)
-            call self%reduced_mass%solve(b(:, j))
+        ! C dqdd = -(acc_q dq + acc_qd dqd), and what is left of W'M dqdd = -W'(dyn_q dq + dyn_qd dqd).
+        rows = -matmul(self%acceleration_q, dq) - matmul(self%acceleration_qd, dqd)
+        if (present(acceleration)) rows(:, 1) = rows(:, 1) - acceleration
+        call self%apply_right_inverse(rows, dqdd)
+        force = -matmul(transpose(self%w), matmul(self%dynamics_q, dq) + matmul(self%dynamics_qd, dqd) + matmul(self%mass, dqdd))
+        if (present(dynamics)) force(:, 1) = force(:, 1) - matmul(dynamics, self%w)
+        do j = 1, size(dq, 2)
+            call self%reduced_mass%solve(force(:, j))
         end do
-    end subroutine solve_reduced
+        dqdd = dqdd + matmul(self%w, force)
+    end subroutine vary_acceleration
 
     !> The gradients at the point, for the qdd and lambda that it holds.
     subroutine differentiate(self, stat)

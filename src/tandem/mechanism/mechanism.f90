@@ -55,6 +55,7 @@ module tandem_mechanism
         logical :: is_compressed = .false.
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        integer, private :: inputs_of_f = 0
         !> C and nu at a row of a file; only where a sensor looks at reactions.
         type(terms_type), private :: at_row
     contains
@@ -115,6 +116,7 @@ contains
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         self%list_motions => list_motions
+        self%input_name = [character(len=label_length) :: self%motions%name]
         call list_quantities(self)
         call allow_changes(self)
     end subroutine define
@@ -180,11 +182,13 @@ contains
         real(wp), intent(in) :: t
         integer :: i
 
-        if (.not. (t < self%time_of_f .or. t > self%time_of_f)) return
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%input_version) return
         self%time_of_f = t
+        self%inputs_of_f = self%input_version
         do i = 1, size(self%motions)
             call self%motions(i)%f%evaluate(t, self%f(:, i))
         end do
+        if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
     !> Let the functions hold the smooth pieces of the current segment.

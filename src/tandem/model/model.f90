@@ -96,6 +96,12 @@ module tandem_model
         !> The impulses of the rows (nh + nd) where an event made velocities jump last; only where it is allocated, by a model that
         !> tells of them.
         real(wp), allocatable :: impulses(:)
+        !> Inputs of the linearised system: names of functions of time, which may be several of one element. `input` (0:2, inputs),
+        !> where it is allocated, is what the model's procedures add to the value and the first two derivatives of each;
+        !> `input_version` changes whenever it does.
+        character(len=label_length), allocatable :: input_name(:)
+        real(wp), allocatable :: input(:, :)
+        integer :: input_version = 0
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
