@@ -15,9 +15,11 @@ module tandem_io_sweep_schedule
 
     public :: watcher_type, distribute
 
-    !> Seconds that a range should last, and milliseconds that this process sleeps between looks at short cases.
+    !> Seconds that a range should last at least, and milliseconds that this process waits for the next record.
     real(wp), parameter :: shortest = 0.1_wp
-    integer, parameter :: sleep = 5, patience = 200
+    integer, parameter :: patience = 200
+    !> Milliseconds that it sleeps at most while cases are short, and how many of them a worker may do meanwhile.
+    integer, parameter :: longest_sleep = 20, unseen = 100
     integer(long), parameter :: most = 20000
 
     !> Is told how far the sweep is, and says whether it shall end.
@@ -89,6 +91,7 @@ contains
         type(schedule_type) :: schedule
         type(event_type) :: event
         type(record_type) :: record
+        real(wp) :: sleep
 
         allocate (schedule%duties(team%size()), schedule%left(2, 0), schedule%suspects(0))
         allocate (record%values(outputs))
@@ -115,7 +118,10 @@ contains
                     'the same command goes on with the others')
                 exit
             end if
-            if (schedule%cases > 0 .and. schedule%busy < 0.001_wp*sleep*real(schedule%cases, wp)) call nap(sleep)
+            ! Short cases would wake this process at each of them.
+            if (schedule%cases == 0) cycle
+            sleep = 1.0e3_wp*schedule%busy/real(schedule%cases, wp)
+            if (sleep < longest_sleep) call nap(max(1, min(longest_sleep, int(unseen*sleep))))
         end do
         call team%dismiss()
     end subroutine distribute
