@@ -346,8 +346,8 @@ class Kills(Case):
             time.sleep(self.random.uniform(0.0, 0.003))
             process.kill()
             process.wait()
-            if not (self.folder / "killed.h5").exists() or (self.folder / "killed.h5.journal").exists():
-                self.sweep("--output", "killed.h5", "--quiet", "--force" if (self.folder / "killed.h5").exists() else "--quiet")
+            if (self.folder / "killed.h5.journal").exists():
+                self.sweep("--output", "killed.h5", "--quiet")
             self.assertEqual(table(self.folder / "killed.h5"), self.expected)
             for path in self.folder.glob("killed.*"):
                 path.unlink()
@@ -403,6 +403,7 @@ WRONG = [
     (HEAD + "draws = 99999999999\n" + VARY, "draws must lie between"),
     (HEAD + 'points = "grid"\n' + VARY, "points must be one of random, latin, sobol"),
     (HEAD + "seed = -1\n" + VARY, "seed must not be negative"),
+    (HEAD + 'trajectories = "nowhere"\n' + VARY, "trajectories must be a folder"),
     (HEAD + "max_seconds = -1.0\n" + VARY, "max_seconds must not be negative"),
     (HEAD + "set = \"time.end=1.0\"\n" + VARY, "set must be a list"),
     (HEAD + "set = [1.0]\n" + VARY, "set must be a list of texts"),

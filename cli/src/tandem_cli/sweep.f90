@@ -72,7 +72,7 @@ contains
         type(sweep_setup_type), intent(inout), target :: setup
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: name
-        logical :: exists
+        logical :: exists, goes_on
 
         call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
         if (allocated(error)) return
@@ -85,7 +85,9 @@ contains
         call read_range(arguments, setup, error)
         if (allocated(error)) return
         inquire (file=setup%output, exist=exists)
-        if (exists .and. setup%is_whole .and. .not. arguments%force) then
+        ! One that was to be overwritten when the sweep was ended is overwritten now.
+        inquire (file=setup%output//'.journal', exist=goes_on)
+        if (exists .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
             call refuse(setup%output//' exists; choose another table with --output, or overwrite with --force', error)
             return
         end if

@@ -4,10 +4,10 @@
 module tandem_mpi_ranks
     use mpi_f08, only: mpi_any_source, mpi_any_tag, mpi_comm_size, mpi_comm_world, mpi_get_count, mpi_integer8, &
         mpi_iprobe, mpi_recv, mpi_send, mpi_status
-    use tandem, only: error_type, long
+    use tandem, only: error_type, long, wp
     use tandem_io, only: case_runner_type, processes_type
     use tandem_io_sweep_processes, only: nap
-    use tandem_io_sweep_team, only: event_type, nothing, team_type
+    use tandem_io_sweep_team, only: a_loss, event_type, nothing, team_type
     implicit none (type, external)
     private
 
@@ -17,6 +17,9 @@ module tandem_mpi_ranks
     integer, parameter :: to_start = 1, to_give = 2, to_end = 3, to_leave = 4, told = 5
     !> Words of a message of events, and milliseconds that a rank sleeps between looks at its messages.
     integer, parameter :: most_words = 65536, sleep = 2
+    !> Seconds, for each rank that there is, that a rank gathers what it tells: 2000 messages a second reach rank 0, however many
+    !> ranks there are.
+    real(wp), parameter :: gathering = 5.0e-4_wp
     !> Seconds that rank 0 waits for the others to leave.
     integer(long), parameter :: longest = 5
     !> Words before those of an event: its kind, the worker, the number of words.
@@ -38,6 +41,7 @@ module tandem_mpi_ranks
         procedure :: next
         procedure :: end_worker
         procedure :: dismiss
+        procedure :: delay => delay_of_ranks
         procedure, private :: unpack_event
     end type ranks_type
 
@@ -102,6 +106,13 @@ contains
             call tell_rank(self%jobs, worker, to_end, [0_long, 0_long])
         end if
     end subroutine end_worker
+
+    !> Seconds until rank 0 hears of something.
+    pure real(wp) function delay_of_ranks(self) result(delay)
+        class(ranks_type), intent(in) :: self
+
+        delay = merge(gathering*self%ranks, 0.0_wp, self%ranks > 1)
+    end function delay_of_ranks
 
     !> Tell the rank of a worker what to do.
     subroutine tell_rank(jobs, worker, what, range)
@@ -195,12 +206,17 @@ contains
         type(event_type) :: event
         type(mpi_status) :: status
         integer(long), allocatable :: words(:)
-        integer(long) :: order(3)
-        logical :: is_there
-        integer :: n
+        integer(long) :: order(3), left, now, rate, since
+        logical :: is_there, is_urgent
+        integer :: n, ranks
 
         allocate (words(most_words + words_of_event))
         call own%prepare(runner, jobs)
+        call mpi_comm_size(mpi_comm_world, ranks)
+        left = 0
+        n = 0
+        is_urgent = .false.
+        call system_clock(since, rate)
         do
             do
                 call mpi_iprobe(0, mpi_any_tag, mpi_comm_world, is_there, status)
@@ -212,6 +228,7 @@ contains
                     if (allocated(error)) return
                 case (to_give)
                     call own%give(int(order(1)), order(2), order(3))
+                    left = left + order(3) - order(2) + 1
                 case (to_end)
                     call own%end_worker(int(order(1)))
                 case default
@@ -220,16 +237,25 @@ contains
                     return
                 end select
             end do
-            n = 0
             call own%next(sleep, event)
             do while (event%kind /= nothing)
+                if (n == 0) call system_clock(since)
+                is_urgent = is_urgent .or. event%kind == a_loss
+                left = left - 1
                 words(n + 1:n + head) = [int(event%kind, long), int(event%worker, long), int(event%n, long)]
                 words(n + head + 1:n + head + event%n) = event%words(:event%n)
                 n = n + head + event%n
                 if (n > most_words - head) exit
                 call own%next(0, event)
             end do
-            if (n > 0) call mpi_send(words, n, mpi_integer8, 0, told, mpi_comm_world)
+            if (n == 0) cycle
+            call system_clock(now)
+            ! At once where a process waits for cases, or is lost.
+            if (.not. (is_urgent .or. left <= 0 .or. n > most_words/2) .and. &
+                real(now - since, wp) < gathering*real(ranks, wp)*real(rate, wp)) cycle
+            call mpi_send(words, n, mpi_integer8, 0, told, mpi_comm_world)
+            n = 0
+            is_urgent = .false.
         end do
     end subroutine relay
 end module tandem_mpi_ranks

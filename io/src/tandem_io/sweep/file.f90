@@ -65,6 +65,7 @@ contains
         character(len=:), allocatable :: file
         character(len=6) :: points
         character(len=4) :: lists
+        logical :: exists
         integer :: i, length
 
         call reader%open_table('sweep')
@@ -101,6 +102,9 @@ contains
         call reader%get('trajectories', plan%folder, 'folder for the whole motion of each case')
         if (allocated(plan%folder)) plan%folder = trim(plan%folder)
         if (.not. allocated(plan%folder)) plan%folder = ''
+        exists = plan%folder == ''
+        if (.not. exists) inquire (file=plan%folder//'/.', exist=exists)
+        if (.not. exists) call reader%refuse('trajectories', 'must be a folder that exists')
         allocate (plan%inputs(0))
         call reader%get('csv', file, 'file of cases: keys in its first line, then a line a case')
         if (.not. reader%failed() .and. file /= '') call read_file(reader, plan, beside(plan%path, file))

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Distributes the cases of a sweep among the workers of a team and writes what comes of them into the journal. Whoever is done
-!> with his cases gets more, in ranges that last about a tenth of a second and become smaller towards the end; each has a second
-!> range waiting, so that none is idle while this process sleeps.
+!> with his cases gets more, in ranges that last about a tenth of a second, longer where the team tells with a delay, and become
+!> smaller towards the end; each has a second range waiting, so that none is idle while this process sleeps.
 module tandem_io_sweep_schedule
     use tandem, only: error_type, long, set_error, to_text, wp
     use tandem_io_sweep_journal, only: sweep_journal_type
@@ -15,9 +15,11 @@ module tandem_io_sweep_schedule
 
     public :: watcher_type, distribute
 
-    !> Seconds that a range should last, and milliseconds that this process sleeps between looks at short cases.
-    real(wp), parameter :: lasting = 0.1_wp
-    integer, parameter :: sleep = 5, patience = 200
+    !> Seconds that a range should last at least, and milliseconds that this process waits for the next record.
+    real(wp), parameter :: shortest = 0.1_wp
+    integer, parameter :: patience = 200
+    !> Milliseconds that it sleeps at most while cases are short, and how many of them a worker may do meanwhile.
+    integer, parameter :: longest_sleep = 20, unseen = 100
     integer(long), parameter :: most = 20000
 
     !> Is told how far the sweep is, and says whether it shall end.
@@ -70,6 +72,8 @@ module tandem_io_sweep_schedule
         integer(long) :: cases = 0
         !> Seconds after which a worker that has not been heard of is ended, 0 for never.
         real(wp) :: limit = 0.0_wp
+        !> Seconds that a range should last.
+        real(wp) :: lasting = shortest
     end type schedule_type
 
 contains
@@ -87,12 +91,14 @@ contains
         type(schedule_type) :: schedule
         type(event_type) :: event
         type(record_type) :: record
+        real(wp) :: sleep
 
         allocate (schedule%duties(team%size()), schedule%left(2, 0), schedule%suspects(0))
         allocate (record%values(outputs))
         schedule%next = journal%first
         ! A case that minds its limit ends in time; one that does not is given as long again.
-        if (max_seconds > 0.0_wp) schedule%limit = 2*max_seconds + 5.0_wp
+        if (max_seconds > 0.0_wp) schedule%limit = 2*max_seconds + 5.0_wp + 2*team%delay()
+        schedule%lasting = max(shortest, 4*team%delay())
         do
             call give_cases(schedule, journal, team, error)
             if (allocated(error) .or. all(schedule%duties%n == 0)) exit
@@ -112,7 +118,10 @@ contains
                     'the same command goes on with the others')
                 exit
             end if
-            if (schedule%cases > 0 .and. schedule%busy < 0.001_wp*sleep*real(schedule%cases, wp)) call nap(sleep)
+            ! Short cases would wake this process at each of them.
+            if (schedule%cases == 0) cycle
+            sleep = 1.0e3_wp*schedule%busy/real(schedule%cases, wp)
+            if (sleep < longest_sleep) call nap(max(1, min(longest_sleep, int(unseen*sleep))))
         end do
         call team%dismiss()
     end subroutine distribute
@@ -169,7 +178,7 @@ contains
         end do
         length = 1
         if (schedule%cases > 0) then
-            length = int(min(real(most, wp), lasting*real(schedule%cases, wp)/max(schedule%busy, 1.0e-9_wp)), long)
+            length = int(min(real(most, wp), schedule%lasting*real(schedule%cases, wp)/max(schedule%busy, 1.0e-9_wp)), long)
         end if
         length = max(1_long, min(length, (journal%last - schedule%next + 1)/(4*size(schedule%duties))))
         range = [schedule%next, schedule%next - 1]

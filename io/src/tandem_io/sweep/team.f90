@@ -2,7 +2,7 @@
 !> Who runs the cases of a sweep: workers that take ranges of cases and hand back their records in order. What they are, processes
 !> of this machine or ranks of MPI, is the business of the types that extend this.
 module tandem_io_sweep_team
-    use tandem, only: error_type, long
+    use tandem, only: error_type, long, wp
     implicit none (type, external)
     private
 
@@ -30,6 +30,7 @@ module tandem_io_sweep_team
         procedure(next_interface), deferred :: next
         procedure(end_interface), deferred :: end_worker
         procedure(dismiss_interface), deferred :: dismiss
+        procedure :: delay
     end type team_type
 
     abstract interface
@@ -82,4 +83,13 @@ module tandem_io_sweep_team
             class(team_type), intent(inout) :: self
         end subroutine dismiss_interface
     end interface
+
+contains
+
+    !> Seconds that may pass until something that a worker tells is heard; 0 unless overridden.
+    pure real(wp) function delay(self)
+        class(team_type), intent(in) :: self
+
+        delay = 0.0_wp
+    end function delay
 end module tandem_io_sweep_team
