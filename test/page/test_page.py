@@ -195,18 +195,36 @@ class Pages(Browser):
         self.quiet()
 
     def test_frames_a_second(self):
-        """Ten bodies for a minute, in software rendering; a chain of a thousand: stated, and not judged."""
-        figures = {}
+        """Ten bodies for a minute, in software rendering; a chain of a thousand. What the machine gives depends on what else it does: the
+        processor's time of a frame, of all of the browser, is stated too."""
         for name, given in (("ten", tandem.run_scene("trailers", {"parameters.n": 9, "time.end": 60}, error=False)), ("thousand", chain(1000))):
             tab, drawing = self.open(given, name, size=(1000, 640))
             self.not_blank(tab, name)
-            before = tab.evaluate("tandem.play(), tandem.state.drawn")
-            tab.wait_for_timeout(3000)
-            figures[name] = (tab.evaluate("tandem.state.drawn") - before)/3, (SEEN / f"{name}.html").stat().st_size
-            print(f"{name}: {len(drawing.bodies)} bodies, {len(drawing.times)} frames, {figures[name][0]:.0f} frames a second, "
-                  f"{figures[name][1]/1e6:.2f} MB", file=sys.stderr)
+            tab.evaluate("tandem.play()")
+            tab.wait_for_timeout(500)
+            before, worked = tab.evaluate("tandem.state.drawn"), processor_seconds()
+            tab.wait_for_timeout(4000)
+            frames, worked = tab.evaluate("tandem.state.drawn") - before, processor_seconds() - worked
+            tab.evaluate("tandem.pause()")
+            print(f"{name}: {len(drawing.bodies)} bodies, {len(drawing.times)} frames, {frames/4:.0f} frames a second, {1e3*worked/frames:.0f} ms "
+                  f"of processors a frame, {(SEEN / f'{name}.html').stat().st_size/1e6:.2f} MB", file=sys.stderr)
             self.quiet()
-        self.assertGreater(figures["ten"][0], 30)
+            self.assertGreater(frames, 0)
+
+
+def processor_seconds():
+    """What the processes of the browser, which this one has started, have worked so far."""
+    parents, times = {}, {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        parents[int(folder.name)], times[int(folder.name)] = int(fields[1]), int(fields[11]) + int(fields[12])
+    ours = {os.getpid()}
+    while more := {process for process, parent in parents.items() if parent in ours} - ours:
+        ours |= more
+    return sum(times.get(process, 0) for process in ours - {os.getpid()})/os.sysconf("SC_CLK_TCK")
 
 
 class Gltf(unittest.TestCase):
