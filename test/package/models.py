@@ -75,6 +75,7 @@ def compiled_pendulum():
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return None, None
+    with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder) / "pendulum.c", Path(folder) / "pendulum.so"
         source.write_text(C_PENDULUM)
         subprocess.run([compiler, "-O2", "-shared", "-fPIC", str(source), "-o", str(library)], check=True)

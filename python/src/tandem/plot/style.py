@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 try:
@@ -24,10 +25,19 @@ SETTINGS = {
 }
 
 
+class Picture(Figure):
+    """A figure that shows itself in a notebook, also without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        self.savefig(file, format="png", metadata={"Software": None})
+        return file.getvalue()
+
+
 def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] | None = None, **options):
     """A figure with its axes as an array (rows, columns), without the global state of pyplot."""
     with matplotlib.rc_context(SETTINGS):
-        figure = Figure(figsize=size or (4.2 * columns + 0.8, 3.2 * rows), layout="constrained", dpi=DPI)
+        figure = Picture(figsize=size or (4.2 * columns + 0.8, 3.2 * rows), layout="constrained", dpi=DPI)
         axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, axes
 

@@ -46,7 +46,7 @@ function makeInstances(scene, bodies, nodes) {
     const found = {}, colour = new THREE.Color();
     bodies.forEach((body, i) => body.pieces.forEach(piece => (found[piece[0]] ??= []).push([nodes[i], piece])));
     return Object.entries(found).map(([shape, pieces]) => {
-        const material = new THREE.MeshStandardMaterial({ roughness: 0.55, metalness: 0.05 });
+        const material = new THREE.MeshLambertMaterial();
         const mesh = new THREE.InstancedMesh(SHAPES[shape](), material, pieces.length);
         mesh.frustumCulled = false;
         const locals = pieces.map(([node, [, size, tint, at, turn]], i) => {
@@ -59,9 +59,14 @@ function makeInstances(scene, bodies, nodes) {
     });
 }
 
+/** A track has so many pieces at most: a line is costly where there is no graphics card. */
+const MOST_PIECES = 900;
+
 function makeLine(scene, track, channels, from, frames) {
-    const places = new Float32Array(3 * frames);
-    for (let f = 0; f < frames; f++) for (let k = 0; k < 3; k++) places[3 * f + k] = channels[from + k][f];
+    const every = Math.ceil(frames / MOST_PIECES), count = Math.ceil((frames - 1) / every) + 1;
+    const places = new Float32Array(3 * count + 3), whole = new Float32Array(3 * frames);
+    for (let f = 0; f < frames; f++) for (let k = 0; k < 3; k++) whole[3 * f + k] = channels[from + k][f];
+    for (let i = 0; i < count; i++) places.set(whole.subarray(3 * Math.min(frames - 1, i * every), 3 * Math.min(frames - 1, i * every) + 3), 3 * i);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
     const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: track.colour }));
@@ -70,11 +75,24 @@ function makeLine(scene, track, channels, from, frames) {
     const marker = new THREE.Mesh(new THREE.SphereGeometry(1, 12, 8), new THREE.MeshBasicMaterial({ color: track.colour }));
     marker.scale.setScalar(track.marker);
     scene.add(marker);
-    return { line, marker, places };
+    /** The track up to a frame: whole pieces, and one to where it is now. */
+    const grow = frame => {
+        const here = 3 * frame, full = Math.floor(frame / every);
+        marker.position.set(whole[here], whole[here + 1], whole[here + 2]);
+        // The piece that ended at the last frame gets its own end back.
+        const f = Math.min(frames - 1, drawn * every);
+        if (drawn <= count) places.set(whole.subarray(3 * f, 3 * f + 3), 3 * drawn);
+        drawn = full + 1;
+        places.set(whole.subarray(here, here + 3), 3 * drawn);
+        geometry.attributes.position.needsUpdate = true;
+        geometry.setDrawRange(0, full + 2);
+    };
+    let drawn = 0;
+    return { line, marker, grow };
 }
 
 function makeArrow(scene, arrow) {
-    const group = new THREE.Group(), material = new THREE.MeshStandardMaterial({ color: arrow.colour, roughness: 0.5 });
+    const group = new THREE.Group(), material = new THREE.MeshLambertMaterial({ color: arrow.colour });
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.02, 0.02, 1, 10).translate(0, 0.5, 0), material);
     const head = new THREE.Mesh(new THREE.ConeGeometry(0.06, 0.18, 14).translate(0, 1, 0), material);
     group.add(shaft, head);
@@ -116,42 +134,53 @@ function makePlot(canvas, times, curves, channels, seek) {
     const context = canvas.getContext("2d"), last = times.count - 1;
     let chosen = 0;
     const number = value => Number(value.toPrecision(4)).toString();
+    const curve = document.createElement("canvas");
+    let of = "";
+    /** The curve itself, drawn once: a frame then copies it and adds the cursor. */
+    const drawCurve = (width, height, ratio, x, y, values) => {
+        const key = `${chosen} ${width} ${height} ${ratio}`;
+        if (of === key) return;
+        of = key;
+        curve.width = canvas.width = Math.round(width * ratio);
+        curve.height = canvas.height = Math.round(height * ratio);
+        const pen = curve.getContext("2d"), { low, high } = curves[chosen];
+        pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+        pen.fillStyle = "#fff";
+        pen.fillRect(0, 0, width, height);
+        pen.strokeStyle = "#dadce0";
+        pen.strokeRect(6, 18, width - 12, height - 38);
+        pen.beginPath();
+        const by = Math.max(1, Math.floor(times.count / (2 * width)));
+        for (let f = 0; f < times.count; f += by) f ? pen.lineTo(x(f), y(values[f])) : pen.moveTo(x(f), y(values[f]));
+        pen.lineTo(x(last), y(values[last]));
+        pen.strokeStyle = "#0072b2";
+        pen.lineWidth = 1.4;
+        pen.stroke();
+        pen.font = "12px system-ui, sans-serif";
+        pen.fillStyle = "#5f6368";
+        pen.fillText(`${number(low)} to ${number(high)}`, 7, 13);
+        pen.fillText(`${number(times.first)} s`, 7, height - 6);
+        pen.textAlign = "right";
+        pen.fillText(`${number(times.first + times.step * last)} s`, width - 7, height - 6);
+    };
     const draw = frame => {
         const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
         if (!width) return;
-        if (canvas.width !== Math.round(width * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); }
-        context.setTransform(ratio, 0, 0, ratio, 0, 0);
-        context.clearRect(0, 0, width, height);
         const values = channels[curves[chosen].channel], { low, high } = curves[chosen];
-        const x = f => 6 + (width - 12) * f / last, y = v => height - 20 - (height - 38) * (v - low) / (high - low);
-        context.strokeStyle = "#dadce0";
-        context.strokeRect(6, 18, width - 12, height - 38);
-        context.beginPath();
-        const by = Math.max(1, Math.floor(times.count / (2 * width)));
-        for (let f = 0; f < times.count; f += by) f ? context.lineTo(x(f), y(values[f])) : context.moveTo(x(f), y(values[f]));
-        context.lineTo(x(last), y(values[last]));
-        context.strokeStyle = "#0072b2";
-        context.lineWidth = 1.4;
-        context.stroke();
-        context.strokeStyle = "#d55e00";
-        context.beginPath();
-        context.moveTo(x(frame), 18);
-        context.lineTo(x(frame), height - 20);
-        context.stroke();
-        const near = Math.round(frame), unit = curves[chosen].unit;
+        const x = f => 6 + (last ? (width - 12) * f / last : 0), y = v => height - 20 - (height - 38) * (v - low) / (high - low);
+        drawCurve(width, height, ratio, x, y, values);
+        context.setTransform(1, 0, 0, 1, 0, 0);
+        context.drawImage(curve, 0, 0);
+        context.setTransform(ratio, 0, 0, ratio, 0, 0);
+        const near = Math.round(frame);
         context.fillStyle = "#d55e00";
+        context.fillRect(x(frame) - 0.6, 18, 1.2, height - 38);
         context.beginPath();
         context.arc(x(near), y(values[near]), 3.5, 0, 7);
         context.fill();
         context.font = "12px system-ui, sans-serif";
         context.textAlign = "right";
-        context.fillText(`${number(values[near])} ${unit}`, width - 7, 13);
-        context.fillStyle = "#5f6368";
-        context.textAlign = "left";
-        context.fillText(`${number(low)} to ${number(high)}`, 7, 13);
-        context.fillText(`${number(times.first)} s`, 7, height - 6);
-        context.textAlign = "right";
-        context.fillText(`${number(times.first + times.step * last)} s`, width - 7, height - 6);
+        context.fillText(`${number(values[near])} ${curves[chosen].unit}`, width - 7, 13);
     };
     const at = event => {
         const box = canvas.getBoundingClientRect();
@@ -162,10 +191,17 @@ function makePlot(canvas, times, curves, channels, seek) {
     return { draw, choose: i => { chosen = i; } };
 }
 
+/** Whether there is no graphics card: then edges are left as they are. */
+function drawnBySoftware() {
+    const context = document.createElement("canvas").getContext("webgl2");
+    const about = context?.getExtension("WEBGL_debug_renderer_info");
+    return about ? /swiftshader|llvmpipe|software|basic render/i.test(context.getParameter(about.UNMASKED_RENDERER_WEBGL)) : false;
+}
+
 export async function show(drawing, buffer) {
     const { times, bodies } = drawing, frames = times.count, last = frames - 1;
     const channels = unpack(buffer, drawing.steps, frames);
-    const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: true });
+    const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: !drawnBySoftware() });
     const scene = new THREE.Scene();
     scene.background = new THREE.Color(0xf4f6f8);
     scene.add(new THREE.HemisphereLight(0xffffff, 0xb8c0c8, 2.0));
@@ -223,10 +259,7 @@ export async function show(drawing, buffer) {
             line.scale.set(spring.radius, spring.radius, length);
         }
         const near = Math.round(frame);
-        for (const { line, marker, places } of lines) {
-            line.geometry.setDrawRange(0, near + 1);
-            marker.position.set(places[3 * near], places[3 * near + 1], places[3 * near + 2]);
-        }
+        for (const { grow } of lines) grow(near);
         for (const { group, from, arrow } of arrows) {
             const at = k => channels[from + k][near];
             group.position.set(at(0), at(1), at(2));
@@ -292,8 +325,11 @@ export async function show(drawing, buffer) {
         draw();
     }
 
-    let then = 0;
+    let then = 0, slow = 0;
     function tick(now) {
+        // Where frames take long, there are fewer pixels.
+        slow = state.playing && now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
+        if (slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
         if (state.playing) {
             const ahead = Math.min(0.25, (now - then) / 1000) * state.speed / times.step;
             let frame = state.frame + ahead;
