@@ -126,8 +126,8 @@ contains
         end do
     end subroutine draw_star
 
-    !> Bodies in a square grid of k by k: columns on spherical joints, of which the first one is on the ground, tied to each other by
-    !> distances.
+    !> Bodies in a square grid of k by k: columns on spherical joints, of which the first one is on the ground, tied to each
+    !> other by distances.
     subroutine draw_net(k, mechanism, error)
         integer, intent(in) :: k
         type(mechanism_type), intent(inout) :: mechanism

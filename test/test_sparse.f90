@@ -35,6 +35,7 @@ contains
             new_unittest('dense-output', test_dense_output), &
             new_unittest('checkpoint', test_checkpoint), &
             new_unittest('choice', test_choice), &
+            new_unittest('redundant-rows', test_redundant), &
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse
 
@@ -203,8 +204,8 @@ contains
 
             if (allocated(error)) return
             call mechanism%start(q, qd)
-            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the gear
-            ! is at rest.
+            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the
+            ! gear is at rest.
             call set_rigid(mechanism%n, qd)
             call simulation%initialize(mechanism, controlled(1.0e-12_wp, kind), 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
@@ -502,13 +503,19 @@ contains
         call refuse(options_type(chart_kind='sparse', chart='adaptive'), 'adaptive')
         call refuse(options_type(chart_kind='sparse', refresh='refine'), 'refine')
         call refuse(options_type(chart_kind='round'), 'chart_kind')
-        ! A parallelogram in space on three hinges and a ball joint: one of its rows is redundant.
+        ! A body without inertia.
         do i = 1, 2
             mechanism = mechanism_type()
-            call draw_parallelogram(mechanism)
+            mechanism%planar = .true.
+            call mechanism%add_body('mass', 1.0_wp, [-1.0_wp, 0.0_wp], failure, inertia=[0.0_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('pivot', 'revolute', 'ground', 'mass', failure, at=[0.0_wp, 0.0_wp])
+            call check_no_failure(error, failure)
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
             if (allocated(error)) return
             call initialize(options_type(chart_kind=merge('sparse   ', 'automatic', i == 1)))
-            if (i == 1) call check_failure(error, failure, 'invalid_option', 'depends')
+            if (i == 1) call check_failure(error, failure, 'invalid_option', 'mass.angle')
             if (i == 2) call check_no_failure(error, failure)
         end do
 
@@ -534,28 +541,79 @@ contains
             call mechanism%start(q, qd)
             call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
         end subroutine initialize
-
-        subroutine draw_parallelogram(mechanism)
-            type(mechanism_type), intent(inout) :: mechanism
-            real(wp), parameter :: y(3) = [0.0_wp, 1.0_wp, 0.0_wp]
-            character(len=1), parameter :: names(3) = ['a', 'b', 'c']
-            integer :: k
-
-            do k = 1, 3
-                call mechanism%add_body(names(k), 1.0_wp, [0.5_wp*(k - 1), 0.0_wp, merge(0.5_wp, 1.0_wp, k /= 2)], &
-                    failure, inertia=[0.1_wp, 0.2_wp, 0.3_wp])
-                call check_no_failure(error, failure)
-            end do
-            call mechanism%add_joint('g1', 'revolute', 'ground', 'a', failure, at=[0.0_wp, 0.0_wp, 0.0_wp], axis=y)
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('g2', 'revolute', 'a', 'b', failure, at=[0.0_wp, 0.0_wp, 1.0_wp], axis=y)
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('g3', 'revolute', 'b', 'c', failure, at=[1.0_wp, 0.0_wp, 1.0_wp], axis=y)
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('g4', 'spherical', 'c', 'ground', failure, at=[1.0_wp, 0.0_wp, 0.0_wp])
-            call check_no_failure(error, failure)
-            call mechanism%define(failure)
-            call check_no_failure(error, failure)
-        end subroutine draw_parallelogram
     end subroutine test_refusals
+
+    !> Parallelograms in space on three hinges and a ball joint, one of whose rows is redundant each: as many rows are left out and
+    !> named, the motion is that of the dense chart, and a run that is taken up goes on bitwise.
+    subroutine test_redundant(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 5
+        type(mechanism_type), target :: one, two, three
+        type(simulation_type) :: sparse, dense, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        integer :: i
+
+        call draw_parallelograms(n, one, error)
+        call draw_parallelograms(n, two, error)
+        call draw_parallelograms(n, three, error)
+        if (allocated(error)) return
+        call start(one, controlled(1.0e-12_wp, 'sparse'), sparse, error)
+        call start(two, controlled(1.0e-12_wp, 'dense'), dense, error)
+        call start(three, controlled(1.0e-12_wp, 'sparse'), again, error)
+        if (allocated(error)) return
+        call check_count(error, sparse%n_redundant, n, 'rows left out')
+        call check_count(error, size(sparse%warnings), n, 'warnings')
+        if (allocated(error)) return
+        do i = 1, size(sparse%warnings)
+            call check_true(error, index(sparse%warnings(i)%text, 'repeats') > 0, 'a warning tells of no redundant row')
+        end do
+        call go_on(sparse, 0.1_wp, error)
+        if (allocated(error)) return
+        call sparse%save_state(words, failure)
+        call check_no_failure(error, failure)
+        call again%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(sparse, 0.2_wp, error)
+        call go_on(again, 0.2_wp, error)
+        call go_on(dense, 0.2_wp, error)
+        if (allocated(error)) return
+        call check_close(error, sparse%state%q, dense%state%q, 1.0e-10_wp, 'q')
+        call check_true(error, all(abs(sparse%state%q - again%state%q) <= 0.0_wp), 'it goes on otherwise')
+    end subroutine test_redundant
+
+    !> They stand side by side.
+    subroutine draw_parallelograms(n, mechanism, error)
+        integer, intent(in) :: n
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: along(3) = [0.0_wp, 1.0_wp, 0.0_wp], inertia(3) = [0.1_wp, 0.2_wp, 0.3_wp]
+        character(len=1) :: number
+        real(wp) :: y
+        integer :: i
+
+        mechanism%gravity = [3.0_wp, 0.0_wp, -9.81_wp]
+        do i = 1, n
+            if (allocated(error)) return
+            write (number, '(i0)') i
+            y = i
+            call mechanism%add_body('a'//number, 1.0_wp, [0.0_wp, y, 0.5_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_body('b'//number, 1.0_wp, [0.5_wp, y, 1.0_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_body('c'//number, 1.0_wp, [1.0_wp, y, 0.5_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('j'//number, 'revolute', 'ground', 'a'//number, failure, at=[0.0_wp, y, 0.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('k'//number, 'revolute', 'a'//number, 'b'//number, failure, at=[0.0_wp, y, 1.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('l'//number, 'revolute', 'b'//number, 'c'//number, failure, at=[1.0_wp, y, 1.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('m'//number, 'spherical', 'c'//number, 'ground', failure, at=[1.0_wp, y, 0.0_wp])
+            call check_no_failure(error, failure)
+        end do
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+    end subroutine draw_parallelograms
 end module test_sparse

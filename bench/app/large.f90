@@ -3,7 +3,7 @@
 !> microseconds a body and step, the largest constraint error of the steps, kB a body. KIND is a kind of chart.
 program large
     use, intrinsic :: iso_fortran_env, only: output_unit
-    use tandem, only: error_type, long, mechanism_type, options_type, simulation_type, statistics_type, wp
+    use tandem, only: error_type, mechanism_type, options_type, simulation_type, statistics_type, wp
     use large_mechanisms, only: large_names, make_large
     implicit none (type, external)
     character(len=16) :: scene, stepper, kind, word
@@ -93,11 +93,9 @@ contains
         flush (output_unit)
     end subroutine measure
 
+    !> Processor time, which others at work on the machine change less than that of the clock.
     real(wp) function now()
-        integer(long) :: count, rate
-
-        call system_clock(count, rate)
-        now = real(count, wp)/real(rate, wp)
+        call cpu_time(now)
     end function now
 
     !> What the process holds (Linux), else 0.

@@ -70,6 +70,8 @@ module tandem_simulation
         type(warning_type), allocatable :: warnings(:)
         !> How many redundant constraint rows were left out.
         integer :: n_redundant = 0
+        !> Whether charts are sparse, where none was given to `initialize`.
+        logical :: is_sparse = .false.
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0
@@ -81,8 +83,6 @@ module tandem_simulation
         class(chart_type), allocatable, private :: chart
         !> What it was allocated from, if not anew.
         class(chart_type), allocatable, private :: blank
-        !> Whether charts are sparse, where none was given; of an automatic choice the start may still see that they cannot be.
-        logical, private :: is_sparse = .false.
         class(stepper_type), allocatable, private :: stepper
         type(state_type), private :: next, start, kept
         real(wp), private :: kept_errors(3) = 0.0_wp

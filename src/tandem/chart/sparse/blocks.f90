@@ -6,7 +6,7 @@ module tandem_chart_sparse_blocks
     implicit none (type, external)
     private
 
-    public :: invert, subtract_product, multiply_block, set_product, subtract_rows, subtract_transposed
+    public :: invert, invert_some, subtract_product, multiply_block, set_product, subtract_rows, subtract_transposed
     public :: apply_inverse, add_moved, of_single_blocks, of_rigid_body, of_any_blocks
 
     !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
@@ -69,6 +69,59 @@ contains
             end do
         end do
     end subroutine invert_sized
+
+    !> The same without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
+    !> sought, the largest first, and rows are left out that have none.
+    pure subroutine invert_some(s, x, alone, sign, least, chooses, is_out, worst)
+        integer, intent(in) :: s
+        real(wp), intent(inout) :: x(s, s), alone(s)
+        real(wp), intent(in) :: sign, least
+        logical, intent(in) :: chooses
+        logical, intent(inout) :: is_out(s)
+        integer, intent(out) :: worst
+        logical :: is_done(s)
+        real(wp) :: factor
+        integer :: i, j, k, pass
+
+        worst = 0
+        is_done = is_out
+        do pass = 1, s
+            k = 0
+            do i = 1, s
+                if (is_done(i)) cycle
+                if (k == 0) k = i
+                if (chooses .and. sign*x(i, i)*alone(k) > sign*x(k, k)*alone(i)) k = i
+            end do
+            if (k == 0) exit
+            is_done(k) = .true.
+            factor = sign*x(k, k)
+            if (.not. factor > least*alone(k)) then
+                if (.not. (chooses .and. abs(factor) <= huge(1.0_wp))) then
+                    worst = k
+                    return
+                end if
+                is_out(k) = .true.
+                cycle
+            end if
+            alone(k) = factor/alone(k)
+            factor = 1.0_wp/x(k, k)
+            x(k, k) = 1.0_wp
+            x(:, k) = x(:, k)*factor
+            do j = 1, s
+                if (j == k) cycle
+                factor = x(k, j)
+                x(k, j) = 0.0_wp
+                x(:, j) = x(:, j) - factor*x(:, k)
+            end do
+        end do
+        do i = 1, s
+            if (.not. is_out(i)) cycle
+            ! What of it the others do not give.
+            alone(i) = max(sign*x(i, i), 0.0_wp)/max(alone(i), tiny(1.0_wp))
+            x(i, :) = 0.0_wp
+            x(:, i) = 0.0_wp
+        end do
+    end subroutine invert_some
 
     !> x := x - c y' for c (s, nb), y (p, nb), x (s, p).
     pure subroutine subtract_product(s, p, nb, c, y, x)

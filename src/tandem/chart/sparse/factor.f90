@@ -7,15 +7,15 @@
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_links, most_rows
-    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, multiply_block, set_product, subtract_product, &
-        subtract_rows, subtract_transposed
+    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, invert_some, multiply_block, set_product, &
+        subtract_product, subtract_rows, subtract_transposed
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok, status_rank_deficient, status_singular_mass
     implicit none (type, external)
     private
 
-    public :: factor_type
+    public :: factor_type, least_pivot
 
     !> A row whose pivot falls to this part of what it would be alone depends on those before it: an angle of 1e-5. Rounding leaves
     !> some 1e-15 of it.
@@ -35,6 +35,12 @@ module tandem_chart_sparse_factor
         !> The smallest pivot of a row against that, and the row.
         real(wp) :: least = 1.0_wp
         integer :: weakest = 0
+        !> Rows that are left out, as they depend on others (m): they take no part, and their multipliers are zero.
+        logical, allocatable :: is_out(:)
+        logical :: leaves_out = .false.
+        !> What of those rows the others do not give at most, as a pivot, and of which.
+        real(wp) :: rest = 0.0_wp
+        integer :: loosest = 0
         !> After `singular_mass`: the coordinate.
         integer :: failed_coordinate = 0
         !> Whether C, and whether the factor too, are those of the current point.
@@ -61,9 +67,11 @@ contains
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
 
-        if (allocated(self%c)) deallocate (self%c, self%own, self%w, self%r, self%blocks, self%alone, self%added)
+        if (allocated(self%c)) deallocate (self%c, self%own, self%w, self%r, self%blocks, self%alone, self%added, self%is_out)
         allocate (self%c(a%n_entries), self%own(a%n), self%w(pattern%mass_width, a%n), self%r(a%n), self%blocks(a%n_factor), &
             self%alone(a%m), self%added(a%n_bodies), source=0.0_wp)
+        allocate (self%is_out(a%m), source=.false.)
+        self%leaves_out = .false.
         self%has_rows = .false.
         self%is_factored = .false.
     end subroutine allocate_factor
@@ -231,17 +239,23 @@ contains
     end subroutine invert_block
 
     !> Factor at the point of `load_rows` and `invert_masses`.
-    subroutine factorize(self, a, stat)
+    subroutine factorize(self, a, chooses, stat)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
+        !> Whether to choose anew which rows are left out: those that depend on others.
+        logical, intent(in) :: chooses
         !> ok, `rank_deficient` with `weakest`, `singular_mass` with `failed_coordinate`, or `not_finite`.
         integer, intent(out) :: stat
 
         self%is_factored = .false.
         self%blocks = 0.0_wp
         self%alone = 0.0_wp
+        if (chooses) then
+            self%is_out = .false.
+            self%leaves_out = .true.
+        end if
         call self%add_bodies(a)
-        call self%eliminate(a, stat)
+        call self%eliminate(a, chooses, stat)
         self%is_factored = stat == status_ok
     end subroutine factorize
 
@@ -330,9 +344,10 @@ contains
     end subroutine add_bodies
 
     !> Eliminate the nodes.
-    subroutine eliminate(self, a, stat)
+    subroutine eliminate(self, a, chooses, stat)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
+        logical, intent(in) :: chooses
         integer, intent(out) :: stat
         real(wp) :: ratio(max(most_rows, most_coordinates)), product(max(most_rows, most_coordinates)**2)
         integer :: d, i, j, k, n, p, s, worst
@@ -340,6 +355,8 @@ contains
         stat = status_ok
         self%least = 1.0_wp
         self%weakest = 0
+        self%rest = 0.0_wp
+        self%loosest = 0
         do n = 1, a%n_nodes
             s = a%height(n)
             associate (diagonal => a%diagonal_offset(n), origin => a%origin(n))
@@ -350,8 +367,18 @@ contains
                     call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), 1.0_wp, least_mass, worst)
                 else
                     ratio(:s) = self%alone(origin:origin + s - 1)
-                    call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, worst)
+                    if (self%leaves_out) then
+                        call invert_some(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, chooses, &
+                            self%is_out(origin:origin + s - 1), worst)
+                    else
+                        call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, worst)
+                    end if
                     do i = 1, merge(s, worst - 1, worst == 0)
+                        if (self%is_out(origin + i - 1)) then
+                            if (ratio(i) > self%rest) self%loosest = origin + i - 1
+                            self%rest = max(self%rest, ratio(i))
+                            cycle
+                        end if
                         if (.not. ratio(i) < self%least) cycle
                         self%least = ratio(i)
                         self%weakest = origin + i - 1
@@ -585,6 +612,7 @@ contains
     subroutine pack_state(self, pack)
         class(factor_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
+        integer, allocatable :: out(:)
 
         call pack%item(self%c)
         call pack%item(self%own)
@@ -595,6 +623,10 @@ contains
         call pack%item(self%added)
         call pack%item(self%least)
         call pack%item(self%weakest)
+        out = merge(1, 0, self%is_out)
+        call pack%item(out)
+        self%is_out = out > 0
+        call pack%item(self%leaves_out)
         call pack%item(self%has_rows)
         call pack%item(self%is_factored)
     end subroutine pack_state

@@ -55,6 +55,8 @@ module tandem_chart_sparse_motion
         procedure :: retry_step
         procedure :: forget
         procedure :: forget_model
+        procedure :: leave_out_dependent
+        procedure :: find_partners
         procedure :: hold
         procedure :: release
         procedure :: restore_position
@@ -153,6 +155,40 @@ contains
         self%independence = sqrt(self%system%factor(self%system%base)%least)
         self%best_independence = max(self%best_independence, self%independence)
     end subroutine renew
+
+    !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not stand for one of Phi.
+    subroutine leave_out_dependent(self, t, q, qd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        integer :: i
+
+        stat = status_rank_deficient
+        if (self%system%m > self%system%nh) return
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat == status_ok) call self%system%choose_rows(self%counts, stat)
+        if (stat /= status_ok) then
+            call self%fail_here(stat)
+            return
+        end if
+        associate (is_out => self%system%factor(self%system%here)%is_out)
+            self%left_out = pack([(i, i=1, size(is_out))], is_out)
+        end associate
+        self%n_dropped = size(self%left_out)
+        self%best_independence = 0.0_wp
+        if (self%n_dropped > 0) call self%renew(t, q, qd, stat)
+        if (self%n_dropped == 0) stat = status_rank_deficient
+    end subroutine leave_out_dependent
+
+    !> The rows of which one that was left out is a combination.
+    subroutine find_partners(self, row, partners)
+        class(sparse_motion_type), intent(inout) :: self
+        integer, intent(in) :: row
+        integer, allocatable, intent(out) :: partners(:)
+
+        call self%system%find_partners(row, partners)
+    end subroutine find_partners
 
     !> Keep what there is to say of a failure at the last point.
     subroutine fail_here(self, stat)

@@ -3,6 +3,7 @@
 !> What is asked of it at points and between steps; `tandem_chart_sparse_motion` has what the steps ask.
 module tandem_chart_sparse
     use tandem_chart, only: health_type
+    use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_motion, only: find_obstacle, largest, sparse_motion_type
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_kinds, only: wp
@@ -209,6 +210,8 @@ contains
         integer, intent(out) :: stat
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
+        !> Rounding leaves less of a row that depends on others.
+        real(wp), parameter :: largest_rest = least_pivot
         real(wp) :: fall, now
         logical :: falls
 
@@ -224,6 +227,13 @@ contains
             if (stat == status_ok) call s%factorize(self%counts, stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
+                return
+            end if
+            if (s%factor(s%here)%rest > largest_rest) then
+                ! Of a row that was left out something is left: it restricts the motion now.
+                self%failed_row = s%factor(s%here)%loosest
+                self%failed_rows = [self%failed_row]
+                room = 0.0_wp
                 return
             end if
             now = sqrt(s%factor(s%here)%least)

@@ -38,6 +38,8 @@ module tandem_chart_sparse_system
         procedure :: load
         procedure :: factorize
         procedure :: move_with
+        procedure :: choose_rows
+        procedure :: find_partners
         procedure :: take_origin
         procedure :: forget
         procedure :: find_errors
@@ -126,12 +128,62 @@ contains
             if (factor%is_factored) return
             call self%load()
             call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
-            if (stat == status_ok) call factor%factorize(self%analysis, stat)
+            if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
         end associate
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
         counts%mass_factorizations = counts%mass_factorizations + 1
         if (stat /= status_ok) call self%name_infinite(stat)
     end subroutine factorize
+
+    !> The same, and choose anew which rows are left out: those that depend on others there.
+    subroutine choose_rows(self, counts, stat)
+        class(system_type), intent(inout) :: self
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: i
+
+        associate (factor => self%factor(self%here))
+            call self%load()
+            call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+            if (stat == status_ok) call factor%factorize(self%analysis, .true., stat)
+            counts%constraint_factorizations = counts%constraint_factorizations + 1
+            counts%mass_factorizations = counts%mass_factorizations + 1
+            if (stat /= status_ok) return
+            do i = 1, 2
+                self%factor(i)%is_out(:) = factor%is_out
+                self%factor(i)%leaves_out = any(factor%is_out)
+            end do
+        end associate
+    end subroutine choose_rows
+
+    !> The rows of which a row that was left out is a combination.
+    subroutine find_partners(self, row, partners)
+        class(system_type), intent(inout) :: self
+        integer, intent(in) :: row
+        integer, allocatable, intent(out) :: partners(:)
+        real(wp), allocatable :: lambda(:), force(:)
+        !> Smaller shares than this of the largest are rounding.
+        real(wp), parameter :: least_share = 1.0e-6_wp
+        integer :: i, j, k, n
+
+        allocate (force(size(self%x)), lambda(self%m), source=0.0_wp)
+        do k = self%pattern%row_start(row), self%pattern%row_start(row + 1) - 1
+            do j = self%pattern%first(self%pattern%row_body(k)), self%pattern%first(self%pattern%row_body(k) + 1) - 1
+                force(j) = self%model%terms%jacobian(row, self%pattern%column(j))
+            end do
+        end do
+        self%g = 0.0_wp
+        associate (a => self%analysis)
+            call self%factor(self%here)%solve(a, .true., force, self%g, self%x, self%z)
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    lambda(a%origin(n) + i - 1) = abs(self%z(a%place(n) + i))
+                end do
+            end do
+        end associate
+        partners = pack([(i, i=1, self%m)], lambda > least_share*max(maxval(lambda), least_share))
+    end subroutine find_partners
 
     !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
     subroutine move_with(self, t, q, qd, counts, stat)
