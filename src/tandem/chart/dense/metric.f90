@@ -59,6 +59,7 @@ module tandem_chart_dense_metric
         procedure :: pack_state
         procedure, private :: pays
         procedure, private :: measure
+        procedure, private :: is_felt
         procedure, private :: form
         procedure, private :: add_forces
         procedure, private :: find_trace
@@ -68,6 +69,8 @@ module tandem_chart_dense_metric
     real(wp), parameter :: near = 1.5_wp
     !> The part of the mass from which on forces are felt in a step.
     real(wp), parameter :: felt = 0.1_wp
+    !> Forces on a coordinate of this part of the mass are those of the motion itself.
+    real(wp), parameter :: soft = 5.0e-3_wp
 
 contains
 
@@ -156,7 +159,7 @@ contains
         real(wp) :: part
         integer :: i, j
 
-        if (.not. self%asked > 0.0_wp) return
+        if (.not. (self%asked > 0.0_wp .and. self%is_felt(self%asked))) return
         do i = 1, self%n
             self%row(i) = (q(i) - q0(i))/scale(i)
         end do
@@ -223,6 +226,8 @@ contains
         real(wp), parameter :: few = 4.0_wp, many = 200.0_wp
         !> Where springs dominate so, the plain complement is no match for them.
         real(wp), parameter :: stiff = 0.3_wp
+        !> Below this part of the mass, forces across the tangent space are those of gravity and of turning bodies.
+        real(wp), parameter :: least = 2.0e-3_wp
         !> Steps of a trial, by how much they must become longer, and how long its outcome is taken for granted.
         integer, parameter :: trial = 5, shortest = 32, longest = 1024
         real(wp), parameter :: growth = 1.5_wp
@@ -236,6 +241,10 @@ contains
             return
         end if
         call self%measure(beta, strain, dominance)
+        if (strain > few*self%tolerance .and. .not. dominance > stiff) then
+            call self%find_trace(beta, complement, tangent)
+            if (.not. self%trace > least) strain = 0.0_wp
+        end if
         pays = strain > many*self%tolerance .or. dominance > stiff
         if (pays .or. .not. strain > few*self%tolerance) then
             self%tried = 0
@@ -268,13 +277,12 @@ contains
         real(wp), intent(in) :: beta
         !> The velocity, and the largest of those parts.
         real(wp), intent(out) :: strain, dominance
-        !> Forces of this part of the mass are those of the motion itself.
-        real(wp), parameter :: soft = 5.0e-3_wp
         real(wp) :: force, part, a, b
         integer :: i, j
 
         strain = 0.0_wp
         dominance = 0.0_wp
+        if (.not. self%is_felt(beta)) return
         do i = 1, self%n
             a = max(beta*self%damping(i, i), 0.0_wp)/self%mean
             b = max(beta*beta*self%stiffness(i, i), 0.0_wp)/self%mean
@@ -291,6 +299,18 @@ contains
         strain = sqrt(strain)*(beta/self%move_beta)**2
     end subroutine measure
 
+    !> Whether springs and dampers of a coordinate are more than soft.
+    pure logical function is_felt(self, beta)
+        class(metric_type), intent(in) :: self
+        real(wp), intent(in) :: beta
+        integer :: i
+
+        is_felt = .false.
+        do i = 1, self%n
+            is_felt = is_felt .or. beta*(self%damping(i, i) + beta*self%stiffness(i, i)) > soft*self%mean
+        end do
+    end function is_felt
+
     !> Form and factor the metric.
     subroutine form(self, beta)
         class(metric_type), intent(inout) :: self
@@ -301,7 +321,7 @@ contains
         !> counts: complements would reach far for what is softer still. What is stiff counts for so much that they do not move it.
         real(wp), parameter :: steep = 30.0_wp
         !> Steps that the plain complement has made short are stiff in steps so many times as long at most.
-        real(wp), parameter :: longest = 30.0_wp
+        real(wp), parameter :: longest = 15.0_wp
         real(wp) :: weight
         integer :: i, j, stat
 
