@@ -178,8 +178,8 @@ contains
         text = 'steps are shorter than the motion asks for'
         if (s%is_stiff) text = 'from t = '//short(s%stiff_from, 4)//' s, steps are limited by stability, not by accuracy'
         if (s%advised /= '') then
-            text = text//': by how smooth the motion was, '//trim(s%advised)//' would take about '// &
-                short(100*s%implicit_part, 1)//' % of the work'
+            text = text//', '//trim(s%advised)//' would take about '//count_text(int(max(1, nint(100*s%implicit_part)), long))// &
+                ' % of the work by how smooth the motion was'
         else if (is_adaptive) then
             text = text//', but an implicit stepper would hardly be faster'
         else
