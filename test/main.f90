@@ -65,6 +65,7 @@ program main
     use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
+    use test_stiff_springs, only: collect_stiff_springs
     use test_stability, only: collect_stability
     use test_stability_limit, only: collect_stability_limit
     use test_study, only: collect_study
@@ -102,6 +103,7 @@ program main
         new_testsuite('newton_matrix', collect_newton_matrix), &
         new_testsuite('verification', collect_verification), &
         new_testsuite('stiff', collect_stiff), &
+        new_testsuite('stiff_springs', collect_stiff_springs), &
         new_testsuite('expression', collect_expression), &
         new_testsuite('parameters', collect_parameters), &
         new_testsuite('table_function', collect_table_function), &

@@ -27,8 +27,9 @@ module tandem_chart_dense_metric
         !> M, D and K of the last `load` (n, n), symmetric; the sums of |D| and of |K| by rows (n), the mean of M's diagonal.
         real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :), row_damping(:), row_stiffness(:)
         real(wp), private :: mean = 0.0_wp
-        !> beta of the last `set`, of the metric and of the trace; a part of M that every direction has.
-        real(wp), private :: asked = 0.0_wp, beta = 0.0_wp, trace_beta = 0.0_wp, floor = 0.0_wp
+        !> By how much, relatively, they have changed since the metric was free to. beta of the last `set`, of the metric and of the
+        !> trace; a part of M that every direction has.
+        real(wp), private :: drift = 0.0_wp, asked = 0.0_wp, beta = 0.0_wp, trace_beta = 0.0_wp, floor = 0.0_wp
         !> How much of the mass forces are across the tangent space, at `trace_beta`.
         real(wp), private :: trace = 0.0_wp
         !> The velocity error that a run allows, in units of coordinate scales.
@@ -37,6 +38,10 @@ module tandem_chart_dense_metric
         logical, private :: has_moved = .false.
         real(wp), private :: move_beta = 0.0_wp
         real(wp), allocatable, private :: move(:), new_move(:)
+        !> Steps of the trial so far, beta before it; steps for which the outcome of the last one is taken for granted, and for
+        !> which that of the next one will be.
+        integer, private :: tried = 0, for_granted = 0, rest = 0
+        real(wp), private :: before = 0.0_wp
         !> beta D + beta^2 K, then the metric G (n, n), its factor and its inverse.
         real(wp), allocatable, private :: matrix(:, :), inverse(:, :)
         type(cholesky_type), private :: factor
@@ -53,7 +58,8 @@ module tandem_chart_dense_metric
         procedure :: lean
         procedure :: pack_state
         procedure, private :: pays
-        procedure, private :: strain
+        procedure, private :: measure
+        procedure, private :: is_felt
         procedure, private :: form
         procedure, private :: add_forces
         procedure, private :: find_trace
@@ -63,6 +69,8 @@ module tandem_chart_dense_metric
     real(wp), parameter :: near = 1.5_wp
     !> The part of the mass from which on forces are felt in a step.
     real(wp), parameter :: felt = 0.1_wp
+    !> Forces on a coordinate of this part of the mass are those of the motion itself.
+    real(wp), parameter :: soft = 5.0e-3_wp
 
 contains
 
@@ -78,6 +86,9 @@ contains
         self%n = n
         self%is_on = .false.
         self%has_moved = .false.
+        self%tried = 0
+        self%for_granted = 0
+        self%drift = 0.0_wp
         self%asked = 0.0_wp
         self%beta = 0.0_wp
         self%trace_beta = 0.0_wp
@@ -99,21 +110,39 @@ contains
         class(metric_type), intent(inout) :: self
         !> M, the gradients of the equations of motion by qd and by q (n, n), coordinate scales (n).
         real(wp), intent(in), contiguous :: mass(:, :), damping(:, :), stiffness(:, :), scale(:)
+        !> The part by which forces may change before the metric does.
+        real(wp), parameter :: alike = 0.05_wp
+        real(wp) :: change(3), total(3), new
         integer :: i, j
 
         self%mean = 0.0_wp
         self%row_damping = 0.0_wp
         self%row_stiffness = 0.0_wp
+        change = 0.0_wp
+        total = 0.0_wp
         do j = 1, self%n
             do i = 1, self%n
-                self%mass(i, j) = scale(i)*scale(j)*mass(i, j)
-                self%damping(i, j) = 0.5_wp*scale(i)*scale(j)*(damping(i, j) + damping(j, i))
-                self%stiffness(i, j) = 0.5_wp*scale(i)*scale(j)*(stiffness(i, j) + stiffness(j, i))
-                self%row_damping(i) = self%row_damping(i) + abs(self%damping(i, j))
-                self%row_stiffness(i) = self%row_stiffness(i) + abs(self%stiffness(i, j))
+                new = scale(i)*scale(j)*mass(i, j)
+                change(1) = change(1) + abs(new - self%mass(i, j))
+                total(1) = total(1) + abs(new)
+                self%mass(i, j) = new
+                new = 0.5_wp*scale(i)*scale(j)*(damping(i, j) + damping(j, i))
+                change(2) = change(2) + abs(new - self%damping(i, j))
+                self%row_damping(i) = self%row_damping(i) + abs(new)
+                self%damping(i, j) = new
+                new = 0.5_wp*scale(i)*scale(j)*(stiffness(i, j) + stiffness(j, i))
+                change(3) = change(3) + abs(new - self%stiffness(i, j))
+                self%row_stiffness(i) = self%row_stiffness(i) + abs(new)
+                self%stiffness(i, j) = new
             end do
             self%mean = self%mean + self%mass(j, j)/real(self%n, wp)
         end do
+        total(2) = sum(self%row_damping)
+        total(3) = sum(self%row_stiffness)
+        ! Any smooth complement will do, so that one of matrices that are nearly these will.
+        self%drift = self%drift + maxval(change/max(total, tiny(1.0_wp)))
+        if (self%drift <= alike) return
+        self%drift = 0.0_wp
         self%beta = 0.0_wp
         self%trace_beta = 0.0_wp
     end subroutine load
@@ -130,9 +159,9 @@ contains
         real(wp) :: part
         integer :: i, j
 
-        if (.not. self%asked > 0.0_wp) return
+        if (.not. (self%asked > 0.0_wp .and. self%is_felt(self%asked))) return
         do i = 1, self%n
-            self%row(i) = ((q(i) - q0(i)) + self%asked*(qd(i) - qd0(i)))/scale(i)
+            self%row(i) = (q(i) - q0(i))/scale(i)
         end do
         if (all(abs(self%row) <= 0.0_wp)) return
         self%new_move = 0.0_wp
@@ -185,51 +214,102 @@ contains
         is_near = made_for > 0.0_wp .and. beta <= near*made_for .and. made_for <= near*beta
     end function is_near
 
-    !> Whether the plain complement would cost steps. What it does in the first step nobody knows: there it would where forces are
-    !> felt.
+    !> Whether the plain complement would cost steps. What it does in the first step nobody knows: there it would where forces
+    !> are felt. A strain of a few tolerances is no matter, and one of many is; between them a few steps with the metric show it:
+    !> where they do not become longer, the next ones are plain, and after some of them it is tried again.
     logical function pays(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
         real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
         !> Of a strain, an error is what the method's stages miss. Measured: with the plain complement, steps on stiff pendulums
-        !> become so short that it is ten tolerances and more. What has paid does so down to a part of that.
-        real(wp), parameter :: loss = 4.0_wp, part = 0.5_wp
-        real(wp) :: limit, strain
+        !> become so short that it is five to a hundred tolerances; forty cost none on suspensions.
+        real(wp), parameter :: few = 4.0_wp, many = 200.0_wp
+        !> Where springs dominate so, the plain complement is no match for them.
+        real(wp), parameter :: stiff = 0.3_wp
+        !> Below this part of the mass, forces across the tangent space are those of gravity and of turning bodies.
+        real(wp), parameter :: least = 2.0e-3_wp
+        !> Steps of a trial, by how much they must become longer, and how long its outcome is taken for granted.
+        integer, parameter :: trial = 5, shortest = 32, longest = 1024
+        real(wp), parameter :: growth = 1.5_wp
+        real(wp) :: strain, dominance
 
         if (.not. self%has_moved) then
             call self%find_trace(beta, complement, tangent)
             pays = self%trace > felt
+            self%for_granted = 0
+            self%rest = shortest
             return
         end if
-        limit = loss*self%tolerance
-        if (self%is_on) limit = part*limit
-        strain = self%strain(beta)
-        pays = strain > limit
-        if (.not. pays) return
-        ! What a step resolves it follows, but for powers of how stiff it is.
-        call self%find_trace(beta, complement, tangent)
-        pays = strain*min(1.0_wp, max(self%trace/felt, 0.0_wp)) > limit
+        call self%measure(beta, strain, dominance)
+        if (strain > few*self%tolerance .and. .not. dominance > stiff) then
+            call self%find_trace(beta, complement, tangent)
+            if (.not. self%trace > least) strain = 0.0_wp
+        end if
+        pays = strain > many*self%tolerance .or. dominance > stiff
+        if (pays .or. .not. strain > few*self%tolerance) then
+            self%tried = 0
+            return
+        end if
+        pays = self%is_on
+        if (self%for_granted > 0) then
+            self%for_granted = self%for_granted - 1
+        else if (self%tried == 0) then
+            ! Where the metric is on, nobody knows what the plain complement would do.
+            pays = .not. self%is_on
+            if (pays) self%before = beta
+            if (pays) self%tried = 1
+        else if (self%tried < trial) then
+            self%tried = self%tried + 1
+        else
+            pays = beta > growth*self%before
+            self%tried = 0
+            self%for_granted = self%rest
+            self%rest = min(2*self%rest, longest)
+        end if
     end function pays
 
-    !> The velocity by which the plain complement strains what is stiff in a step, in units of coordinate scales. Dampers do not
-    !> count: what they force a velocity to follow grows linearly in a step, and the method's stages miss nothing of that.
-    pure real(wp) function strain(self, beta)
+    !> The velocity by which the plain complement strains what is stiff in a step, as far as the method's stages miss it, in units
+    !> of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by b/(1 + a + b) of
+    !> the move. Of that, a method of stage order 1 misses a part that falls with a + b where a step resolves the spring, and where
+    !> a damper holds it: there the coordinate follows slowly, which the step resolves too.
+    pure subroutine measure(self, beta, strain, dominance)
         class(metric_type), intent(in) :: self
         real(wp), intent(in) :: beta
-        real(wp) :: force
+        !> The velocity, and the largest of those parts.
+        real(wp), intent(out) :: strain, dominance
+        real(wp) :: force, part, a, b
         integer :: i, j
 
         strain = 0.0_wp
+        dominance = 0.0_wp
+        if (.not. self%is_felt(beta)) return
         do i = 1, self%n
+            a = max(beta*self%damping(i, i), 0.0_wp)/self%mean
+            b = max(beta*beta*self%stiffness(i, i), 0.0_wp)/self%mean
+            if (.not. a + b > soft) cycle
+            part = (a + b)/(1.0_wp + a + b)*min(1.0_wp, (1.0_wp + b)/(1.0_wp + a))**2
+            dominance = max(dominance, part)
             force = 0.0_wp
             do j = 1, self%n
                 force = force + self%stiffness(j, i)*self%move(j)
             end do
-            force = beta*force/(self%mean + beta*(self%row_damping(i) + beta*self%row_stiffness(i)))
+            force = part*beta*force/(self%mean + beta*(self%row_damping(i) + beta*self%row_stiffness(i)))
             strain = strain + force*force
         end do
         strain = sqrt(strain)*(beta/self%move_beta)**2
-    end function strain
+    end subroutine measure
+
+    !> Whether springs and dampers of a coordinate are more than soft.
+    pure logical function is_felt(self, beta)
+        class(metric_type), intent(in) :: self
+        real(wp), intent(in) :: beta
+        integer :: i
+
+        is_felt = .false.
+        do i = 1, self%n
+            is_felt = is_felt .or. beta*(self%damping(i, i) + beta*self%stiffness(i, i)) > soft*self%mean
+        end do
+    end function is_felt
 
     !> Form and factor the metric.
     subroutine form(self, beta)
@@ -241,7 +321,7 @@ contains
         !> counts: complements would reach far for what is softer still. What is stiff counts for so much that they do not move it.
         real(wp), parameter :: steep = 30.0_wp
         !> Steps that the plain complement has made short are stiff in steps so many times as long at most.
-        real(wp), parameter :: longest = 30.0_wp
+        real(wp), parameter :: longest = 15.0_wp
         real(wp) :: weight
         integer :: i, j, stat
 
@@ -381,6 +461,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%is_on)
+        call pack%item(self%drift)
         call pack%item(self%asked)
         call pack%item(self%beta)
         call pack%item(self%trace_beta)
@@ -389,6 +470,10 @@ contains
         call pack%item(self%mean)
         call pack%item(self%has_moved)
         call pack%item(self%move_beta)
+        call pack%item(self%tried)
+        call pack%item(self%for_granted)
+        call pack%item(self%rest)
+        call pack%item(self%before)
         call pack%item(self%move)
         call pack%item(self%row_damping)
         call pack%item(self%row_stiffness)

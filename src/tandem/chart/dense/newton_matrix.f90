@@ -342,14 +342,27 @@ contains
         call set_gram(self%formed_v, v_basis, self%carry_v)
         call set_gram(self%formed_w, w_basis, self%carry_w)
         if (self%is_plain_there .and. self%is_plain_here) then
-            self%back_v(:, :) = transpose(self%carry_v)
-            self%back_w(:, :) = transpose(self%carry_w)
+            call set_transpose(self%carry_v, self%back_v)
+            call set_transpose(self%carry_w, self%back_w)
         else
             call set_gram(v_dual, self%formed_v_basis, self%back_v)
             call set_gram(w_dual, self%formed_w_basis, self%back_w)
         end if
         self%carry_is_current = .true.
     end subroutine set_carry
+
+    !> B := A' for a square matrix; the intrinsic function allocates.
+    pure subroutine set_transpose(a, b)
+        real(wp), intent(in), contiguous :: a(:, :)
+        real(wp), intent(inout), contiguous :: b(:, :)
+        integer :: i, j
+
+        do j = 1, size(a, 1)
+            do i = 1, size(a, 1)
+                b(i, j) = a(j, i)
+            end do
+        end do
+    end subroutine set_transpose
 
     !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
     !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
