@@ -127,7 +127,7 @@ contains
         call begin('spatial_chain', 4, controlled(1.0e-13_wp, 'dense'), mechanism, simulation, error)
         call go_on(simulation, 0.4_wp, error)
         if (allocated(error)) return
-        exact = simulation%state%q
+        allocate (exact, source=simulation%state%q)
         options%chart_kind = 'sparse'
         do k = 1, 2
             mechanism = mechanism_type()

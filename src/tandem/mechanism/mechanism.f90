@@ -9,7 +9,7 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
@@ -20,10 +20,12 @@ module tandem_mechanism
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
+    use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
-    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
+    use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_model, only: label_length, model_type, quantity_type
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
@@ -53,11 +55,28 @@ module tandem_mechanism
         logical :: is_compressed = .false.
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        integer, private :: inputs_of_f = 0
+        !> C and nu at a row of a file; only where a sensor looks at reactions.
+        type(terms_type), private :: at_row
     contains
         procedure :: define
         procedure :: start
         procedure :: pack_state
     end type mechanism_type
+
+    interface
+        !> What the sensors give; the coordinates and rows have their numbers.
+        module subroutine list_quantities(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_quantities
+
+        !> Let events change the mechanism.
+        module subroutine allow_changes(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine allow_changes
+    end interface
 
 contains
 
@@ -96,22 +115,11 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        self%list_motions => list_motions
+        self%input_name = [character(len=label_length) :: self%motions%name]
         call list_quantities(self)
+        call allow_changes(self)
     end subroutine define
-
-    !> What the sensors give.
-    subroutine list_quantities(self)
-        class(mechanism_type), intent(inout) :: self
-        integer :: i
-
-        if (size(self%sensors) == 0) return
-        self%measure => measure
-        allocate (self%quantities(0))
-        do i = 1, size(self%sensors)
-            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
-        end do
-        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
-    end subroutine list_quantities
 
     !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
     subroutine find_breakpoints(self, error)
@@ -174,11 +182,13 @@ contains
         real(wp), intent(in) :: t
         integer :: i
 
-        if (.not. (t < self%time_of_f .or. t > self%time_of_f)) return
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%input_version) return
         self%time_of_f = t
+        self%inputs_of_f = self%input_version
         do i = 1, size(self%motions)
             call self%motions(i)%f%evaluate(t, self%f(:, i))
         end do
+        if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
     !> Let the functions hold the smooth pieces of the current segment.
@@ -215,9 +225,10 @@ contains
         if (allocated(self%pose)) deallocate (self%pose)
         allocate (self%pose(0:size(self%bodies)))
         if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
-        ! At most seven a body.
-        allocate (self%coordinate_name(7*size(self%bodies)), self%coordinate_unit(7*size(self%bodies)))
-        allocate (blocks(7*size(self%bodies)), source=0)
+        ! At most seven a body, and one a coupling.
+        n = 7*size(self%bodies) + size(self%couplings)
+        allocate (self%coordinate_name(n), self%coordinate_unit(n))
+        allocate (blocks(n), source=0)
         self%turning = [integer ::]
         n = 0
         do i = 1, size(self%bodies)
@@ -240,6 +251,12 @@ contains
                     self%turning = [self%turning, i]
                 end if
             end associate
+        end do
+        ! The slacks of couplings that events lock and free.
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            self%couplings(i)%slack = n
         end do
         self%n = n
         self%coordinate_name = self%coordinate_name(:n)
@@ -291,17 +308,18 @@ contains
         integer, allocatable :: rows(:), bodies(:), owner(:)
         integer :: i
 
+        if (allocated(self%pattern)) deallocate (self%pattern)
+        call set_columns(self, .false.)
+        ! A slack is a coordinate of no body.
+        if (any(self%couplings%can_be_freed)) return
         call list_incidence(self, rows, bodies)
         allocate (owner(self%n_constraints()), source=0)
         do i = 1, size(self%turning)
             owner(self%before_norms + i) = self%turning(i)
         end do
-        if (allocated(self%pattern)) deallocate (self%pattern)
         allocate (self%pattern)
         call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
-        self%is_compressed = .false.
-        call set_columns(self, .false.)
     end subroutine declare_pattern
 
     !> Where the bodies' coordinates stand in the terms.
@@ -312,20 +330,20 @@ contains
 
         self%is_compressed = is_compressed
         do i = 1, size(self%bodies)
-            associate (pose => self%pose(i), pattern => self%pattern)
+            associate (pose => self%pose(i))
                 pose%place_column = pose%place
                 pose%turn_column = pose%turn
                 pose%place_mass = pose%place
                 pose%turn_mass = pose%turn
                 pose%mass_step = 1
                 if (.not. is_compressed) cycle
-                pose%place_column = pattern%column(pose%place)
+                pose%place_column = self%pattern%column(pose%place)
                 ! M is diagonal there.
                 pose%place_mass = 1
                 pose%mass_step = 0
                 if (pose%turn == 0) cycle
-                pose%turn_column = pattern%column(pose%turn)
-                pose%turn_mass = pattern%mass_column(pose%turn)
+                pose%turn_column = self%pattern%column(pose%turn)
+                pose%turn_mass = self%pattern%mass_column(pose%turn)
             end associate
         end do
     end subroutine set_columns
@@ -355,6 +373,8 @@ contains
         real(wp), intent(out) :: q(:), qd(:)
         integer :: i
 
+        q = 0.0_wp
+        qd = 0.0_wp
         do i = 1, size(self%bodies)
             associate (pose => self%pose(i), body => self%bodies(i))
                 q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
@@ -411,7 +431,8 @@ contains
             if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
+                self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
@@ -430,6 +451,10 @@ contains
             terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
                 call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
+            end do
+            do i = 1, size(self%couplings)
+                k = self%couplings(i)%slack
+                if (k > 0) terms%mass(k, k) = 1.0_wp
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -565,40 +590,18 @@ contains
         end select
     end subroutine potential_energy
 
-    !> What the sensors show.
-    subroutine measure(self, t, q, qd, qdd, values, stat)
+    !> Rigid motions of the world and of the bodies.
+    subroutine list_motions(self, motions)
         class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
-        real(wp) :: energies(2)
-        integer :: i, n, width
+        type(affine_motion_type), allocatable, intent(out) :: motions(:)
 
-        stat = 0
-        energies = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-                call set_rates(self%pose(i), qd)
-                call set_curve(self%pose(i), qdd)
-            end do
-            if (any(self%sensors%kind == sensed_energy)) then
-                do i = 1, size(self%bodies)
-                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
-                end do
-                call potential_energy(self, t, q, energies(2), stat)
-            end if
-            n = 0
-            do i = 1, size(self%sensors)
-                width = width_of_sensor(self%sensors(i))
-                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
-                n = n + width
-            end do
+            call list_rigid_motions(self%planar, self%bodies, self%pose, motions)
         end select
-    end subroutine measure
+    end subroutine list_motions
 
-    !> The angles from which turns are counted.
+    !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -606,6 +609,14 @@ contains
 
         do i = 1, size(self%torsions)
             call pack%item(self%torsions(i)%coordinate%last)
+            call pack%item(self%torsions(i)%stiffness)
+            call pack%item(self%torsions(i)%damping)
+            call pack%item(self%torsions(i)%angle)
+        end do
+        do i = 1, size(self%springs)
+            call pack%item(self%springs(i)%stiffness)
+            call pack%item(self%springs(i)%damping)
+            call pack%item(self%springs(i)%length)
         end do
         do i = 1, size(self%coordinates)
             call pack%item(self%coordinates(i)%last)
@@ -614,9 +625,17 @@ contains
             do k = 1, self%couplings(i)%n
                 call pack%item(self%couplings(i)%coordinates(k)%last)
             end do
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call pack%item(self%couplings(i)%is_locked)
+            call pack%item(self%couplings(i)%at)
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
+        end do
+        if (allocated(self%impulses)) call pack%item(self%impulses)
+        if (.not. allocated(self%integrals)) return
+        do i = 1, size(self%integrals)
+            call pack%item(self%integrals(i))
         end do
     end subroutine pack_state
 end module tandem_mechanism

@@ -122,7 +122,7 @@ contains
             do b = 2, n_bodies + 1
                 body_start(b) = body_start(b) + body_start(b - 1)
             end do
-            next = body_start
+            allocate (next, source=body_start)
             allocate (body_row(size(row_body)))
             do i = 1, self%n_rows
                 do k = row_start(i), row_start(i + 1) - 1

@@ -131,6 +131,7 @@ contains
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
+        if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)
