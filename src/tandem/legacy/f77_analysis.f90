@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 ! Subroutines of the Fortran 77 interface about equilibria and linearised systems; the others are in f77.f90.
 
-!> Eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the matrix A(K*K), one column after the other; K is at most 2 N.
+!> Eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the matrix A(K*K), one column after the other; K is at most
+!> 2 N.
 subroutine tdlin(h, t, q, qd, k, re, im, a, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
