@@ -13,6 +13,7 @@ module test_consistency
     use subjects, only: new_subject, subject_names
     use tandem, only: at_step, chart_policies, failure_type => error_type, find_error_warnings, global_error_type, model_type, &
         new_stepper, observer_type, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, wp
+    use tandem_io, only: read_scene, scene_type
     use tandem_io_study_cases, only: build_case, case_groups, case_names, case_type
     use tandem_model_consistency, only: contradiction_length, find_contradiction
     use tandem_stepper, only: stepper_type
@@ -42,6 +43,7 @@ contains
 
         testsuite = [ &
             new_unittest('a-wrong-gamma-is-named-with-every-stepper', test_gamma), &
+            new_unittest('a-wrong-gamma-of-andrews-squeezer-is-named', test_squeezer), &
             new_unittest('a-wrong-gamma-ends-in-bounded-work', test_endless), &
             new_unittest('a-wrong-gamma-of-a-nonholonomic-row-is-named', test_nonholonomic), &
             new_unittest('a-wrong-jacobian-is-named', test_jacobian), &
@@ -175,6 +177,32 @@ contains
         call run(simulation, model, options, 0.0_wp, q9, qd9, 0.01_wp, failure)
         call check_named(error, simulation, failure, 'gamma of the constraint "joint C x" is ')
     end subroutine test_endless
+
+    !> Each row of Andrews' squeezer, halved and with its sign changed. The run needs 48 steps, and would go on for half a million.
+    subroutine test_squeezer(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(altered_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: factors(2) = [0.5_wp, -1.0_wp]
+        integer :: i, row
+
+        call read_scene('scenes/a03_andrews.toml', [character(len=1) ::], scene, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        do row = 1, scene%model%n_holonomic
+            do i = 1, size(factors)
+                call model%wrap(scene%model)
+                model%row = row
+                model%of_gamma = factors(i)
+                call run(simulation, model, options_type(stepper='dop853', rtol=1.0e-6_wp, max_steps=300), 0.0_wp, scene%q, &
+                    scene%qd, 0.05_wp, failure)
+                call check_named(error, simulation, failure, 'gamma of the constraint "'//model%row_name(row)//'" is ')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_squeezer
 
     !> Of the knife edge, and of the skater's blade.
     subroutine test_nonholonomic(error)

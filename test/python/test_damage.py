@@ -219,6 +219,53 @@ class Verify(Damaged):
                 self.assertIn(f"cannot go on from run.h5: it is damaged: {says}",
                               self.tandem("resume", "run.h5", *ON, code=2).stderr)
 
+    def test_a_changed_letter(self):
+        """Texts stand in the file without a checksum of HDF5's."""
+        whole = self.limited()
+        for text in (b"omega = [-1.0, 0.01", b"generalized coordinates", b"run rolling_disk", b"row i of every dataset"):
+            for place in (found.start() for found in re.finditer(re.escape(text), whole)):
+                damaged = bytearray(whole)
+                damaged[place + 3] ^= 1
+                (self.folder / "run.h5").write_bytes(damaged)
+                with self.subTest(text=text, place=place):
+                    says = self.call("verify", "run.h5")
+                    self.assertEqual(says.returncode, 1)
+                    self.assertRegex(says.stderr, "texts among its attributes are not|/checkpoint/(first|second) is not")
+        says = "it is damaged: texts among its attributes are not those that were written"
+        with h5py.File(self.folder / "run.h5", "r+") as file:
+            file["trajectory/q"].attrs["units"] = [unit.replace("m", "k") for unit in file["trajectory/q"].attrs["units"]]
+        self.assertIn(says, self.tandem("resume", "run.h5", *ON, code=2).stderr)
+
+    def test_the_sum_of_texts_is_the_one_that_is_documented(self):
+        """Whatever the run has said at its end."""
+        self.tandem("run", "rolling_disk", *LIMITED, "--profile", "--output", "run.h5", code=1)
+        self.tandem("verify", "run.h5")
+        self.tandem("resume", "run.h5", *ON)
+        total = 0xCBF29CE484222325
+
+        def add(text):
+            nonlocal total
+            for byte in text.encode() + b"\0":
+                total = (total ^ byte) * 0x100000001B3 % 2**64
+
+        def visit(item, name):
+            for attribute in sorted(item.attrs):
+                kind = h5py.check_string_dtype(item.attrs.get_id(attribute).dtype)
+                ending = name == "/" and attribute.startswith("status")
+                if kind is None or kind.length is not None or ending or item.name.startswith("/report"):
+                    continue
+                add(name)
+                add(attribute)
+                for text in np.atleast_1d(item.attrs[attribute]):
+                    add(text)
+            if isinstance(item, h5py.Group):
+                for member in sorted(item):
+                    visit(item[member], member)
+
+        with h5py.File(self.folder / "run.h5") as file:
+            visit(file, "/")
+            self.assertEqual(int(file["checksums"].attrs["texts"]) % 2**64, total)
+
     def test_a_file_without_checksums(self):
         """As earlier programs wrote it: it cannot be verified, and goes on as before."""
         self.limited()

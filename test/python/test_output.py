@@ -108,7 +108,7 @@ class Doubts(Case):
 
     def test_errors_between_steps_and_at_the_end(self):
         done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--set", "solver.stepper=dop853", "--set",
-                           "solver.rtol=1e-7", "--set", "output.interval=0.1")
+                           "solver.rtol=1e-8", "--set", "output.interval=0.1")
         told = re.sub(r"\s+", " ", done.stdout)
         with h5py.File(self.folder / "doubts.h5") as file:
             report = file["report"].attrs

@@ -49,6 +49,9 @@ module tandem_simulate_global_error
         real(wp), private :: t_start = 0.0_wp, t_end = 0.0_wp, due = 0.0_wp
         !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; how many there are.
         real(wp), allocatable, private :: t(:), state(:, :, :)
+        !> Its longest step since the time before (n_times), and where the last one ended.
+        real(wp), allocatable, private :: longest(:)
+        real(wp), private :: t_last = 0.0_wp
         integer, private :: n_seen = 0, n_taken = 0
         !> What events have done to the first run: the second one does not watch them.
         logical, private :: is_changed = .false., is_stopped = .false.
@@ -92,6 +95,8 @@ contains
         self%t_start = t_start
         self%t_end = t_end
         self%due = t_start
+        self%longest = spread(0.0_wp, 1, n_times)
+        self%t_last = t_start
         self%t = spread(t_end, 1, n_times)
         if (allocated(self%state)) deallocate (self%state, self%difference)
         allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
@@ -107,6 +112,7 @@ contains
         type(error_type), allocatable :: failure
         type(statistics_type) :: statistics
         real(wp) :: t_step, hundredth
+        integer :: k
         logical :: is_missing
 
         if (occasion == at_event) self%is_changed = .true.
@@ -118,6 +124,9 @@ contains
                 self%largest_step = statistics%largest_step
                 self%seconds_of_first = statistics%wall_seconds
             end if
+            k = min(self%n_seen + 1, n_times)
+            self%longest(k) = max(self%longest(k), t_step - self%t_last)
+            self%t_last = t_step
             ! Of a run that has gone on from its very end nobody sees the last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
             if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
@@ -175,7 +184,8 @@ contains
         type(options_type) :: second
         type(properties_type) :: method
         class(stepper_type), allocatable :: stepper
-        real(wp) :: ratio
+        real(wp) :: of_step, ratio
+        integer :: k
 
         if (self%is_changed .or. (self%is_stopped .and. self%t(max(1, self%n_seen)) < self%t_end)) then
             call set_error(error, status_invalid_option, 'an event has '//trim(merge('changed', 'stopped', self%is_changed))// &
@@ -189,7 +199,8 @@ contains
         end if
         call new_stepper(options%stepper, stepper)
         method = stepper%properties()
-        call self%choose_second(options, method, second, ratio)
+        call self%choose_second(options, method, second, of_step)
+        ratio = of_step**method%order
         self%is_bound = ratio > 1.0_wp
         ! Its work is bounded too: it should take two or three times that of the first. Both together take no longer than the first
         ! alone may.
@@ -200,7 +211,18 @@ contains
         if (allocated(error)) return
         self%is_second = .true.
         self%n_taken = 0
-        call simulation%integrate(self%t_end, error, self)
+        if (options%is_adaptive()) then
+            ! Its steps end where the two are compared: the polynomial within a long step may be off by more than either of them.
+            ! They are shorter than those of the first run, also where no tolerance decides on these: the same steps would tell
+            ! nothing. Fixed steps of half the size do both by themselves.
+            do k = 1, self%n_seen
+                call simulation%limit_steps(of_step*self%longest(k))
+                call simulation%integrate(self%t(k), error, self)
+                if (allocated(error)) exit
+            end do
+        else
+            call simulation%integrate(self%t_end, error, self)
+        end if
         statistics = simulation%statistics()
         self%right_hand_sides = statistics%right_hand_sides
         self%seconds = statistics%wall_seconds
@@ -216,14 +238,14 @@ contains
     end subroutine estimate
 
     !> The options of the second run.
-    subroutine choose_second(self, options, method, second, ratio)
+    subroutine choose_second(self, options, method, second, of_step)
         class(global_error_type), intent(in) :: self
         type(options_type), intent(in) :: options
         type(properties_type), intent(in) :: method
         type(options_type), intent(out) :: second
-        !> What the error of the second run should be of that of the first.
-        real(wp), intent(out) :: ratio
-        real(wp) :: factor, of_step
+        !> How long its steps should be beside those of the first run.
+        real(wp), intent(out) :: of_step
+        real(wp) :: factor
         logical :: is_short
 
         second = options
@@ -231,7 +253,7 @@ contains
             second%step = 0.5_wp*options%step
             ! Where the end has made the steps shorter, half of what they were: half of what they may be could be as long.
             if (self%largest_step > 0.0_wp) second%step = min(second%step, 0.5_wp*self%largest_step)
-            ratio = 0.5_wp**method%order
+            of_step = 0.5_wp
             return
         end if
         is_short = self%largest_step > few*(self%t_end - self%t_start)
@@ -243,14 +265,11 @@ contains
         if (allocated(second%rtol_qd)) second%rtol_qd = factor*second%rtol_qd
         if (allocated(second%atol_q)) second%atol_q = factor*second%atol_q
         if (allocated(second%atol_qd)) second%atol_qd = factor*second%atol_qd
-        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p. One that is at the largest step
-        ! is to change as much: the same steps would tell nothing.
+        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p.
         of_step = factor**(1.0_wp/real(method%estimate_order + 1, wp))
         if (is_short) of_step = min(of_step, 0.7_wp)
-        if (options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
-        ! So is one that the end may have cut.
-        if (is_short) second%max_step = of_step*self%largest_step
-        ratio = of_step**method%order
+        ! Looser tolerances are to have larger steps, up to any largest one.
+        if (of_step > 1.0_wp .and. options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
     end subroutine choose_second
 
     !> What it has seen of the first run, so that it can go on to watch a run that is taken up. The end of the run may be another.
@@ -261,6 +280,8 @@ contains
         call pack%item(self%t_start)
         call pack%item(self%due)
         call pack%item(self%t)
+        call pack%item(self%longest)
+        call pack%item(self%t_last)
         call pack%item(self%state)
         call pack%item(self%n_seen)
         call pack%item(self%is_changed)

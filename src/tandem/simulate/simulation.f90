@@ -129,6 +129,7 @@ module tandem_simulation
         procedure :: initialize
         procedure :: step
         procedure :: integrate
+        procedure :: limit_steps
         procedure :: look_at
         procedure :: look_back
         procedure :: statistics
@@ -500,6 +501,18 @@ contains
             if (allocated(observer_error) .and. .not. allocated(error)) call move_alloc(observer_error, error)
         end if
     end subroutine integrate
+
+    !> From here on, steps under error control are no longer than this (s, above zero), nor than the options say.
+    subroutine limit_steps(self, max_step)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: max_step
+
+        if (self%options%max_step > 0.0_wp) then
+            call self%control%set_max_step(min(max_step, self%options%max_step))
+        else
+            call self%control%set_max_step(max_step)
+        end if
+    end subroutine limit_steps
 
     !> Add the time since the last call, or since the start of `integrate`, to the tally.
     subroutine book_time(self)

@@ -45,6 +45,7 @@ module tandem_simulate_step_control
         procedure :: accept
         procedure :: reject
         procedure :: fail
+        procedure :: set_max_step
         procedure :: limit
         procedure :: begin
         procedure :: restart
@@ -168,6 +169,16 @@ contains
         self%h = 0.25_wp*h
         self%was_rejected = .true.
     end subroutine fail
+
+    !> The largest step from here on.
+    subroutine set_max_step(self, max_step)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: max_step
+
+        self%max_step = max_step
+        self%first_step = min(self%first_step, max_step)
+        self%h = min(self%h, max_step)
+    end subroutine set_max_step
 
     !> A step within the limits.
     pure real(wp) function limit(self, h)

@@ -18,6 +18,8 @@ module tandem_io_output_checksums
     public :: checksums_type, finding_type, examine
 
     character(len=*), parameter :: place = '/checksums', paths(2) = [character(len=17) :: place//'/first', place//'/second']
+    !> The attribute with the sum of the texts among the others.
+    character(len=*), parameter :: texts = 'texts'
     !> A place holds the running number, rows, events, a sum for each dataset, and the checksum of these and of the names.
     integer, parameter :: number_at = 1, rows_at = 2, events_at = 3, head = 3
 
@@ -32,6 +34,7 @@ module tandem_io_output_checksums
         procedure :: make
         procedure :: take_up
         procedure :: write => write_sums
+        procedure :: note_texts
         procedure :: close
     end type checksums_type
 
@@ -45,6 +48,8 @@ module tandem_io_output_checksums
         integer(long) :: rows = 0, events = 0, rows_behind = 0
         !> Datasets that have them, and texts among the attributes that cannot be read.
         integer :: datasets = 0, lost_texts = 0
+        !> Whether the file has a sum of the texts among its attributes, and whether they are others than those that were written.
+        logical :: has_sum_of_texts = .false., are_other_texts = .false.
         !> Their sums after the rows that were asked for.
         type(fletcher_type), allocatable :: sums(:)
         !> The last place that was written.
@@ -113,6 +118,18 @@ contains
         end associate
     end subroutine write_sums
 
+    !> Write the sum of the texts among the attributes, all of which are there.
+    subroutine note_texts(self, file)
+        class(checksums_type), intent(in) :: self
+        type(hdf5_type), intent(inout) :: file
+        integer(long) :: sum
+        integer :: lost
+
+        if (.not. allocated(self%names)) return
+        call file%read_all(lost, sum)
+        call file%attach(place, texts, sum)
+    end subroutine note_texts
+
     !> Close the datasets.
     subroutine close(self, file)
         class(checksums_type), intent(inout) :: self
@@ -133,12 +150,15 @@ contains
         character(len=:), allocatable :: status, name
         type(fletcher_type) :: sum
         integer(long) :: asked(2), there
+        integer(long) :: sum_of_texts, written
         logical :: are_events, is_torn
         integer :: i, start, last
 
         finding%problem = ''
-        call file%read_all(finding%lost_texts)
+        call file%read_all(finding%lost_texts, sum_of_texts)
         if (file%has(place)) then
+            call file%get_attribute(place, texts, written, finding%has_sum_of_texts)
+            finding%are_other_texts = finding%has_sum_of_texts .and. sum_of_texts /= written
             call read_place(file, finding, is_torn)
         else
             call read_rows(file)
@@ -150,6 +170,9 @@ contains
         end if
         ! One of the places may be half written where the run was killed, and only there.
         if (is_torn .and. status /= 'running') finding%problem = 'its checksums are damaged'
+        if (finding%are_other_texts .and. status /= 'running') then
+            finding%problem = 'texts among its attributes are not those that were written'
+        end if
         finding%rows = finding%words(rows_at)
         finding%events = finding%words(events_at)
         asked = [finding%rows, finding%events]

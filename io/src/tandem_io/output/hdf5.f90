@@ -228,11 +228,13 @@ module tandem_io_output_hdf5
         end subroutine sum_rows
 
         !> Read every object of the file with all its attributes, so that what is damaged shows.
-        module subroutine read_all(self, lost_texts)
+        module subroutine read_all(self, lost_texts, sum_of_texts)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             !> Texts among them that cannot be read.
             integer, intent(out) :: lost_texts
+            !> A checksum of those that do not change while a run goes on.
+            integer(long), intent(out) :: sum_of_texts
         end subroutine read_all
 
         !> Cut a dataset back to its first rows.

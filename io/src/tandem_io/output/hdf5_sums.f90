@@ -10,10 +10,11 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
 
     interface
         !> Read all that is no row: how many texts cannot be read, negative where something else cannot (contents.c).
-        function c_read_all(file) result(stat) bind(c, name='tandem_contents_read')
+        function c_read_all(file, sum) result(stat) bind(c, name='tandem_contents_read')
             import :: c_int, c_int64_t
             implicit none (type, external)
             integer(c_int64_t), value :: file
+            integer(c_int64_t), intent(out) :: sum
             integer(c_int) :: stat
         end function c_read_all
     end interface
@@ -35,13 +36,15 @@ contains
     end function has
 
     !> Read every object of the file with all its attributes, so that what is damaged shows.
-    module subroutine read_all(self, lost_texts)
+    module subroutine read_all(self, lost_texts, sum_of_texts)
         class(hdf5_type), intent(inout) :: self
         integer, intent(out) :: lost_texts
+        integer(long), intent(out) :: sum_of_texts
 
         lost_texts = 0
+        sum_of_texts = 0
         if (allocated(self%problem)) return
-        lost_texts = int(c_read_all(int(self%file, c_int64_t)))
+        lost_texts = int(c_read_all(int(self%file, c_int64_t), sum_of_texts))
         call self%note(lost_texts, 'read all that is in it')
     end subroutine read_all
 

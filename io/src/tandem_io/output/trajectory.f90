@@ -176,6 +176,7 @@ contains
         call self%prepare(output, simulation)
         call open_events(self, simulation)
         call self%checksums%make(self%file, summed_paths(self, simulation))
+        call self%checksums%note_texts(self%file)
         call self%file%start_appending(self%path)
         if (allocated(self%file%problem)) then
             call self%fail(error)
@@ -237,6 +238,7 @@ contains
         call self%events%cut(self%file, simulation%model%n, snapshot%events)
         call self%file%flush()
         call take_back(self%file, scene)
+        if (finding%has_sum_of_texts) call self%checksums%note_texts(self%file)
         call system_clock(self%saved_at)
         self%rows = snapshot%rows
         self%first_time = snapshot%first_time
