@@ -146,10 +146,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 20000
         type(plan_type) :: plan
-        real(wp) :: u(2), z(n, 2)
+        real(wp), allocatable :: z(:, :)
+        real(wp) :: u(2)
         integer :: i
 
         call make_plan(plan, 2, n, random_points)
+        allocate (z(n, 2))
         do i = 1, n
             call plan%numbers_of(int(i, long), u)
             z(i, :) = [normal_quantile(u(1)), normal_quantile(u(2))]
@@ -220,9 +222,11 @@ contains
             total(3) = [0.55758886_wp, 0.44241114_wp, 0.24368366_wp], pi = acos(-1.0_wp)
         type(plan_type) :: plan
         type(index_type) :: indices(3)
-        real(wp) :: x(3), f(5*n)
+        real(wp), allocatable :: f(:)
+        real(wp) :: x(3)
         integer :: i, blocks, points
 
+        allocate (f(5*n))
         do points = random_points, sobol_points, 2
             call make_plan(plan, 3, n, points)
             plan%is_for_indices = .true.
@@ -430,7 +434,7 @@ contains
             if (allocated(error) .or. .not. allocated(bytes)) return
             length = len(bytes)
             if (i <= 4) then
-                call write_whole(path, bytes(:length - 3*record - cuts(i)), failure)
+                call write_whole(path, bytes(:length - 3*record - cuts(min(i, size(cuts)))), failure)
             else
                 bytes(length - 4*record + i:length - 4*record + i) = 'x'
                 call write_whole(path, bytes, failure)

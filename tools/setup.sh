@@ -9,6 +9,7 @@
 #        tools/setup.sh plot    and what tools/plot.py needs
 #        tools/setup.sh bench   and what bench/ needs
 #        tools/setup.sh mpi     and what mpi/ needs
+#        tools/setup.sh python  and what tools/python.sh needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
 #                            pkg-config; for bench/ SUNDIALS, valgrind; for mpi/ OpenMPI): through apt-get
@@ -70,6 +71,8 @@ missing_packages() { # prints the Debian packages that bring what is not there
     [ "$purpose" != bench ] || command -v valgrind >/dev/null || echo valgrind
     [ "$purpose" != mpi ] || { mpi_modules >/dev/null && linker_finds libmpi_usempif08.so; } || echo libopenmpi-dev
     [ "$purpose" != mpi ] || command -v mpirun >/dev/null || echo openmpi-bin
+    # three.js comes through it, once.
+    [ "$purpose" != python ] || ls build/three-*.tgz >/dev/null 2>&1 || command -v npm >/dev/null || echo npm
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Runs everything that verifies the project, part by part, and closes with the line "N passed, N failed".
 
-Usage: tools/verify.py [PART...]        without a name, all parts; `make test` does that after its set-up
+Usage: tools/verify.py [PART...]        without a name, all parts but `page`; `make test` does that after its set-up
        tools/verify.py --list
 
 Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
@@ -259,6 +259,8 @@ PARTS = [
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
     Part("mpi", ["tools/check_mpi.sh"], unittest_text, minutes=40, by_name=True),
+    Part("package", ["tools/check_package.sh"], unittest_text, needs="build"),
+    Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", by_name=True),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),

@@ -7,13 +7,17 @@ module tandem_command_line
     use tandem_cli_check, only: check
     use tandem_cli_commands, only: find_command
     use tandem_cli_completion, only: completion
+    use tandem_cli_equilibrium, only: equilibrium
     use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
     use tandem_cli_statuses, only: statuses
+    use tandem_cli_study_modes, only: study_modes
     use tandem_cli_study_precision, only: study_precision
     use tandem_cli_study_stability, only: study_stability
     use tandem_cli_study_tables, only: study_tables
@@ -77,14 +81,22 @@ contains
             call statuses(arguments, code)
         case ('run')
             call run(arguments, code)
+        case ('equilibrium')
+            call equilibrium(arguments, code)
+        case ('linearise')
+            call linearise(arguments, code)
         case ('resume')
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
+        case ('plot', 'view')
+            call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)
         case ('study stability')
             call study_stability(arguments, code)
+        case ('study modes')
+            call study_modes(arguments, code)
         case ('study tables')
             call study_tables(arguments, code)
         case ('sweep')

@@ -1,13 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
-    use tandem, only: assembly_type, error_type, model_type, options_type, threshold_event_type, wp
+    use tandem, only: assembly_type, error_type, model_type, motion_name_length, options_type, settling_type, &
+        threshold_event_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_scene_assembly, only: read_assembly
     use tandem_io_scene_events, only: read_events
     use tandem_io_scene_ledger, only: key_length
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
+    use tandem_io_scene_settling, only: read_settling, settle
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_source, only: check_text
     use tandem_io_scene_text, only: listed, to_toml
@@ -38,6 +40,10 @@ module tandem_io_scene
         real(wp), allocatable :: q(:), qd(:)
         !> How the start is to be assembled; not allocated where it is not.
         type(assembly_type), allocatable :: assembly
+        !> Whether it is an equilibrium; the names of the motions along which it goes on as a steady motion; how either was found.
+        logical :: rests = .false.
+        character(len=motion_name_length), allocatable :: steady(:)
+        type(settling_type), allocatable :: settling
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> What is written where.
@@ -137,8 +143,18 @@ contains
             scene%text = reader%text()
             ! It must be one that can be read again, however long the defaults of many events are.
             call check_text(path//' with every default', scene%text, error)
+            if (.not. allocated(error) .and. (scene%rests .or. size(scene%steady) > 0)) call settle_start(scene, error)
         end if
     end subroutine interpret_scene
+
+    !> Let the start settle.
+    subroutine settle_start(scene, error)
+        type(scene_type), intent(inout) :: scene
+        type(error_type), allocatable, intent(out) :: error
+
+        allocate (scene%settling)
+        call settle(scene%model, scene%rests, scene%steady, scene%t_start, scene%q, scene%qd, scene%settling, error, scene%assembly)
+    end subroutine settle_start
 
     !> [scene], which stays open.
     subroutine read_names(reader, path, model_names, scene)
@@ -188,6 +204,7 @@ contains
             call reader%refuse('q', 'and qd are not finite where the numbers of [model] and [initial] are as they are')
         end if
         call read_assembly(reader, scene%model, scene%assembly)
+        call read_settling(reader, scene%model, scene%rests, scene%steady)
         call reader%close_table()
     end subroutine read_start
 

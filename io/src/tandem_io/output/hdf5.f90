@@ -60,8 +60,8 @@ module tandem_io_output_hdf5
         procedure :: get_text
         procedure :: replace_text
         ! Whole datasets.
-        generic :: put => put_integers, put_reals, put_strings
-        procedure, private :: put_integers, put_reals, put_strings
+        generic :: put => put_integers, put_reals, put_strings, put_matrix
+        procedure, private :: put_integers, put_reals, put_strings, put_matrix
         procedure :: add_column
         procedure :: fill_column
         procedure :: name_columns
@@ -351,6 +351,14 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: path
             real(wp), intent(in) :: values(:)
         end subroutine put_reals
+
+        !> Make a dataset of a matrix, which readers of rows first see as it is.
+        module subroutine put_matrix(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            real(wp), intent(in) :: values(:, :)
+        end subroutine put_matrix
 
         !> Make a dataset of texts (rows), blanks at their ends dropped.
         module subroutine put_strings(self, path, values)

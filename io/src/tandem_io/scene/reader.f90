@@ -48,6 +48,7 @@ module tandem_io_scene_reader
         procedure :: hide
         procedure :: remark
         procedure :: propose
+        procedure :: gives
         procedure :: refuse
         procedure :: flatten => flatten_tables
         procedure :: says_true
@@ -282,6 +283,17 @@ contains
 
         if (.not. self%is_brief) call self%ledger%add(self%table, key, '', '', -1, shown=.false., element=self%element)
     end subroutine propose
+
+    !> Whether a key of the current table is given.
+    logical function gives(self, key)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        class(toml_value), pointer :: found
+        integer :: source
+
+        call self%find(key, found, source)
+        gives = associated(found)
+    end function gives
 
     !> An error about the value of a key, which is shown where it was given.
     subroutine refuse(self, key, problem)

@@ -45,6 +45,7 @@ contains
 
         ! A setting is one key in tables that hold nothing else.
         found => null()
+        allocate (names(0))
         call self%sources(setting)%root%get_keys(names)
         call self%sources(setting)%root%get(names(1)%key, found)
         do

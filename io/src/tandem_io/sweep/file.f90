@@ -335,7 +335,7 @@ contains
         type(reader_type), intent(inout) :: reader
         type(reader_type), intent(in) :: base
         type(plan_type), intent(inout) :: plan
-        character(len=:), allocatable :: known, text, longer(:)
+        character(len=:), allocatable :: known, text
         integer :: i, j, dot
 
         allocate (character(len=1) :: plan%carriers(0))
@@ -366,21 +366,25 @@ contains
                     if (j < i) text = trim(plan%carriers(input%setting))
                     text = with_element(text, input%element, atom_to_toml(input%typical(), .false.))
                 end if
-                if (input%setting > 0) then
-                    allocate (character(len=max(len(plan%carriers), len(text))) :: longer(size(plan%carriers)))
-                    longer = plan%carriers
-                    longer(input%setting) = text
-                else
-                    allocate (character(len=max(len(plan%carriers), len(text))) :: longer(size(plan%carriers) + 1))
-                    longer(:size(plan%carriers)) = plan%carriers
-                    longer(size(longer)) = text
-                    input%setting = size(longer)
-                end if
-                call move_alloc(longer, plan%carriers)
+                if (input%setting == 0) input%setting = size(plan%carriers) + 1
+                call put_carrier(plan, input%setting, text)
             end associate
         end do
         call plan%complete()
     end subroutine make_carriers
+
+    !> Give a carrier its text, which may be longer than all others; one behind the last is added.
+    subroutine put_carrier(plan, i, text)
+        type(plan_type), intent(inout) :: plan
+        integer, intent(in) :: i
+        character(len=*), intent(in) :: text
+        character(len=max(len(plan%carriers), len(text))) :: carriers(max(i, size(plan%carriers)))
+
+        carriers(:size(plan%carriers)) = plan%carriers
+        carriers(i) = text
+        deallocate (plan%carriers)
+        allocate (plan%carriers, source=carriers)
+    end subroutine put_carrier
 
     !> Whether the scene takes the inputs: typical values of all, and each text of a list.
     subroutine check_inputs(reader, models, plan)
@@ -389,12 +393,11 @@ contains
         type(plan_type), intent(in) :: plan
         type(scene_type), allocatable :: scene
         type(error_type), allocatable :: error
-        character(len=:), allocatable :: settings(:), last
+        character(len=max(len(plan%settings), len(plan%carriers)) + 4200) :: settings(size(plan%settings) + size(plan%carriers))
+        character(len=:), allocatable :: last
         integer :: i, j
 
         if (reader%failed()) return
-        allocate (character(len=max(len(plan%settings), len(plan%carriers)) + 4200) :: &
-            settings(size(plan%settings) + size(plan%carriers)))
         settings(:size(plan%settings)) = plan%settings
         settings(size(plan%settings) + 1:) = plan%carriers
         allocate (scene)

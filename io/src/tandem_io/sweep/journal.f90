@@ -161,7 +161,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer(long), allocatable :: head(:)
 
-        head = head_of(settings, self%outputs)
+        allocate (head, source=head_of(settings, self%outputs))
         self%end = bytes_a_word*size(head, kind=long)
         ! What was there before is lost.
         if (c_size(self%file, 0_c_int64_t) /= 0) then
@@ -198,7 +198,7 @@ contains
         integer(long), allocatable :: head(:), found(:)
         integer(c_int64_t) :: got
 
-        head = head_of(settings, self%outputs)
+        allocate (head, source=head_of(settings, self%outputs))
         allocate (found(size(head)), source=0_long)
         got = c_read(self%file, found, size(found, kind=c_int64_t), 0_c_int64_t)
         is_ours = got == size(head)
