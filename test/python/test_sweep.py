@@ -12,6 +12,7 @@ import random
 import resource
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
@@ -523,6 +524,51 @@ class Summary(Case):
         self.assertTrue(math.isclose(rz["deviation"], values.std(ddof=1), rel_tol=1e-12))
         self.assertEqual((rz["least"], rz["case_of_least"]), (values.min(), 1 + values.argmin()))
         self.assertEqual((rz["most"], rz["case_of_most"]), (values.max(), 1 + values.argmax()))
+
+
+class Pictures(Case):
+    """What `tandem plot` draws of tables, where matplotlib is installed."""
+
+    def setUp(self):
+        super().setUp()
+        try:
+            import matplotlib  # noqa: F401
+        except ImportError:
+            self.skipTest("matplotlib is not installed")
+        self.write(DISKS.replace('key = "initial.tilt"\nuniform = [-0.1, 0.1]', 'key = "initial.tilt"\nuniform = [-2.0, 1.0]'))
+        self.sweep("--quiet")
+
+    def plot(self, *arguments, code=0, says=""):
+        done = subprocess.run([sys.executable, "-m", "tandem", "plot", "sweep.h5", *arguments], cwd=self.folder, capture_output=True,
+                              text=True, env=ENVIRONMENT | {"PYTHONPATH": str(ROOT / "python" / "src")}, timeout=120)
+        self.assertEqual(done.returncode != 0, code != 0, done.stdout + done.stderr)
+        self.assertIn(says, done.stderr)
+
+    def test_kinds(self):
+        names = {"surface": ["--names", "model.mass,initial.omega[2],rz_end"]}
+        for kind in ("overview", "scatter", "histogram", "surface", "bands"):
+            self.plot("--kind", kind, "--output", f"{kind}.png", *names.get(kind, []))
+            self.assertGreater((self.folder / f"{kind}.png").stat().st_size, 5000)
+        self.plot("--kind", "tracks", code=1, says="there is no kind 'tracks' of pictures of tables")
+        self.plot("--kind", "histogram", "--names", "rzz", code=1, says="there is no column")
+
+    def test_data(self):
+        sys.path.insert(0, str(ROOT / "python" / "src"))
+        self.addCleanup(sys.path.remove, str(ROOT / "python" / "src"))
+        from tandem.plot import bands, histogram, read_table, scatter
+
+        seen = read_table(self.folder / "sweep.h5")
+        failed = seen.status != 0
+        self.assertTrue(0 < failed.sum() < 60)
+        self.assertEqual((seen.outputs["energy"].times.tolist(), seen.outputs["energy"].unit), ([0.0, 0.025, 0.05], "J"))
+        axes = scatter(seen, ["rz_end", "model.mass"]).axes
+        points = axes[0].collections[0].get_offsets()
+        self.assertEqual(points[~failed, 1].tolist(), seen.outputs["rz_end"].values[~failed].tolist())
+        self.assertEqual(axes[0].lines[0].get_xdata().tolist(), seen.inputs["model.mass"].values[failed].tolist())
+        heights = [patch.get_height() for patch in histogram(seen, ["rz_end"]).axes[0].patches]
+        self.assertEqual(sum(heights), (~failed).sum())
+        median = bands(seen).axes[0].lines[0].get_ydata()
+        np.testing.assert_allclose(median, np.median(seen.outputs["energy"].values[~failed], axis=0), rtol=1e-15)
 
 
 if __name__ == "__main__":

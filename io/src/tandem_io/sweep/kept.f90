@@ -15,6 +15,7 @@ module tandem_io_sweep_kept
     !> What is taken of a quantity, in the order of their names.
     integer, parameter :: take_default = 0, take_end = 1, take_start = 2, take_min = 3, take_max = 4, take_time_of_min = 5, &
         take_time_of_max = 6, take_mean = 7, take_first = 8, take_last = 9, take_count = 10, take_times = 11
+    !> The names.
     character(len=12), parameter :: take_names(11) = [character(len=12) :: 'end', 'start', 'min', 'max', 'time_of_min', &
         'time_of_max', 'mean', 'first', 'last', 'count', 'times']
 

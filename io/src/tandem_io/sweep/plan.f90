@@ -20,8 +20,9 @@ module tandem_io_sweep_plan
     integer, parameter :: name_length = 96
     !> Where the values of an input come from.
     integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5
-    !> How draws fill their space.
+    !> How draws fill their space, by name.
     character(len=6), parameter :: points_names(3) = [character(len=6) :: 'random', 'latin', 'sobol']
+    !> The places of these names.
     integer, parameter :: random_points = 1, latin_points = 2, sobol_points = 3
 
     !> Something that differs from case to case.

@@ -4,6 +4,7 @@
     tandem plot run.h5                                        an overview, run.png
     tandem plot run.h5 --output run.pdf --kind tracks --plane xz
     tandem plot a.h5 b.h5 --kind coordinates --names "rod.x,d(rod.x),tip position y"
+    tandem plot table.h5 --kind histogram --names rz_min      the table of a sweep
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 
 
 def add_arguments(parser) -> None:
-    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase"
+    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; of a table scatter, histogram, surface, bands"
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="the picture: .png, .svg or .pdf (the name of the first file, .png)")
     parser.add_argument("--kind", default="overview", metavar="KIND", help=kinds)
@@ -26,17 +27,22 @@ def run(given) -> int:
     from .data import motions_of
     from .pictures import KINDS
     from .style import save
+    from .tables import TABLE_KINDS, is_table
 
-    if given.kind not in KINDS:
-        raise ValueError(f"there is no kind {given.kind!r} of pictures; there are {', '.join(KINDS)}")
-    draw = KINDS[given.kind]
+    of_table = is_table(given.files[0])
+    if of_table and len(given.files) > 1:
+        raise ValueError("a picture is of one table")
+    kinds = TABLE_KINDS if of_table else KINDS
+    if given.kind not in kinds:
+        raise ValueError(f"there is no kind {given.kind!r} of pictures{' of tables' if of_table else ''}; there are {', '.join(kinds)}")
+    draw = kinds[given.kind]
     known = inspect.signature(draw).parameters
     options = {"names": given.names.split(",") if given.names else None, "plane": given.plane, "title": given.title}
     unused = [name for name, value in options.items() if value is not None and name not in known]
     if unused:
         raise ValueError(f"--{unused[0]} is not for the kind {given.kind}")
     picture = given.output or f"{Path(given.files[0]).stem}.png"
-    results = motions_of(given.files)
+    results = given.files if of_table else motions_of(given.files)
     one = len(results) == 1 or given.kind == "errors"
     figure = draw(results[0] if one else results, **{name: value for name, value in options.items() if value is not None})
     save(figure, picture)
