@@ -6,7 +6,7 @@ Usage: bench/mechanisms.py [--repeats N] [NAME...]     a01_pendulum, a02_four_ba
 
 Installs exudyn, numpy and h5py from PyPI into build/exudyn. The program is build/tandem, or what TANDEM names. Exudyn integrates the same
 bodies, joints and forces with its generalised-alpha methods, index 2 and 3, of which the faster for its error counts; the pendulum also
-in minimal coordinates as a kinematic tree with its explicit DOPRI5. References: doc/mechanism_gallery.md. Times are the
+in minimal coordinates as a kinematic tree with its explicit DOPRI5. References are those of test/python/test_mechanisms.py. Times are the
 best of the repeats; prints a table, and for errors of 1e-3, 1e-6, 1e-9 the ratio of times, interpolated.
 """
 
