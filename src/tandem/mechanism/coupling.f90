@@ -8,7 +8,7 @@
 module tandem_mechanism_coupling
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
-    use tandem_mechanism_pair, only: add_holonomic, add_row, columns, n_local
+    use tandem_mechanism_pair, only: add_holonomic, add_row, columns, columns_of_c, n_local
     use tandem_mechanism_pose, only: pose_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
@@ -67,7 +67,7 @@ contains
                     x = 0.0_wp
                     call differentiate_coordinate(it%coordinates(k), pose, last, 0, x, gradient)
                     sum = sum + it%factors(k)*x
-                    if (iand(need, need_jacobian) /= 0) call add_row(columns(pose(it%coordinates(k)%first), &
+                    if (iand(need, need_jacobian) /= 0) call add_row(columns_of_c(pose(it%coordinates(k)%first), &
                         pose(it%coordinates(k)%second)), it%factors(k), gradient(:, 0), it%row, terms%jacobian)
                 end do
                 c = 0.0_wp

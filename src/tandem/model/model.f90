@@ -11,7 +11,9 @@
 !> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
     use tandem_kinds, only: wp
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
@@ -22,7 +24,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface, integrand_interface, change_interface
+    public :: measure_interface, integrand_interface, change_interface, list_motions_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -61,6 +63,10 @@ module tandem_model
         !> Sizes of the diagonal blocks of M in their order, n in all, where every entry outside of them is zero at every q:
         !> explicit steps leave those out. One block of n where not allocated. In a constant M they are found without being told.
         integer, allocatable :: mass_blocks(:)
+        !> Which entries of C and M may differ from zero, for sparse charts; every entry where not allocated. A model that has it
+        !> sets the entry (i, j) of C as (i, pattern%column(j)), and of M as (i, pattern%mass_column(j)), wherever it finds
+        !> `terms%is_compressed`.
+        type(pattern_type), allocatable :: pattern
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
@@ -90,6 +96,12 @@ module tandem_model
         !> The impulses of the rows (nh + nd) where an event made velocities jump last; only where it is allocated, by a model that
         !> tells of them.
         real(wp), allocatable :: impulses(:)
+        !> Inputs of the linearised system: names of functions of time, which may be several of one element. `input` (0:2, inputs),
+        !> where it is allocated, is what the model's procedures add to the value and the first two derivatives of each;
+        !> `input_version` changes whenever it does.
+        character(len=label_length), allocatable :: input_name(:)
+        real(wp), allocatable :: input(:, :)
+        integer :: input_version = 0
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
@@ -149,6 +161,9 @@ module tandem_model
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
+        !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
+        !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
+        procedure(list_motions_interface), pointer :: list_motions => null()
     contains
         procedure :: n_constraints
         procedure :: row_name
@@ -318,6 +333,14 @@ module tandem_model
             real(wp), intent(out) :: value(:, :)
             integer, intent(out) :: stat
         end subroutine matrix_of_motion
+
+        !> Ways to move the model as a whole.
+        subroutine list_motions_interface(self, motions)
+            import :: model_type, affine_motion_type
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            type(affine_motion_type), allocatable, intent(out) :: motions(:)
+        end subroutine list_motions_interface
 
         !> Several derivatives at once.
         subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
