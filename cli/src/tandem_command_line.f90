@@ -89,7 +89,7 @@ contains
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
-        case ('plot', 'view')
+        case ('plot', 'view', 'import')
             call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)

@@ -140,6 +140,17 @@ class Robots(Mechanism):
         self.imported(ROBOT)
         self.assertIn("--force", self.imported(ROBOT, code=2))
 
+    def test_the_program(self):
+        """`tandem import urdf` hands over to the package for Python, options and exit code."""
+        environment = {"TANDEM_PYTHON": sys.executable, "PYTHONPATH": str(ROOT / "python" / "src")}
+        expected = self.imported(ROBOT, "--at", "hinge=0.5", "--output", "robot.toml")
+        done = self.tandem("import", "urdf", "robot.urdf", "--at", "hinge=0.5", "--output", "again.toml", env=environment)
+        self.assertEqual(done.stdout.strip(), "again.toml")
+        self.assertEqual((self.folder / "again.toml").read_text(), expected)
+        self.assertIn("--force", self.tandem("import", "urdf", "robot.urdf", "--output", "again.toml", env=environment, code=2).stderr)
+        self.tandem("import", "sdf", "robot.urdf", env=environment, code=2)
+        self.assertIn("needs a FILE", self.tandem("import", code=2).stderr)
+
     def test_rotations(self):
         """Euler parameters of rotations of any angle, against the rotation that they make."""
         random = np.random.default_rng(1)

@@ -56,6 +56,8 @@ module tandem_cli_commands
         'draws result files: PNG, SVG or PDF; needs the package for Python'), &
         command_type('view', 'FILE', ' --output --names --frames ', &
         'a page that plays the motion in a browser, and a .glb; needs that too'), &
+        command_type('import', 'FILE...', ' --output --floating --at --force ', &
+        'import urdf FILE: a scene from the URDF file of a robot; needs that too'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
@@ -91,6 +93,8 @@ module tandem_cli_commands
         option_type('--plane', 'XY', 'of tracks: two of x, y and z'), &
         option_type('--title', 'TEXT', 'above the picture'), &
         option_type('--frames', 'N', 'frames a second (60)'), &
+        option_type('--floating', '', 'the root of the robot is a free body, not the ground'), &
+        option_type('--at', 'JOINT=X,...', 'draw joints of the robot there (rad, m), not at 0'), &
         option_type('--help', '', 'this text')]
 
 contains

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m tandem plot | view FILE...: what the program `tandem` calls."""
+"""python3 -m tandem plot | view | import urdf FILE...: what the program `tandem` calls."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ import sys
 
 def main(words: list[str] | None = None) -> int:
     """The exit code: 0 done, 2 the input was wrong."""
+    words = sys.argv[1:] if words is None else words
+    if words[:1] == ["import"]:
+        # Without what pictures need.
+        from . import urdf
+
+        return urdf.main(words[1:])
     parser = argparse.ArgumentParser(prog="tandem", description="Pictures of result files, and pages that play them.")
     commands = parser.add_subparsers(dest="command", required=True)
     from .plot import command as plot_command
