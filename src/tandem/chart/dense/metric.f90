@@ -148,18 +148,19 @@ contains
     end subroutine load
 
     !> Take note of how far a step has moved along the plain complement. What it did less than those before it may do again.
-    subroutine note_move(self, complement, q0, q, qd0, qd, scale)
+    subroutine note_move(self, complement, q0, q, scale)
         class(metric_type), intent(inout) :: self
-        !> Orthonormal in scaled coordinates (n, m).
+        !> That of the positions, orthonormal in scaled coordinates (n, nh).
         real(wp), intent(in), contiguous :: complement(:, :)
         !> Where the step began and ended, coordinate scales (n).
-        real(wp), intent(in), contiguous :: q0(:), q(:), qd0(:), qd(:), scale(:)
+        real(wp), intent(in), contiguous :: q0(:), q(:), scale(:)
         !> What a step leaves of the memory of those before it.
         real(wp), parameter :: fading = 0.25_wp
         real(wp) :: part
         integer :: i, j
 
-        if (.not. (self%asked > 0.0_wp .and. self%is_felt(self%asked))) return
+        if (.not. self%asked > 0.0_wp) return
+        if (.not. self%is_felt(self%asked)) return
         do i = 1, self%n
             self%row(i) = (q(i) - q0(i))/scale(i)
         end do
@@ -233,6 +234,8 @@ contains
         real(wp), parameter :: growth = 1.5_wp
         real(wp) :: strain, dominance
 
+        pays = self%is_felt(beta)
+        if (.not. pays) return
         if (.not. self%has_moved) then
             call self%find_trace(beta, complement, tangent)
             pays = self%trace > felt
@@ -282,7 +285,6 @@ contains
 
         strain = 0.0_wp
         dominance = 0.0_wp
-        if (.not. self%is_felt(beta)) return
         do i = 1, self%n
             a = max(beta*self%damping(i, i), 0.0_wp)/self%mean
             b = max(beta*beta*self%stiffness(i, i), 0.0_wp)/self%mean

@@ -94,7 +94,7 @@ contains
         self%failed_row = 0
         self%is_at_origin = .true.
         self%may_lean = .true.
-        if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%qd0, qd, self%scale)
+        if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%scale)
         call copy(self%n, q, self%q0)
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
