@@ -139,8 +139,8 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
  * belongs to the model: it ends a run that is under way. */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
-/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5), chart (every_step, adaptive, paper), refresh, basis,
- * projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
+/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5), chart_kind (automatic, dense, sparse), chart (every_step, adaptive,
+ * paper), refresh, basis, projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
@@ -173,6 +173,13 @@ int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
+
+/* At most max_steps accepted steps that do not pass t_end, and rows of what they pass; *rows tells how many. at_steps = 0: a row for
+ * each of the `capacity` times in `times`, which ascend from the current time on, as far as the steps have come; by dense output,
+ * which steps do not notice. Else a row for each step, whose time is put into `times`; it ends where these are full. It ends at t_end,
+ * too, and where an event stops the run. Row i is q[i][n], qd[i][n], qdd[i][n]; pointers may be NULL. A failure keeps the rows. */
+int tandem_advance(tandem_problem *problem, double t_end, int max_steps, int capacity, int at_steps, double *times, double *q,
+                   double *qd, double *qdd, int *rows);
 
 /* How many events were recorded so far. */
 int tandem_count_events(tandem_problem *problem, int *count);

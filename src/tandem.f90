@@ -25,14 +25,15 @@ module tandem
     use tandem_model_affine_motion, only: affine_motion_type, motion_name_length
     use tandem_model_derivatives, only: derivative_name, derivatives_type, n_derivatives, need_acceleration_q, &
         need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, &
         terms_type
     use tandem_model_verification, only: finding_type, verify_model
     use tandem_models_articulated_vehicle, only: articulated_vehicle_type
     use tandem_models_motorcycle, only: motorcycle_type
     use tandem_models_rolling_disk, only: rolling_disk_type
-    use tandem_options, only: basis_methods, chart_policies, option_row_type, option_visitor_type, options_type, projections, &
-        refresh_modes
+    use tandem_options, only: basis_methods, chart_kinds, chart_policies, option_row_type, option_visitor_type, options_type, &
+        projections, refresh_modes
     use tandem_pack, only: pack_type
     use tandem_profile_chart, only: profiled_chart_type
     use tandem_profile_ledger, only: mark_type, profile_type
@@ -56,12 +57,13 @@ module tandem
 
     public :: wp, long
     public :: error_type, set_error, to_text, is_input_error, status_name, status_ok, status_output_failed
-    public :: model_type, quantity_type, label_length, terms_type, n_terms, term_name
+    public :: model_type, pattern_type, quantity_type, label_length, terms_type, n_terms, term_name
     public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
     public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
     public :: finding_type, verify_model
-    public :: options_type, option_row_type, option_visitor_type, basis_methods, chart_policies, projections, refresh_modes
+    public :: options_type, option_row_type, option_visitor_type, basis_methods, chart_kinds, chart_policies, projections, &
+        refresh_modes
     public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type

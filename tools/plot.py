@@ -64,7 +64,7 @@ def main():
     if arguments.picture.endswith(".gif"):
         problem = animation.draw(arguments.files[0], arguments.picture)
         return parser.error(problem) if problem else None
-    names = list(read_result(arguments.files[0]).coordinates)
+    names = read_result(arguments.files[0]).names
     x, y = arguments.track.split(",") if arguments.track else names[:2]
     z = arguments.against_time or names[2]
     for name in (x, y, z):

@@ -12,6 +12,7 @@ module tandem_command_line
     use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
@@ -20,6 +21,7 @@ module tandem_command_line
     use tandem_cli_study_precision, only: study_precision
     use tandem_cli_study_stability, only: study_stability
     use tandem_cli_study_tables, only: study_tables
+    use tandem_cli_sweep, only: sweep
     use tandem_cli_verify, only: verify_file
     use tandem_io, only: anything, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
     implicit none (type, external)
@@ -87,6 +89,8 @@ contains
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
+        case ('plot', 'view')
+            call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)
         case ('study stability')
@@ -95,6 +99,8 @@ contains
             call study_modes(arguments, code)
         case ('study tables')
             call study_tables(arguments, code)
+        case ('sweep')
+            call sweep(arguments, code)
         case ('completion')
             call completion(arguments, code)
         case ('version')

@@ -25,6 +25,15 @@ module tandem_io
     use tandem_io_study_reference, only: read_reference, reference_type, write_reference
     use tandem_io_study_stability, only: select_cases, stability_columns, stability_type
     use tandem_io_study_table, only: brief, column_type, count_column, real_column, table_type
+    use tandem_io_sweep_case, only: case_runner_type
+    use tandem_io_sweep_file, only: read_sweep, settings_of
+    use tandem_io_sweep_journal, only: sweep_journal_type
+    use tandem_io_sweep_plan, only: plan_type
+    use tandem_io_sweep_processes, only: cores, processes_type
+    use tandem_io_sweep_record, only: name_of_status, record_type, words_of_record
+    use tandem_io_sweep_schedule, only: distribute, watcher_type
+    use tandem_io_sweep_summary, only: bins, column_summary_type, index_type, read_column, sensitivities, summarise
+    use tandem_io_sweep_table, only: csv_path, indices_path, output_path, write_table
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
     private
@@ -44,5 +53,8 @@ module tandem_io
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
         write_reference
     public :: stability_type, stability_columns, select_cases, case_groups, case_names
+    public :: plan_type, read_sweep, settings_of, case_runner_type, record_type, name_of_status, sweep_journal_type, &
+        processes_type, cores, distribute, watcher_type, write_table, csv_path, indices_path, output_path, bins, &
+        column_summary_type, index_type, read_column, sensitivities, summarise, words_of_record
     public :: tandem_version, format_version
 end module tandem_io

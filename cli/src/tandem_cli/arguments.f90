@@ -25,7 +25,7 @@ module tandem_cli_arguments
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
-            profile = .false., json = .false.
+            profile = .false., json = .false., merges = .false.
         !> The options of a study that have a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
@@ -96,10 +96,17 @@ contains
                 end if
             end do
             if (self%command == 'equilibrium') call add_text(self%settings, 'initial.equilibrium=true')
-            if (allocated(error) .or. self%help .or. allocated(self%scene)) return
+            if (allocated(error) .or. self%help) return
+            if (command%operand == 'SWEEP...' .and. size(self%scenes) > 1 .and. .not. self%merges) then
+                call set_usage_error(error, self%command, 'takes one SWEEP; with --merge, the journals behind it')
+                return
+            end if
+            if (allocated(self%scene)) return
             select case (command%operand)
-            case ('FILE')
+            case ('FILE', 'FILE...')
                 call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
+            case ('SWEEP...')
+                call set_usage_error(error, self%command, 'needs a SWEEP: the path of a TOML file; see doc/sweep.md')
             case ('SCENE', 'SCENE...')
                 call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
             case default
@@ -149,8 +156,8 @@ contains
         case ('--set')
             call add_text(self%settings, value)
         case ('--output')
-            ! A study has a folder of files, and a linearised system is no run.
-            if (self%first == 2 .and. self%command /= 'linearise') then
+            ! A study has a folder of files, a sweep a table, and a linearised system is no run.
+            if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
                 call add_text(self%given, name//'='//value)
@@ -173,6 +180,8 @@ contains
             self%json = .true.
         case ('--quick')
             self%quick = .true.
+        case ('--merge')
+            self%merges = .true.
         case ('--help')
             self%help = .true.
         case default

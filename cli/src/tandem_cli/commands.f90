@@ -50,6 +50,12 @@ module tandem_cli_commands
         command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
         command_type('study modes', 'SCENE', ' --set --over --output --json ', &
         'eigenvalues over a value of a scene, and where stability changes'), &
+        command_type('sweep', 'SWEEP...', ' --output --jobs --cases --merge --force --quiet --json ', &
+        'many cases of a scene, on all cores, and one table of them'), &
+        command_type('plot', 'FILE...', ' --output --kind --names --plane --title ', &
+        'draws result files: PNG, SVG or PDF; needs the package for Python'), &
+        command_type('view', 'FILE', ' --output --names --frames ', &
+        'a page that plays the motion in a browser, and a .glb; needs that too'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
@@ -58,7 +64,8 @@ module tandem_cli_commands
     !> Every option of any subcommand, in the order of the help.
     type(option_type), parameter :: options(*) = [ &
         option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value; repeatable'), &
-        option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder (study)'), &
+        option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder; of plot and '// &
+        'view, what they write'), &
         option_type('--force', '', 'overwrite a file that exists; a study: start anew'), &
         option_type('--error', '', 'estimate the error at the end by a second, more accurate run, however long it takes'), &
         option_type('--no-error', '', 'never do that; without either, it is done where the run took at most 2 s'), &
@@ -76,6 +83,14 @@ module tandem_cli_commands
         option_type('--repeats', 'N', 'least runs of which the time is the median (3, at most 1000)'), &
         option_type('--budget', 'SECONDS', 'for all runs of a row; finer rows are left out (5)'), &
         option_type('--quick', '', '--repeats 1 --budget 0.5'), &
+        option_type('--jobs', 'N', 'processes that run cases at the same time (as many as there are cores)'), &
+        option_type('--cases', 'FIRST:LAST', 'only these cases of a sweep, as a task of a job array'), &
+        option_type('--merge', '', 'run nothing: make the table from the journals that follow the sweep'), &
+        option_type('--kind', 'KIND', 'overview, tracks, coordinates, sensors, reactions, errors, energies or phase'), &
+        option_type('--names', 'A,B...', 'what is drawn: coordinates, d(coordinate), sensors, points'), &
+        option_type('--plane', 'XY', 'of tracks: two of x, y and z'), &
+        option_type('--title', 'TEXT', 'above the picture'), &
+        option_type('--frames', 'N', 'frames a second (60)'), &
         option_type('--help', '', 'this text')]
 
 contains

@@ -49,7 +49,7 @@ contains
     !> Floquet multipliers.
     subroutine print_multipliers(floquet)
         type(floquet_type), intent(in) :: floquet
-        character(len=28) :: parts(4)
+        character(len=31) :: parts(4)
         integer :: i
 
         call say('')
@@ -83,7 +83,7 @@ contains
                 write (re, '(es20.12)') real(value, wp)
                 im = ''
                 if (aimag(value) > 0.0_wp) write (im, '(es18.12, a)') aimag(value), ' i'
-                if (im /= '') im = '+- '//im
+                if (im /= '') im = '+- '//im(:25)
                 call say(padded(trim(adjustl(re)), 21)//padded(trim(im), 25)//padded(hertz(it, i), 12)// &
                     padded(brief(it%spectrum%damping_ratio(i)), 12)//padded(brief(it%spectrum%error(i)), 10)// &
                     shape_text(scene, it, i))

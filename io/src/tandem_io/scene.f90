@@ -17,7 +17,7 @@ module tandem_io_scene
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene
+    public :: scene_type, read_scene, open_scene, interpret_scene
 
     !> The tables of a scene, in the order in which they are read and shown.
     character(len=key_length), parameter :: tables(6) = &
@@ -69,27 +69,60 @@ contains
         !> The models that the scene may name; `shipped_models()` where they are not given.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
-        character(len=key_length), allocatable :: names(:), brought(:)
         type(reader_type) :: reader
-        integer :: i
 
         if (present(models)) then
             allocate (known, source=models)
         else
             allocate (known, source=shipped_models())
         end if
-        names = known%name
-        allocate (brought(0))
-        do i = 1, size(known)
-            if (allocated(known(i)%tables)) brought = [character(len=key_length) :: brought, known(i)%tables]
-        end do
+        call open_scene(path, settings, known, reader, text)
+        call interpret_scene(path, known, reader, scene, error)
+    end subroutine read_scene
+
+    !> Open the sources of a scene, and check that they have no tables but those of scenes. Errors stay in the reader.
+    subroutine open_scene(path, settings, models, reader, text)
+        character(len=*), intent(in) :: path, settings(:)
+        !> The models that the scene may name.
+        type(scene_model_type), intent(in) :: models(:)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in), optional :: text
+
         call reader%open_sources(path, settings, text)
-        call reader%check_tables(tables, arrays, brought)
+        call reader%check_tables(tables, arrays, brought_by(models))
+    end subroutine open_scene
+
+    !> The tables that some models bring.
+    pure function brought_by(models) result(brought)
+        type(scene_model_type), intent(in) :: models(:)
+        character(len=key_length), allocatable :: brought(:)
+        integer :: i
+
+        allocate (brought(0))
+        do i = 1, size(models)
+            if (allocated(models(i)%tables)) brought = [character(len=key_length) :: brought, models(i)%tables]
+        end do
+    end function brought_by
+
+    !> From open sources to a scene. A reader that is brief leaves out the text of the scene.
+    subroutine interpret_scene(path, models, reader, scene, error)
+        !> Path of the file, from which the scene has its name, and for messages.
+        character(len=*), intent(in) :: path
+        type(scene_model_type), intent(in) :: models(:)
+        type(reader_type), intent(inout) :: reader
+        type(scene_type), intent(out) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        character(len=key_length), allocatable :: names(:)
+        integer :: i
+
+        names = models%name
         call read_names(reader, path, names, scene)
-        do i = 1, size(known)
-            if (reader%failed() .or. known(i)%name /= scene%model_name) cycle
-            if (.not. allocated(known(i)%tables)) call reader%refuse_tables(brought, [character(len=key_length) :: tables, arrays])
-            call known(i)%build(reader, scene%model, scene%q, scene%qd)
+        do i = 1, size(models)
+            if (reader%failed() .or. models(i)%name /= scene%model_name) cycle
+            if (.not. (allocated(models(i)%tables) .or. reader%is_brief)) then
+                call reader%refuse_tables(brought_by(models), [character(len=key_length) :: tables, arrays])
+            end if
+            call models(i)%build(reader, scene%model, scene%q, scene%qd)
             exit
         end do
         if (.not. reader%failed()) then
@@ -106,13 +139,13 @@ contains
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
             call move_alloc(reader%error, error)
-        else
+        else if (.not. reader%is_brief) then
             scene%text = reader%text()
             ! It must be one that can be read again, however long the defaults of many events are.
             call check_text(path//' with every default', scene%text, error)
             if (.not. allocated(error) .and. (scene%rests .or. size(scene%steady) > 0)) call settle_start(scene, error)
         end if
-    end subroutine read_scene
+    end subroutine interpret_scene
 
     !> Let the start settle.
     subroutine settle_start(scene, error)

@@ -242,8 +242,8 @@ contains
         real(wp), allocatable :: l(:, :), g(:, :)
         integer :: j
 
-        l = self%symmetry%matrix(self%rates, point%n)
-        g = self%g
+        allocate (l, source=self%symmetry%matrix(self%rates, point%n))
+        allocate (g, source=self%g)
         do j = 1, point%n
             l(:, j) = l(:, j)*point%scale(j)/point%scale
             g(j, :) = g(j, :)/point%scale(j)

@@ -133,7 +133,7 @@ contains
         real(wp), allocatable :: rows(:, :)
         integer :: i
 
-        rows = self%jacobian
+        allocate (rows, source=self%jacobian)
         do i = 1, self%m
             rows(i, :) = self%row_scale(i)*rows(i, :)
         end do

@@ -117,7 +117,7 @@ contains
             integer, allocatable, intent(out) :: dimensions(:)
             real(wp), allocatable :: rest(:, :)
 
-            rest = b(ns + 1:, ns + 1:)
+            allocate (rest, source=b(ns + 1:, ns + 1:))
             call split_zeros(rest, tolerance*norm, z, k, dimensions)
             b(ns + 1:, ns + 1:) = rest
             b(:ns, ns + 1:) = matmul(b(:ns, ns + 1:), z)

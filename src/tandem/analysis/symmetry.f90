@@ -99,6 +99,7 @@ contains
         type(affine_motion_type), allocatable :: all_motions(:)
         integer :: i
 
+        allocate (all_motions(0))
         call list_motions(model, all_motions)
         allocate (self%motions(0))
         do i = 1, size(all_motions)
@@ -318,7 +319,7 @@ contains
         if (allocated(self%rates_of_time)) deallocate (self%rates_of_time)
         is_used = .false.
         ! Rotations of the world come last, so that a spin of a body is a spin where both are the same.
-        order = [n]
+        allocate (order, source=[n])
         do i = 1, n - 1
             if (.not. self%motions(i)%turns_world) order = [order, i]
         end do
