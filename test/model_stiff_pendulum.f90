@@ -13,6 +13,8 @@ module model_stiff_pendulum
         real(wp) :: m = 1.0_wp, l0 = 1.0_wp, g = 9.81_wp
         !> Stiffness and damping.
         real(wp) :: k = 9810000.0_wp, c = 12.52836781069266_wp
+        !> From when on, within `fading` seconds, the stiffness grows a thousandfold, and the damping by the root of that.
+        real(wp) :: stiffens_at = huge(1.0_wp), fading = 1.0e-2_wp
         !> Whether the third coordinate is the stretch l - l0, which resolves a force that the length does not.
         logical :: has_stretch = .false.
         !> Whether the derivatives are given.
@@ -20,6 +22,7 @@ module model_stiff_pendulum
     contains
         procedure :: define
         procedure, private :: length
+        procedure, private :: times
     end type stiff_pendulum_type
 
 contains
@@ -42,6 +45,18 @@ contains
         self%evaluate_derivatives => derivatives
         self%provides_derivatives = need_all_derivatives
     end subroutine define
+
+    !> By how much the spring is stiffer than at the start.
+    pure real(wp) function times(self, t)
+        class(stiff_pendulum_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp) :: x
+
+        times = 1.0_wp
+        if (t <= self%stiffens_at) return
+        x = min(1.0_wp, (t - self%stiffens_at)/self%fading)
+        times = 1.0e3_wp**(x**3*(10.0_wp - x*(15.0_wp - 6.0_wp*x)))
+    end function times
 
     !> l.
     pure real(wp) function length(self, q)
@@ -114,7 +129,7 @@ contains
         select type (self)
         class is (stiff_pendulum_type)
             value(2) = -self%m*self%g
-            value(3) = -self%k*(q(3) - merge(0.0_wp, self%l0, self%has_stretch)) - self%c*qd(3)
+            value(3) = -self%times(t)*self%k*(q(3) - merge(0.0_wp, self%l0, self%has_stretch)) - sqrt(self%times(t))*self%c*qd(3)
         end select
     end subroutine force
 
@@ -134,9 +149,9 @@ contains
             derivatives_%dynamics_q = 0.0_wp
             derivatives_%dynamics_q(1, 1) = lambda(1)
             derivatives_%dynamics_q(2, 2) = lambda(1)
-            derivatives_%dynamics_q(3, 3) = self%k - lambda(1)
+            derivatives_%dynamics_q(3, 3) = self%times(t)*self%k - lambda(1)
             derivatives_%dynamics_qd = 0.0_wp
-            derivatives_%dynamics_qd(3, 3) = self%c
+            derivatives_%dynamics_qd(3, 3) = sqrt(self%times(t))*self%c
         end select
     end subroutine derivatives
 end module model_stiff_pendulum

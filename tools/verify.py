@@ -6,8 +6,8 @@ Usage: tools/verify.py [PART...]        without a name, all parts but `page`; `m
        tools/verify.py --list
 
 Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
-from running. A part whose command fails, hangs, or runs no test counts as a failure. What a part printed is in
-build/verify/PART.log. The exit code is 1 if anything failed.
+from running. Part mpi, which takes OpenMPI, is run where it is named only. A part whose command fails, hangs, or runs no test
+counts as a failure. What a part printed is in build/verify/PART.log. The exit code is 1 if anything failed.
 """
 
 import contextlib
@@ -233,7 +233,7 @@ class Part:
     minutes: float = 20
     # Another part that must come before, also where it was not asked for.
     needs: str = ""
-    # Run only where it is asked for: what it needs is large.
+    # Whether it is run only where it is asked for by name.
     by_name: bool = False
 
 
@@ -255,9 +255,10 @@ PARTS = [
         ok_lines,
         minutes=5,
     ),
-    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
+    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], linter),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
+    Part("mpi", ["tools/check_mpi.sh"], unittest_text, minutes=40, by_name=True),
     Part("package", ["tools/check_package.sh"], unittest_text, needs="build"),
     Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", by_name=True),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
@@ -355,7 +356,7 @@ def main(names):
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     for part in PARTS:
-        if (names or part.by_name) and part.name not in chosen:
+        if part.name not in chosen if names else part.by_name:
             continue
         print(f"{part.name:10}", end="", flush=True)
         start = time.monotonic()

@@ -1354,6 +1354,42 @@ static void test_advice(void)
     tandem_free(p);
 }
 
+static int cart_mass(double t, const double *q, double *value, void *user_data)
+{
+    (void)t, (void)q, (void)user_data;
+    value[0] = 2;
+    return 0;
+}
+
+static int cart_force(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    (void)t, (void)user_data;
+    value[0] = -18 * (q[0] - 1) - 0.8 * qd[0];
+    return 0;
+}
+
+/* A cart on a damped spring: 2 l^2 + 0.8 l + 18 = 0, by differences of fourth order. */
+static void test_linearised(void)
+{
+    tandem_problem *p = tandem_new(1, 0, 0, NULL);
+    double q = 0.3, zero = 0, re[2], im[2], a[4];
+    int count = -1;
+
+    tandem_set_position_function(p, "mass_matrix", cart_mass);
+    tandem_set_motion_function(p, "applied_force", cart_force);
+    expect("an-equilibrium-is-found", p, tandem_find_equilibrium(p, 0, &q), TANDEM_OK, "ok");
+    check("where-the-spring-is-loose", fabs(q - 1) < 1e-12, "the equilibrium is elsewhere");
+    expect("a-model-is-linearised", p, tandem_linearise(p, 0, &q, &zero, &count, re, im, a), TANDEM_OK, "ok");
+    check("two-eigenvalues", count == 2 && fabs(re[0] + 0.2) < 1e-9 && fabs(re[1] + 0.2) < 1e-9 && fabs(im[0] + sqrt(8.96)) < 1e-9 &&
+              fabs(im[1] - sqrt(8.96)) < 1e-9, "they are others");
+    check("the-matrix-by-columns", fabs(a[0]) < 1e-12 && fabs(a[2] - 1) < 1e-12 && fabs(a[1] + 9) < 1e-8 && fabs(a[3] + 0.4) < 1e-8,
+          "it is another");
+    expect("the-matrix-may-be-left-out", p, tandem_linearise(p, 0, &q, &zero, &count, re, im, NULL), TANDEM_OK, "ok");
+    expect("eigenvalues-may-not", p, tandem_linearise(p, 0, &q, &zero, &count, NULL, im, a), TANDEM_INVALID_OPTION, "NULL");
+    expect("nor-a-place", p, tandem_find_equilibrium(p, 0, NULL), TANDEM_INVALID_OPTION, "NULL");
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -1469,6 +1505,7 @@ int main(void)
     test_units();
     test_unset();
     test_advice();
+    test_linearised();
     test_misuse();
     return failures > 0;
 }

@@ -1214,10 +1214,18 @@ class CommandLine(Case):
         settings = ["--set", "model.stiffness=1.5e7", "--set", "model.damping=1.5e6", "--set", "solver.stepper=dopri5"]
         report = self.tandem("run", "motorcycle", *settings, "--set", "solver.rtol=1e-5", "--set", "time.end=0.05", "--output",
                              "a.h5").stdout
-        self.assertRegex(report, r"  stiff +from t = \S+ s, steps are limited by stability, not by accuracy")
+        self.assertRegex(report, r"  stiff +from t = \S+ s, steps are limited by stability, not by accuracy,")
+        self.assertRegex(report, r"radau5 would take about \d+ % of the work")
         with h5py.File(self.folder / "a.h5") as file:
             self.assertEqual(file["report"].attrs["stiff"], 1)
             self.assertGreater(file["report"].attrs["stiff_steps"], 100)
+
+    def test_no_slower_stepper_is_advised(self):
+        settings = ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-4", "--output", "a.h5", "--force"]
+        report = self.tandem("run", "motorcycle", *settings).stdout
+        self.assertRegex(report, r"steps are limited by stability, not by accuracy,\s+but an implicit stepper would hardly be faster")
+        for scene in "rolling_disk", "articulated_vehicle":
+            self.assertNotIn("implicit stepper", self.tandem("run", scene, *settings).stdout)
 
     def test_numbers_come_back_to_the_last_bit(self):
         numbers = [0.1, 1 / 3, 1e-300, 5e-324, 1.7976931348623157e308, 123456789.123456789, 1e22, 2**53 + 2.0, 1e-5]

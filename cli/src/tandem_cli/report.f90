@@ -45,8 +45,9 @@ contains
         associate (options => scene%options)
             steps = 'h = '//to_toml(options%step)//' s'
             if (options%is_adaptive()) steps = tolerances(options, scene%model%n)
-            call print_line('solver', trim(options%stepper)//', '//steps//', chart '// &
-                trim(options%chart)//', refresh '//trim(options%refresh))
+            call print_line('solver', trim(options%stepper)//', '//steps//', '// &
+                trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart '//trim(options%chart)// &
+                ', refresh '//trim(options%refresh))
         end associate
         if (allocated(error)) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
@@ -64,7 +65,7 @@ contains
         if (scene%options%is_adaptive() .and. s%steps > 0) call print_line('step sizes', short(s%smallest_step, 3)//' to '// &
             short(s%largest_step, 3)//' s, '//counted(s%rejected, 'step')//' rejected for the error, '// &
             count_text(s%failed)//' not completed')
-        if (s%is_stiff) call print_line('stiff', stiff(s, scene%options%is_adaptive()))
+        if (s%is_stiff .or. s%advised /= '') call print_line('stiff', stiff(s, scene%options%is_adaptive()))
         call print_line('charts', charts(s))
         call print_line('run time', short(s%wall_seconds, 3)//' s, CPU '//short(s%cpu_seconds, 3)//' s, '// &
             short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds a step')
@@ -168,20 +169,24 @@ contains
         end do
     end subroutine complain_of_doubts
 
-    !> That an explicit stepper is at work on a stiff model.
+    !> That an explicit stepper is at work on a stiff model, and which stepper would be faster, if one would.
     function stiff(s, is_adaptive) result(text)
         type(statistics_type), intent(in) :: s
         !> Whether steps follow an error estimate.
         logical, intent(in) :: is_adaptive
         character(len=:), allocatable :: text
 
-        text = 'from t = '//short(s%stiff_from, 4)//' s, '
-        if (is_adaptive) then
-            text = text//'steps are limited by stability, not by accuracy, '
+        text = 'steps are shorter than the motion asks for'
+        if (s%is_stiff) text = 'from t = '//short(s%stiff_from, 4)//' s, steps are limited by stability, not by accuracy'
+        if (s%advised /= '') then
+            text = text//', '//trim(s%advised)//' would take about '//count_text(int(max(1, nint(100*s%implicit_part)), long))// &
+                ' % of the work by how smooth the motion was'
+        else if (is_adaptive) then
+            text = text//', but an implicit stepper would hardly be faster'
         else
-            text = text//'steps are at the limit of stability, '
+            text = 'from t = '//short(s%stiff_from, 4)//' s, steps are at the limit of stability, an implicit stepper (radau5) '// &
+                'could take larger ones'
         end if
-        text = text//'an implicit stepper (sdirk54) would take larger ones'
     end function stiff
 
     !> The tolerances of the steps, from the smallest to the largest where they differ.

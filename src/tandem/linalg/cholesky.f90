@@ -21,6 +21,7 @@ module tandem_linalg_cholesky
         procedure :: allocate => allocate_cholesky
         procedure :: factor
         procedure :: solve
+        procedure :: solve_rows
         procedure :: pack_state
         procedure, private :: factor_small
         procedure, private :: solve_small
@@ -81,6 +82,39 @@ contains
             call dpotrs('L', self%n, 1, self%factor_, self%n, b, self%n, info)
         end if
     end subroutine solve
+
+    !> X := X A^-1 for a matrix (l, n), column by column: its rows are solved for side by side.
+    pure subroutine solve_rows(self, x)
+        class(cholesky_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: x(:, :)
+        real(wp) :: f
+        integer :: i, j, k
+
+        do k = 1, self%n
+            do j = 1, k - 1
+                f = self%factor_(k, j)
+                do i = 1, size(x, 1)
+                    x(i, k) = x(i, k) - f*x(i, j)
+                end do
+            end do
+            f = 1.0_wp/self%factor_(k, k)
+            do i = 1, size(x, 1)
+                x(i, k) = f*x(i, k)
+            end do
+        end do
+        do k = self%n, 1, -1
+            do j = k + 1, self%n
+                f = self%factor_(j, k)
+                do i = 1, size(x, 1)
+                    x(i, k) = x(i, k) - f*x(i, j)
+                end do
+            end do
+            f = 1.0_wp/self%factor_(k, k)
+            do i = 1, size(x, 1)
+                x(i, k) = f*x(i, k)
+            end do
+        end do
+    end subroutine solve_rows
 
     !> The factor, column by column. stat > 0: the leading minor of that order is not positive.
     subroutine factor_small(self, stat)

@@ -25,6 +25,8 @@ contains
         ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
         self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
         if (present(chart)) allocate (self%blank, source=chart)
+        self%is_sparse = .not. present(chart)
+        if (self%is_sparse) self%is_sparse = wants_sparse(model, options, self%method%implicit)
         call self%allocate_chart()
         call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return
@@ -126,6 +128,7 @@ contains
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
+        if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)

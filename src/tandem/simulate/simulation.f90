@@ -8,7 +8,7 @@ module tandem_simulation
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
-    use tandem_options, only: options_type, projections
+    use tandem_options, only: chart_kinds, options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
@@ -18,7 +18,7 @@ module tandem_simulation
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_limit, warning_type
     use tandem_simulate_event_memory, only: watched_type
-    use tandem_simulate_stiffness, only: stiffness_type
+    use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
         status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
@@ -29,7 +29,8 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_dense, only: dense_chart_type
+    use tandem_chart_factory, only: new_chart, wants_sparse
+    use tandem_model_derivatives, only: need_all_derivatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -70,6 +71,8 @@ module tandem_simulation
         type(warning_type), allocatable :: warnings(:)
         !> How many redundant constraint rows were left out.
         integer :: n_redundant = 0
+        !> Whether charts are sparse, where none was given to `initialize`.
+        logical :: is_sparse = .false.
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0
@@ -537,6 +540,7 @@ contains
         statistics_%is_stiff = self%stiffness%is_stiff
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
+        if (associated(self%model)) call weigh_implicit(self, statistics_)
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)
             if (local%steps == 0) return
@@ -546,6 +550,19 @@ contains
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end function statistics
+
+    !> What an implicit stepper would have cost, and whether it is worth advice: estimates are right to a factor of two.
+    subroutine weigh_implicit(self, statistics_)
+        class(simulation_type), intent(in) :: self
+        type(statistics_type), intent(inout) :: statistics_
+        real(wp), parameter :: worth = 0.5_wp
+
+        associate (s => statistics_, model => self%model)
+            s%implicit_part = self%stiffness%part_of_implicit(s%steps + s%rejected + s%failed, self%method%stages, &
+                merge(0, model%n, model%provides_derivatives == need_all_derivatives))
+            if (s%implicit_part > 0.0_wp .and. s%implicit_part < worth) s%advised = implicit_advice
+        end associate
+    end subroutine weigh_implicit
 
     !> The constraint errors of the current state; with `factor` they must be within the tolerance.
     subroutine measure_errors(self, error)

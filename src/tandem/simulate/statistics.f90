@@ -49,6 +49,10 @@ module tandem_simulate_statistics
         integer(long) :: stiff_steps = 0
         logical :: is_stiff = .false.
         real(wp) :: stiff_from = 0.0_wp
+        !> Explicit steppers under error control: the work of a run with an implicit one, as a part of that of this run, by how
+        !> smooth its motion was; the stepper, where that would be faster.
+        real(wp) :: implicit_part = 0.0_wp
+        character(len=16) :: advised = ''
         !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
         real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
         !> Evaluations of the functions of events.

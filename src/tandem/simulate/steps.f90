@@ -136,6 +136,7 @@ contains
 
         if (self%options%is_adaptive()) then
             is_at_limit = self%control%is_at_limit
+            call self%stiffness%smoothness%observe(self%state, self%control%weight_q, self%control%weight_qd)
         else
             is_at_limit = self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit
         end if

@@ -1,15 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> Notices that stability, not accuracy, limits the steps of an explicit stepper.
+!> Notices that stability, not accuracy, limits the steps of an explicit stepper, and whether an implicit one would be faster.
 !>
 !> Single steps at the limit of stability mean nothing: it takes 15, without 6 others in a row between them.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, automatic stiffness detection.
 module tandem_simulate_stiffness
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
+    use tandem_simulate_smoothness, only: smoothness_type
     implicit none (type, external)
     private
 
-    public :: stiffness_type
+    public :: stiffness_type, implicit_advice
+
+    !> What is advised.
+    character(len=*), parameter :: implicit_advice = 'radau5'
 
     !> So many steps at the limit make a run stiff; so many others in a row forget them.
     integer, parameter :: enough = 15, pardon = 6
@@ -20,10 +24,13 @@ module tandem_simulate_stiffness
         real(wp) :: since = 0.0_wp
         !> All steps at the limit.
         integer(long) :: steps = 0
+        !> Steps that the implicit method would have taken so far, under error control.
+        type(smoothness_type) :: smoothness
         integer, private :: in_a_row = 0, others = 0
         real(wp), private :: first = 0.0_wp
     contains
         procedure :: observe
+        procedure :: part_of_implicit
         procedure :: pack_state
     end type stiffness_type
 
@@ -51,6 +58,23 @@ contains
         self%since = self%first
     end subroutine observe
 
+    !> The work of a run with the implicit method, as a part of that of this run; 0 where that is not known.
+    pure real(wp) function part_of_implicit(self, tries, stages, n_differences)
+        class(stiffness_type), intent(in) :: self
+        !> Steps taken and rejected, and the stages of each.
+        integer(long), intent(in) :: tries
+        integer, intent(in) :: stages
+        !> Coordinates by which derivatives are made by differences; 0 where the model gives them.
+        integer, intent(in) :: n_differences
+        !> What a step of the implicit method costs, in explicit stages: 27 to 37 on the scenes, with the model's derivatives. A new
+        !> matrix is made in less than every third step.
+        real(wp), parameter :: cost = 40.0_wp, matrices = 0.3_wp
+
+        part_of_implicit = 0.0_wp
+        if (tries == 0) return
+        part_of_implicit = self%smoothness%needed*(cost + matrices*2*real(n_differences, wp))/(real(tries, wp)*real(stages, wp))
+    end function part_of_implicit
+
     !> What was seen so far.
     subroutine pack_state(self, pack)
         class(stiffness_type), intent(inout) :: self
@@ -59,6 +83,7 @@ contains
         call pack%item(self%is_stiff)
         call pack%item(self%since)
         call pack%item(self%steps)
+        call self%smoothness%pack_state(pack)
         call pack%item(self%in_a_row)
         call pack%item(self%others)
         call pack%item(self%first)

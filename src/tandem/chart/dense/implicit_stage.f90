@@ -26,7 +26,7 @@ contains
             call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
             if (stat /= status_ok) return
             call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
-                self%position%u_basis(:, :self%nh), self%b_phi, d, r)
+                self%position%u_basis(:, :self%nh), self%b_phi, d, r, .not. self%metric%is_on)
             call self%stage%factor(ha, stat)
         end associate
         self%stage_segment = self%model%segment()
@@ -52,7 +52,7 @@ contains
         call self%metric%set(ha, self%basis%q(:, :self%m), self%basis%q(:, self%m + 1:), has_changed)
         if (.not. has_changed) return
         call self%place_bases()
-        call self%stage%enter_chart()
+        call self%stage%enter_chart(.not. self%metric%is_on)
         ! X has changed, and R and D with it.
         self%has_velocity_basis = .false.
     end subroutine follow_stiffness

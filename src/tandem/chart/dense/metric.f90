@@ -6,6 +6,9 @@
 !> the stiff force is nonlinear in the chart's coordinates, and an implicit method loses its order. In this metric a stiff
 !> coordinate is dear: the complement moves the others, the stiff force stays linear, and an L-stable method sees the slow motion.
 !> Any smooth complement gives the same motion, so the metric need not be exact, and is kept as long as the matrix is.
+!>
+!> Complements follow it where that pays. The last step shows how far the plain one moved, and so how much it strains what is
+!> stiff: the stiff force of that move, over what resists it, a velocity. Below a few tolerances of that it costs no steps.
 module tandem_chart_dense_metric
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
@@ -18,12 +21,27 @@ module tandem_chart_dense_metric
     public :: metric_type
 
     type :: metric_type
-        !> Whether something is so stiff that complements are to follow it.
+        !> Whether something is so stiff that complements follow it.
         logical :: is_on = .false.
         integer, private :: n = 0
-        !> M, D and K of the last `load` (n, n), symmetric; beta of the last `set`; a part of M that every direction has.
-        real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :)
-        real(wp), private :: beta = 0.0_wp, floor = 0.0_wp
+        !> M, D and K of the last `load` (n, n), symmetric; the sums of |D| and of |K| by rows (n), the mean of M's diagonal.
+        real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :), row_damping(:), row_stiffness(:)
+        real(wp), private :: mean = 0.0_wp
+        !> By how much, relatively, they have changed since the metric was free to. beta of the last `set`, of the metric and of the
+        !> trace; a part of M that every direction has.
+        real(wp), private :: drift = 0.0_wp, asked = 0.0_wp, beta = 0.0_wp, trace_beta = 0.0_wp, floor = 0.0_wp
+        !> How much of the mass forces are across the tangent space, at `trace_beta`.
+        real(wp), private :: trace = 0.0_wp
+        !> The velocity error that a run allows, in units of coordinate scales.
+        real(wp), private :: tolerance = 0.0_wp
+        !> How far a step with beta = `move_beta` moved along the plain complement (n), in units of coordinate scales.
+        logical, private :: has_moved = .false.
+        real(wp), private :: move_beta = 0.0_wp
+        real(wp), allocatable, private :: move(:), new_move(:)
+        !> Steps of the trial so far, beta before it; steps for which the outcome of the last one is taken for granted, and for
+        !> which that of the next one will be.
+        integer, private :: tried = 0, for_granted = 0, rest = 0
+        real(wp), private :: before = 0.0_wp
         !> beta D + beta^2 K, then the metric G (n, n), its factor and its inverse.
         real(wp), allocatable, private :: matrix(:, :), inverse(:, :)
         type(cholesky_type), private :: factor
@@ -35,28 +53,53 @@ module tandem_chart_dense_metric
     contains
         procedure :: allocate => allocate_metric
         procedure :: load
+        procedure :: note_move
         procedure :: set
         procedure :: lean
         procedure :: pack_state
+        procedure, private :: pays
+        procedure, private :: measure
+        procedure, private :: is_felt
+        procedure, private :: form
         procedure, private :: add_forces
-        procedure, private :: trace_across
+        procedure, private :: find_trace
     end type metric_type
+
+    !> A metric, and a trace, serve steps that are so many times longer or shorter.
+    real(wp), parameter :: near = 1.5_wp
+    !> The part of the mass from which on forces are felt in a step.
+    real(wp), parameter :: felt = 0.1_wp
+    !> Forces on a coordinate of this part of the mass are those of the motion itself.
+    real(wp), parameter :: soft = 5.0e-3_wp
 
 contains
 
-    !> Allocate for n coordinates, nh holonomic and m constraints in all.
-    subroutine allocate_metric(self, n, nh, m)
+    !> Allocate for n coordinates, nh holonomic and m constraints in all, and a run that allows velocities an error, relative to
+    !> coordinate scales; 0 where it says nothing of errors.
+    subroutine allocate_metric(self, n, nh, m, tolerance)
         class(metric_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
+        real(wp), intent(in) :: tolerance
+        !> What stands for it where steps are fixed.
+        real(wp), parameter :: usual = 1.0e-7_wp
 
         self%n = n
         self%is_on = .false.
+        self%has_moved = .false.
+        self%tried = 0
+        self%for_granted = 0
+        self%drift = 0.0_wp
+        self%asked = 0.0_wp
         self%beta = 0.0_wp
+        self%trace_beta = 0.0_wp
+        self%tolerance = merge(tolerance, usual, tolerance > 0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
-            self%inverse, self%row, self%shift, self%vectors, self%values, self%work)
+            self%inverse, self%row, self%shift, self%vectors, self%values, self%work, self%row_damping, self%row_stiffness, &
+            self%move, self%new_move)
         allocate (self%mass(n, n), self%damping(n, n), self%stiffness(n, n), self%matrix(n, n), self%gram(m, m), &
             self%inverse(n, n), self%row(n), self%shift(n*n), self%moved(n, max(m, n - m)), self%vectors(n, n), &
-            self%values(n), self%work(34*n), source=0.0_wp)
+            self%values(n), self%work(34*n), self%row_damping(n), self%row_stiffness(n), self%move(n), self%new_move(n), &
+            source=0.0_wp)
         call self%factor%allocate(n)
         call self%position_gram%allocate(nh)
         call self%velocity_gram%allocate(m)
@@ -67,20 +110,83 @@ contains
         class(metric_type), intent(inout) :: self
         !> M, the gradients of the equations of motion by qd and by q (n, n), coordinate scales (n).
         real(wp), intent(in), contiguous :: mass(:, :), damping(:, :), stiffness(:, :), scale(:)
+        !> The part by which forces may change before the metric does.
+        real(wp), parameter :: alike = 0.05_wp
+        real(wp) :: change(3), total(3), new
         integer :: i, j
 
+        self%mean = 0.0_wp
+        self%row_damping = 0.0_wp
+        self%row_stiffness = 0.0_wp
+        change = 0.0_wp
+        total = 0.0_wp
         do j = 1, self%n
             do i = 1, self%n
-                self%mass(i, j) = scale(i)*scale(j)*mass(i, j)
-                self%damping(i, j) = 0.5_wp*scale(i)*scale(j)*(damping(i, j) + damping(j, i))
-                self%stiffness(i, j) = 0.5_wp*scale(i)*scale(j)*(stiffness(i, j) + stiffness(j, i))
+                new = scale(i)*scale(j)*mass(i, j)
+                change(1) = change(1) + abs(new - self%mass(i, j))
+                total(1) = total(1) + abs(new)
+                self%mass(i, j) = new
+                new = 0.5_wp*scale(i)*scale(j)*(damping(i, j) + damping(j, i))
+                change(2) = change(2) + abs(new - self%damping(i, j))
+                self%row_damping(i) = self%row_damping(i) + abs(new)
+                self%damping(i, j) = new
+                new = 0.5_wp*scale(i)*scale(j)*(stiffness(i, j) + stiffness(j, i))
+                change(3) = change(3) + abs(new - self%stiffness(i, j))
+                self%row_stiffness(i) = self%row_stiffness(i) + abs(new)
+                self%stiffness(i, j) = new
             end do
+            self%mean = self%mean + self%mass(j, j)/real(self%n, wp)
         end do
+        total(2) = sum(self%row_damping)
+        total(3) = sum(self%row_stiffness)
+        ! Any smooth complement will do, so that one of matrices that are nearly these will.
+        self%drift = self%drift + maxval(change/max(total, tiny(1.0_wp)))
+        if (self%drift <= alike) return
+        self%drift = 0.0_wp
         self%beta = 0.0_wp
+        self%trace_beta = 0.0_wp
     end subroutine load
 
-    !> Form the metric for beta = h a_ii, if complements are to follow it: where the forces are felt in a direction in which the
-    !> plain complement moves.
+    !> Take note of how far a step has moved along the plain complement. What it did less than those before it may do again.
+    subroutine note_move(self, complement, q0, q, qd0, qd, scale)
+        class(metric_type), intent(inout) :: self
+        !> Orthonormal in scaled coordinates (n, m).
+        real(wp), intent(in), contiguous :: complement(:, :)
+        !> Where the step began and ended, coordinate scales (n).
+        real(wp), intent(in), contiguous :: q0(:), q(:), qd0(:), qd(:), scale(:)
+        !> What a step leaves of the memory of those before it.
+        real(wp), parameter :: fading = 0.25_wp
+        real(wp) :: part
+        integer :: i, j
+
+        if (.not. (self%asked > 0.0_wp .and. self%is_felt(self%asked))) return
+        do i = 1, self%n
+            self%row(i) = (q(i) - q0(i))/scale(i)
+        end do
+        if (all(abs(self%row) <= 0.0_wp)) return
+        self%new_move = 0.0_wp
+        do j = 1, size(complement, 2)
+            part = 0.0_wp
+            do i = 1, self%n
+                part = part + complement(i, j)*self%row(i)
+            end do
+            do i = 1, self%n
+                self%new_move(i) = self%new_move(i) + part*complement(i, j)
+            end do
+        end do
+        if (self%has_moved) then
+            ! In one step the move grows as beta**2.
+            part = fading*(self%asked/self%move_beta)**2
+            self%move = part*self%move
+            self%move_beta = self%asked
+            if (sum(self%new_move**2) < sum(self%move**2)) return
+        end if
+        self%move = self%new_move
+        self%move_beta = self%asked
+        self%has_moved = .true.
+    end subroutine note_move
+
+    !> Form the metric for beta = h a_ii, if complements are to follow it.
     subroutine set(self, beta, complement, tangent, has_changed)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
@@ -88,30 +194,139 @@ contains
         real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
         !> False where complements may stay as they are.
         logical, intent(out) :: has_changed
-        !> A metric serves steps that are so many times longer or shorter.
-        real(wp), parameter :: near = 1.5_wp
-        !> The part of the mass from which on forces are felt in a step.
-        real(wp), parameter :: felt = 0.1_wp
+
+        self%asked = beta
+        has_changed = self%is_on
+        if (self%pays(beta, complement, tangent)) then
+            has_changed = .not. (self%is_on .and. is_near(beta, self%beta))
+            if (.not. has_changed) return
+            call self%find_trace(beta, complement, tangent)
+            call self%form(beta)
+        else
+            self%is_on = .false.
+        end if
+    end subroutine set
+
+    !> Whether a metric or a trace made for one beta serves another; none does where there is none.
+    pure logical function is_near(beta, made_for)
+        real(wp), intent(in) :: beta, made_for
+
+        is_near = made_for > 0.0_wp .and. beta <= near*made_for .and. made_for <= near*beta
+    end function is_near
+
+    !> Whether the plain complement would cost steps. What it does in the first step nobody knows: there it would where forces
+    !> are felt. A strain of a few tolerances is no matter, and one of many is; between them a few steps with the metric show it:
+    !> where they do not become longer, the next ones are plain, and after some of them it is tried again.
+    logical function pays(self, beta, complement, tangent)
+        class(metric_type), intent(inout) :: self
+        real(wp), intent(in) :: beta
+        real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
+        !> Of a strain, an error is what the method's stages miss. Measured: with the plain complement, steps on stiff pendulums
+        !> become so short that it is five to a hundred tolerances; forty cost none on suspensions.
+        real(wp), parameter :: few = 4.0_wp, many = 200.0_wp
+        !> Where springs dominate so, the plain complement is no match for them.
+        real(wp), parameter :: stiff = 0.3_wp
+        !> Below this part of the mass, forces across the tangent space are those of gravity and of turning bodies.
+        real(wp), parameter :: least = 2.0e-3_wp
+        !> Steps of a trial, by how much they must become longer, and how long its outcome is taken for granted.
+        integer, parameter :: trial = 5, shortest = 32, longest = 1024
+        real(wp), parameter :: growth = 1.5_wp
+        real(wp) :: strain, dominance
+
+        if (.not. self%has_moved) then
+            call self%find_trace(beta, complement, tangent)
+            pays = self%trace > felt
+            self%for_granted = 0
+            self%rest = shortest
+            return
+        end if
+        call self%measure(beta, strain, dominance)
+        if (strain > few*self%tolerance .and. .not. dominance > stiff) then
+            call self%find_trace(beta, complement, tangent)
+            if (.not. self%trace > least) strain = 0.0_wp
+        end if
+        pays = strain > many*self%tolerance .or. dominance > stiff
+        if (pays .or. .not. strain > few*self%tolerance) then
+            self%tried = 0
+            return
+        end if
+        pays = self%is_on
+        if (self%for_granted > 0) then
+            self%for_granted = self%for_granted - 1
+        else if (self%tried == 0) then
+            ! Where the metric is on, nobody knows what the plain complement would do.
+            pays = .not. self%is_on
+            if (pays) self%before = beta
+            if (pays) self%tried = 1
+        else if (self%tried < trial) then
+            self%tried = self%tried + 1
+        else
+            pays = beta > growth*self%before
+            self%tried = 0
+            self%for_granted = self%rest
+            self%rest = min(2*self%rest, longest)
+        end if
+    end function pays
+
+    !> The velocity by which the plain complement strains what is stiff in a step, as far as the method's stages miss it, in units
+    !> of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by b/(1 + a + b) of
+    !> the move. Of that, a method of stage order 1 misses a part that falls with a + b where a step resolves the spring, and where
+    !> a damper holds it: there the coordinate follows slowly, which the step resolves too.
+    pure subroutine measure(self, beta, strain, dominance)
+        class(metric_type), intent(in) :: self
+        real(wp), intent(in) :: beta
+        !> The velocity, and the largest of those parts.
+        real(wp), intent(out) :: strain, dominance
+        real(wp) :: force, part, a, b
+        integer :: i, j
+
+        strain = 0.0_wp
+        dominance = 0.0_wp
+        if (.not. self%is_felt(beta)) return
+        do i = 1, self%n
+            a = max(beta*self%damping(i, i), 0.0_wp)/self%mean
+            b = max(beta*beta*self%stiffness(i, i), 0.0_wp)/self%mean
+            if (.not. a + b > soft) cycle
+            part = (a + b)/(1.0_wp + a + b)*min(1.0_wp, (1.0_wp + b)/(1.0_wp + a))**2
+            dominance = max(dominance, part)
+            force = 0.0_wp
+            do j = 1, self%n
+                force = force + self%stiffness(j, i)*self%move(j)
+            end do
+            force = part*beta*force/(self%mean + beta*(self%row_damping(i) + beta*self%row_stiffness(i)))
+            strain = strain + force*force
+        end do
+        strain = sqrt(strain)*(beta/self%move_beta)**2
+    end subroutine measure
+
+    !> Whether springs and dampers of a coordinate are more than soft.
+    pure logical function is_felt(self, beta)
+        class(metric_type), intent(in) :: self
+        real(wp), intent(in) :: beta
+        integer :: i
+
+        is_felt = .false.
+        do i = 1, self%n
+            is_felt = is_felt .or. beta*(self%damping(i, i) + beta*self%stiffness(i, i)) > soft*self%mean
+        end do
+    end function is_felt
+
+    !> Form and factor the metric.
+    subroutine form(self, beta)
+        class(metric_type), intent(inout) :: self
+        real(wp), intent(in) :: beta
         !> What a direction without mass has, of the mean mass; and the most that the metric is of it, for the sake of rounding.
         real(wp), parameter :: massless = 1.0e-3_wp, most = 1.0e12_wp
         !> Forces that are a times the mean mass count for the fourth power of so many times a. What is soft in a step hardly
         !> counts: complements would reach far for what is softer still. What is stiff counts for so much that they do not move it.
         real(wp), parameter :: steep = 30.0_wp
+        !> Steps that the plain complement has made short are stiff in steps so many times as long at most.
+        real(wp), parameter :: longest = 15.0_wp
         real(wp) :: weight
         integer :: i, j, stat
 
-        has_changed = .false.
-        if (self%beta > 0.0_wp .and. beta <= near*self%beta .and. self%beta <= near*beta) return
         self%beta = beta
-        has_changed = self%is_on
-        associate (moved => self%moved(:, :size(tangent, 2)))
-            call set_product(self%mass, tangent, moved)
-            self%floor = sum(tangent*moved)/real(max(size(tangent, 2), 1), wp)
-        end associate
-        call self%add_forces(beta)
-        self%is_on = self%trace_across(complement) > felt
-        if (.not. self%is_on) return
-        has_changed = .true.
+        call self%add_forces(beta*min(longest, sqrt(1.0_wp/min(1.0_wp, max(self%trace, 1.0_wp/longest**2)))))
         call decompose_in(self%work, self%matrix, self%values)
         do j = 1, self%n
             weight = sqrt(self%floor*min(most, (steep*max(self%values(j)/self%floor, 0.0_wp))**4))
@@ -130,9 +345,9 @@ contains
         self%inverse = 0.0_wp
         do j = 1, self%n
             self%inverse(j, j) = 1.0_wp
-            call self%factor%solve(self%inverse(:, j))
         end do
-    end subroutine set
+        call self%factor%solve_rows(self%inverse)
+    end subroutine form
 
     !> beta D + beta^2 K.
     pure subroutine add_forces(self, beta)
@@ -147,15 +362,23 @@ contains
         end do
     end subroutine add_forces
 
-    !> The trace of (N' M N + floor)^-1 N' (beta D + beta^2 K) N: it does not depend on which basis of the complement N is. 0 where
-    !> there is none.
-    real(wp) function trace_across(self, complement)
+    !> The trace of (N' M N + floor)^-1 N' (beta D + beta^2 K) N for a beta near this one: it does not depend on which basis of
+    !> the complement N is. 0 where there is none.
+    subroutine find_trace(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: complement(:, :)
+        real(wp), intent(in) :: beta
+        real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
         integer :: j, m, stat
 
+        if (is_near(beta, self%trace_beta)) return
+        self%trace_beta = beta
+        self%trace = 0.0_wp
+        associate (moved => self%moved(:, :size(tangent, 2)))
+            call set_product(self%mass, tangent, moved)
+            self%floor = sum(tangent*moved)/real(max(size(tangent, 2), 1), wp)
+        end associate
+        call self%add_forces(beta)
         m = size(complement, 2)
-        trace_across = 0.0_wp
         call set_product(self%mass, complement, self%moved(:, :m))
         call set_gram(complement, self%moved(:, :m), self%gram)
         do j = 1, m
@@ -165,11 +388,11 @@ contains
         if (stat /= 0) return
         call set_product(self%matrix, complement, self%moved(:, :m))
         call set_gram(complement, self%moved(:, :m), self%gram)
+        call self%velocity_gram%solve_rows(self%gram)
         do j = 1, m
-            call self%velocity_gram%solve(self%gram(:, j))
-            trace_across = trace_across + self%gram(j, j)
+            self%trace = self%trace + self%gram(j, j)
         end do
-    end function trace_across
+    end subroutine find_trace
 
     !> The complements U of null(Phi_q) and X of null(C) in the metric, and the duals of V and W that vanish on them:
     !> U := G^-1 N (N' G^-1 N)^-1, so that N' U = I as for the plain complement, and V - N U' V; alike with C.
@@ -193,48 +416,40 @@ contains
             call self%position_gram%factor(self%gram(:nh, :nh), stat)
             if (stat /= 0) return
         end if
-        call lean_by(self%velocity_gram, m, basis, self%moved, scale, self%row, self%shift, x_basis, w_dual)
+        call lean_by(self%velocity_gram, basis(:, :m), basis(:, m + 1:), self%moved(:, :m), scale, self%shift, x_basis, w_dual)
         if (nh == m) then
             u_basis(:, :m) = x_basis
             v_dual(:, :) = w_dual
         else if (nh > 0) then
-            call lean_by(self%position_gram, nh, basis, self%moved, scale, self%row, self%shift, u_basis(:, :nh), v_dual)
+            call lean_by(self%position_gram, basis(:, :nh), basis(:, nh + 1:), self%moved(:, :nh), scale, self%shift, &
+                u_basis(:, :nh), v_dual)
         end if
     end subroutine lean
 
     !> One of the two.
-    subroutine lean_by(gram, m, basis, moved, scale, row, shift, complement, dual)
+    subroutine lean_by(gram, plain, tangent, moved, scale, shift, complement, dual)
         !> Where N' G^-1 N is factored.
-        type(cholesky_type), intent(inout) :: gram
-        integer, intent(in) :: m
-        !> N and the tangent space (n, n), G^-1 N in its first columns (n, *), coordinate scales (n).
-        real(wp), intent(in), contiguous :: basis(:, :), moved(:, :), scale(:)
+        type(cholesky_type), intent(in) :: gram
+        !> N and the tangent space, orthonormal (n, m), (n, n - m), G^-1 N (n, m), coordinate scales (n).
+        real(wp), intent(in), contiguous :: plain(:, :), tangent(:, :), moved(:, :), scale(:)
         !> Work space.
-        real(wp), intent(inout) :: row(m), shift(m, size(scale) - m)
+        real(wp), intent(inout) :: shift(size(plain, 2), size(tangent, 2))
         !> (n, m), (n, n - m).
         real(wp), intent(inout), contiguous :: complement(:, :), dual(:, :)
-        integer :: i, j, n
+        integer :: i, j
 
-        n = size(scale)
-        do i = 1, n
-            do j = 1, m
-                row(j) = moved(i, j)
-            end do
-            call gram%solve(row)
-            do j = 1, m
-                complement(i, j) = row(j)
-            end do
-        end do
+        complement = moved
+        call gram%solve_rows(complement)
         ! U' V, then V - N U' V.
-        call set_gram(complement, basis(:, m + 1:), shift)
-        call set_product(basis(:, :m), shift, dual)
-        do j = 1, n - m
-            do i = 1, n
-                dual(i, j) = (basis(i, m + j) - dual(i, j))/scale(i)
+        call set_gram(complement, tangent, shift)
+        call set_product(plain, shift, dual)
+        do j = 1, size(tangent, 2)
+            do i = 1, size(scale)
+                dual(i, j) = (tangent(i, j) - dual(i, j))/scale(i)
             end do
         end do
-        do j = 1, m
-            do i = 1, n
+        do j = 1, size(plain, 2)
+            do i = 1, size(scale)
                 complement(i, j) = scale(i)*complement(i, j)
             end do
         end do
@@ -246,8 +461,22 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%is_on)
+        call pack%item(self%drift)
+        call pack%item(self%asked)
         call pack%item(self%beta)
+        call pack%item(self%trace_beta)
+        call pack%item(self%trace)
         call pack%item(self%floor)
+        call pack%item(self%mean)
+        call pack%item(self%has_moved)
+        call pack%item(self%move_beta)
+        call pack%item(self%tried)
+        call pack%item(self%for_granted)
+        call pack%item(self%rest)
+        call pack%item(self%before)
+        call pack%item(self%move)
+        call pack%item(self%row_damping)
+        call pack%item(self%row_stiffness)
         call pack%item(self%mass)
         call pack%item(self%damping)
         call pack%item(self%stiffness)

@@ -50,6 +50,8 @@ module tandem_chart_dense_newton_matrix
         !> Whether the chart is another than that of the last `form`, and whether T_v (nv, nv) and T_w (nw, nw) are those of it; the
         !> duals of V and W of that form; a right side in its coordinates.
         logical, private :: is_carried = .false., carry_is_current = .false.
+        !> Whether duals are the bases but for coordinate scales, there and here: ways back are the transposes of ways there.
+        logical, private :: is_plain_there = .true., is_plain_here = .true.
         real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
         real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
         type(lu_type), private :: lu
@@ -122,7 +124,8 @@ contains
     end subroutine expect_pair
 
     !> Form the blocks at the current point.
-    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, right_inverse)
+    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, right_inverse, &
+        is_plain)
         class(stage_type), intent(inout) :: self
         !> The terms and derivatives of the point.
         type(terms_type), intent(in) :: terms
@@ -132,6 +135,8 @@ contains
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
         !> D (n, nw) and R (n, m) at the point.
         real(wp), intent(in), contiguous :: null_space(:, :), right_inverse(:, :)
+        !> Whether the chart's duals are its bases but for coordinate scales.
+        logical, intent(in) :: is_plain
         integer :: j, l
 
         ! Fbar = (I - U B Phi_q) V (54).
@@ -170,6 +175,7 @@ contains
         self%formed_v_basis = v_basis
         self%formed_w_basis = w_basis
         self%is_carried = .false.
+        self%is_plain_there = is_plain
         self%ha = 0.0_wp
     end subroutine form
 
@@ -254,9 +260,12 @@ contains
     end subroutine adapt
 
     !> The chart has changed: the matrix is of an old one from now on.
-    pure subroutine enter_chart(self)
+    pure subroutine enter_chart(self, is_plain)
         class(stage_type), intent(inout) :: self
+        !> Whether its duals are its bases but for coordinate scales.
+        logical, intent(in) :: is_plain
 
+        self%is_plain_here = is_plain
         self%is_carried = .true.
         self%carry_is_current = .false.
     end subroutine enter_chart
@@ -332,10 +341,28 @@ contains
         if (self%carry_is_current) return
         call set_gram(self%formed_v, v_basis, self%carry_v)
         call set_gram(self%formed_w, w_basis, self%carry_w)
-        call set_gram(v_dual, self%formed_v_basis, self%back_v)
-        call set_gram(w_dual, self%formed_w_basis, self%back_w)
+        if (self%is_plain_there .and. self%is_plain_here) then
+            call set_transpose(self%carry_v, self%back_v)
+            call set_transpose(self%carry_w, self%back_w)
+        else
+            call set_gram(v_dual, self%formed_v_basis, self%back_v)
+            call set_gram(w_dual, self%formed_w_basis, self%back_w)
+        end if
         self%carry_is_current = .true.
     end subroutine set_carry
+
+    !> B := A' for a square matrix; the intrinsic function allocates.
+    pure subroutine set_transpose(a, b)
+        real(wp), intent(in), contiguous :: a(:, :)
+        real(wp), intent(inout), contiguous :: b(:, :)
+        integer :: i, j
+
+        do j = 1, size(a, 1)
+            do i = 1, size(a, 1)
+                b(i, j) = a(j, i)
+            end do
+        end do
+    end subroutine set_transpose
 
     !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
     !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
@@ -508,6 +535,8 @@ contains
         call pack%item(self%ha)
         call pack%item(self%is_carried)
         call pack%item(self%carry_is_current)
+        call pack%item(self%is_plain_there)
+        call pack%item(self%is_plain_here)
         call pack%item(self%carry_v)
         call pack%item(self%carry_w)
         call pack%item(self%formed_v)

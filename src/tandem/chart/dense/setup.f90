@@ -71,7 +71,7 @@ contains
                 self%watch%secants .or. present(kept))
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
-                call self%metric%allocate(n, nh, m)
+                call self%metric%allocate(n, nh, m, options%relative_tolerance())
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0
                 ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
@@ -94,6 +94,7 @@ contains
         self%failed_row = 0
         self%is_at_origin = .true.
         self%may_lean = .true.
+        if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%qd0, qd, self%scale)
         call copy(self%n, q, self%q0)
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
@@ -115,7 +116,7 @@ contains
         if (.not. is_done) then
             call load_bases(self, stat)
             if (stat /= status_ok) return
-            if (self%is_implicit) call self%stage%enter_chart()
+            if (self%is_implicit) call self%stage%enter_chart(.not. self%metric%is_on)
             call self%position%start(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
             if (stat /= status_ok) return
         end if

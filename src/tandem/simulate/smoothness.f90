@@ -1,0 +1,102 @@
+! SPDX-License-Identifier: MIT
+!> How many steps the motion itself would need, whatever limits the steps that a run takes: the steps of a method whose errors go
+!> with the fourth power of its step, as those of radau5 do under error control.
+!>
+!> A window of the motion is as long as a cubic polynomial through the states and rates at its ends meets the state in its middle,
+!> to the tolerance. Windows double until that fails, and how it fails tells how many steps half of the window is.
+module tandem_simulate_smoothness
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    use tandem_stepper, only: weighted_norm
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: smoothness_type
+
+    type :: smoothness_type
+        !> Steps so far.
+        real(wp) :: needed = 0.0_wp
+        !> Where the window begins, and its middle; how many of them are known.
+        integer, private :: n_known = 0
+        type(state_type), private :: first, middle
+        !> Differences (n).
+        real(wp), allocatable, private :: error_q(:), error_qd(:)
+    contains
+        procedure :: initialize
+        procedure :: observe
+        procedure :: pack_state
+    end type smoothness_type
+
+contains
+
+    !> Begin a run with n coordinates.
+    subroutine initialize(self, n)
+        class(smoothness_type), intent(inout) :: self
+        integer, intent(in) :: n
+
+        self%needed = 0.0_wp
+        self%n_known = 0
+        call self%first%allocate(n)
+        call self%middle%allocate(n)
+        self%error_q = self%first%q
+        self%error_qd = self%first%q
+    end subroutine initialize
+
+    !> Take note of the state at the end of a step.
+    subroutine observe(self, state, weight_q, weight_qd)
+        class(smoothness_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+        !> One over what is allowed of the errors of q and of qd (n).
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        !> The error of a step of radau5 over that of the polynomial in the middle: by its steps on pendulums and motorcycles.
+        real(wp), parameter :: factor = 2.0_wp, power = 4.0_wp
+        real(wp) :: norm
+
+        if (self%n_known == 2) then
+            if (state%t - self%first%t < 2*(self%middle%t - self%first%t)) return
+            call bend(self%first, self%middle, state, self%error_q, self%error_qd)
+            norm = factor*weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+            if (.not. norm <= 1.0_wp) then
+                self%needed = self%needed + 0.5_wp*norm**(1.0_wp/power)
+                call self%first%copy(self%middle)
+            end if
+            call self%middle%copy(state)
+        else if (self%n_known == 1) then
+            call self%middle%copy(state)
+            self%n_known = 2
+        else
+            call self%first%copy(state)
+            self%n_known = 1
+        end if
+    end subroutine observe
+
+    !> The cubic polynomials through the ends of a window less the state in the middle.
+    pure subroutine bend(first, middle, last, error_q, error_qd)
+        type(state_type), intent(in) :: first, middle, last
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        real(wp) :: h, x, weight(4)
+        integer :: i
+
+        h = last%t - first%t
+        x = (middle%t - first%t)/h
+        weight = [(1 + 2*x)*(1 - x)**2, x**2*(3 - 2*x), h*x*(1 - x)**2, -h*x**2*(1 - x)]
+        do i = 1, size(error_q)
+            error_q(i) = weight(1)*first%q(i) + weight(2)*last%q(i) + weight(3)*first%qd(i) + weight(4)*last%qd(i) - middle%q(i)
+            error_qd(i) = weight(1)*first%qd(i) + weight(2)*last%qd(i) + weight(3)*first%qdd(i) + weight(4)*last%qdd(i) - &
+                middle%qd(i)
+        end do
+    end subroutine bend
+
+    !> The window and the steps so far.
+    subroutine pack_state(self, pack)
+        class(smoothness_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%needed)
+        call pack%item(self%n_known)
+        if (.not. allocated(self%error_q)) return
+        call self%first%pack_state(pack)
+        call self%middle%pack_state(pack)
+    end subroutine pack_state
+end module tandem_simulate_smoothness
