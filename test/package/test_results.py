@@ -178,6 +178,13 @@ class Mechanisms(unittest.TestCase):
         result = tandem.run_scene("rolling_disk", {"time.end": 1}, error=False)
         self.assertEqual(result.model, "rolling_disk")
 
+    def test_equilibrium_and_linearisation(self):
+        """A pendulum of 1 m hangs below, and swings with the frequency sqrt(g)."""
+        rest = pendulum().equilibrium()
+        self.assertLess(np.abs(rest["q"] - [0, -1]).max(), 1e-9)
+        for found in (rest, pendulum().linearise(None, "--equilibrium")):
+            self.assertLess(np.abs(np.sort(found["eigenvalues"].imag) - np.array([-1, 1])*np.sqrt(9.81)).max(), 1e-8)
+
     def test_no_program(self):
         environment = {**os.environ, "TANDEM_PROGRAM": "/nowhere/tandem"}
         code = "import tandem\ntry:\n    tandem.run_scene('rolling_disk')\nexcept tandem.ProgramError as error:\n    print(error)"

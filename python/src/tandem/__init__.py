@@ -14,7 +14,7 @@ from .errors import InvalidInput, NotEvaluable, ProgramError, RunFailed, TandemE
 from .mechanism import Mechanism
 from .model import FORCE, GAMMA, JACOBIAN, MASS, NU, PHI, Model, numba_signature
 from .problem import Event, assemble, check
-from .program import program_path, run_program, run_scene
+from .program import equilibrium, linearise, program_path, run_program, run_scene
 from .result import Result, read
 from .simulation import Occurrence, RunError, Simulation, State
 from .solve import Solution, solve
@@ -27,7 +27,7 @@ except _metadata.PackageNotFoundError:
 __all__ = [
     "FORCE", "GAMMA", "JACOBIAN", "MASS", "NU", "PHI", "Event", "InvalidInput", "Mechanism", "Model", "NotEvaluable", "Occurrence",
     "ProgramError", "Result", "RunError", "RunFailed", "Simulation", "Solution", "State", "TandemError", "assemble", "check",
-    "numba_signature", "plot", "program_path", "read", "run_program", "run_scene", "solve", "view",
+    "equilibrium", "linearise", "numba_signature", "plot", "program_path", "read", "run_program", "run_scene", "solve", "view",
 ]
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .program import run_program, run_scene, settings_words, toml_key, toml_value
+from .program import equilibrium, linearise, run_program, run_scene, settings_words, toml_key, toml_value
 
 
 class Mechanism:
@@ -88,6 +88,14 @@ class Mechanism:
     def show(self, settings: Mapping[str, Any] | None = None) -> str:
         """The complete scene, every default filled in."""
         return self._with_file(lambda file: run_program("show", file, *settings_words(settings)))
+
+    def equilibrium(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Where it rests; see `tandem.equilibrium`."""
+        return self._with_file(lambda file: equilibrium(file, settings))
+
+    def linearise(self, settings: Mapping[str, Any] | None = None, *words: Any) -> dict[str, Any]:
+        """Its eigenvalues and modes; see `tandem.linearise`."""
+        return self._with_file(lambda file: linearise(file, settings, *words))
 
     def __repr__(self) -> str:
         counts = [f"{len(self.tables[kind])} {kind}" for kind in ("body", "joint", "constraint", "wheel", "force", "sensor")

@@ -92,3 +92,30 @@ def run_scene(scene: str | Path, settings: Mapping[str, Any] | None = None, outp
                 failure.solution = read(file)
             raise
         return read(file)
+
+
+def as_arrays(told: dict[str, Any]) -> dict[str, Any]:
+    """What the program prints as an object, lists of numbers as arrays and eigenvalues as complex ones."""
+    import numpy as np
+
+    found = dict(told)
+    for name, value in told.items():
+        if name == "eigenvalues":
+            found[name] = np.array([complex(*pair) for pair in value], dtype=complex)
+        elif isinstance(value, list) and value:
+            try:
+                found[name] = np.array(value, dtype=float)
+            except (TypeError, ValueError):
+                continue
+    return found
+
+
+def equilibrium(scene: str | Path, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Where a scene rests, as `tandem equilibrium` tells: `q`, `stability`, complex `eigenvalues`, ..."""
+    return as_arrays(json.loads(run_program("equilibrium", scene, *settings_words(settings), "--json")))
+
+
+def linearise(scene: str | Path, settings: Mapping[str, Any] | None = None, *words: Any) -> dict[str, Any]:
+    """A scene about its start, as `tandem linearise` tells: complex `eigenvalues`, `modes`, ...; `words` are options of the program,
+    such as "--equilibrium"."""
+    return as_arrays(json.loads(run_program("linearise", scene, *settings_words(settings), *words, "--json")))
