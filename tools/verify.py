@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: MIT
 """Runs everything that verifies the project, part by part, and closes with the line "N passed, N failed".
 
-Usage: tools/verify.py [PART...]        without a name, all parts; `make test` does that after its set-up
+Usage: tools/verify.py [PART...]        without a name, all parts but `page`; `make test` does that after its set-up
        tools/verify.py --list
 
 Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
-from running. A part whose command fails, hangs, or runs no test counts as a failure. What a part printed is in
-build/verify/PART.log. The exit code is 1 if anything failed.
+from running. Part mpi, which takes OpenMPI, is run where it is named only. A part whose command fails, hangs, or runs no test
+counts as a failure. What a part printed is in build/verify/PART.log. The exit code is 1 if anything failed.
 """
 
 import contextlib
@@ -233,6 +233,8 @@ class Part:
     minutes: float = 20
     # Another part that must come before, also where it was not asked for.
     needs: str = ""
+    # Whether it is run only where it is asked for by name.
+    by_name: bool = False
 
 
 PARTS = [
@@ -253,9 +255,12 @@ PARTS = [
         ok_lines,
         minutes=5,
     ),
-    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench"], linter),
+    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], linter),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
+    Part("mpi", ["tools/check_mpi.sh"], unittest_text, minutes=40, by_name=True),
+    Part("package", ["tools/check_package.sh"], unittest_text, needs="build"),
+    Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", by_name=True),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),
@@ -351,7 +356,7 @@ def main(names):
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     for part in PARTS:
-        if names and part.name not in chosen:
+        if part.name not in chosen if names else part.by_name:
             continue
         print(f"{part.name:10}", end="", flush=True)
         start = time.monotonic()

@@ -7,16 +7,21 @@ module tandem_command_line
     use tandem_cli_check, only: check
     use tandem_cli_commands, only: find_command
     use tandem_cli_completion, only: completion
+    use tandem_cli_equilibrium, only: equilibrium
     use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
     use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
     use tandem_cli_show, only: show
     use tandem_cli_statuses, only: statuses
+    use tandem_cli_study_modes, only: study_modes
     use tandem_cli_study_precision, only: study_precision
     use tandem_cli_study_stability, only: study_stability
     use tandem_cli_study_tables, only: study_tables
+    use tandem_cli_sweep, only: sweep
     use tandem_cli_verify, only: verify_file
     use tandem_io, only: anything, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
     implicit none (type, external)
@@ -76,16 +81,26 @@ contains
             call statuses(arguments, code)
         case ('run')
             call run(arguments, code)
+        case ('equilibrium')
+            call equilibrium(arguments, code)
+        case ('linearise')
+            call linearise(arguments, code)
         case ('resume')
             call resume(arguments, code)
         case ('verify')
             call verify_file(arguments, code)
+        case ('plot', 'view')
+            call call_package(code)
         case ('study precision')
             call study_precision(arguments, code)
         case ('study stability')
             call study_stability(arguments, code)
+        case ('study modes')
+            call study_modes(arguments, code)
         case ('study tables')
             call study_tables(arguments, code)
+        case ('sweep')
+            call sweep(arguments, code)
         case ('completion')
             call completion(arguments, code)
         case ('version')

@@ -11,11 +11,13 @@ module tandem_options
     private
 
     public :: options_type, option_row_type, option_visitor_type, check_word
-    public :: stepper_names, chart_policies, refresh_modes, basis_methods, projections
+    public :: stepper_names, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
 
     !> Every stepper that can be asked for by name; `tandem_stepper_factory` makes them.
     character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
         'radau5']
+    !> What a chart is made of: the program chooses; dense matrices; blocks of a sparse factor.
+    character(len=9), parameter :: chart_kinds(3) = [character(len=9) :: 'automatic', 'dense', 'sparse']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).
@@ -86,6 +88,8 @@ module tandem_options
         real(wp), allocatable :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
         !> First and largest step under error control; 0 leaves the first to the program and the largest open.
         real(wp) :: first_step = 0.0_wp, max_step = 0.0_wp
+        !> One of `chart_kinds`.
+        character(len=9) :: chart_kind = 'automatic'
         !> One of `chart_policies`.
         character(len=10) :: chart = 'every_step'
         !> One of `refresh_modes`.
@@ -214,6 +218,8 @@ contains
         call visitor%take(option_row_type('first_step', 's', &
             'the first step, with rtol; 0: tandem chooses', limit), number=self%first_step)
         call visitor%take(option_row_type('max_step', 's', 'the largest step, with rtol; 0 for none', limit), number=self%max_step)
+        call visitor%take(option_row_type('chart_kind', '', &
+            'of what a chart is made; sparse ones serve many bodies'), word=self%chart_kind, choices=chart_kinds)
         call visitor%take(option_row_type('chart', '', 'when a chart is renewed'), word=self%chart, choices=chart_policies)
         call visitor%take(option_row_type('refresh', '', &
             'how the inverses follow the motion'), word=self%refresh, choices=refresh_modes)

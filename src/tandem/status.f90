@@ -11,7 +11,7 @@ module tandem_status
     public :: status_not_finite, status_position_diverged, status_chart_left, status_constraints_not_held
     public :: status_step_underflow, status_step_limit, status_output_failed, status_newton_failed
     public :: status_inconsistent_rows, status_event_limit
-    public :: status_work_limit, status_invalid_checkpoint, status_interrupted, last_status
+    public :: status_work_limit, status_invalid_checkpoint, status_interrupted, status_no_equilibrium, last_status
 
     !> The codes; the table below says what each means and what to do.
     integer, parameter :: status_ok = 0
@@ -35,9 +35,10 @@ module tandem_status
     integer, parameter :: status_work_limit = -18
     integer, parameter :: status_invalid_checkpoint = -19
     integer, parameter :: status_interrupted = -20
+    integer, parameter :: status_no_equilibrium = -21
 
     !> The codes go from `status_ok` down to this one.
-    integer, parameter :: last_status = status_interrupted
+    integer, parameter :: last_status = status_no_equilibrium
 
     !> One row of the table.
     type :: status_type
@@ -103,7 +104,10 @@ module tandem_status
         status_type(status_invalid_checkpoint, 'invalid_checkpoint', .true., &
             'a run cannot be taken up from this checkpoint', 'start the run anew'), &
         status_type(status_interrupted, 'interrupted', .false., &
-            'somebody asked the run to end', 'go on with tandem resume, or run it again')]
+            'somebody asked the run to end', 'go on with tandem resume, or run it again'), &
+        status_type(status_no_equilibrium, 'no_equilibrium', .false., &
+            'no equilibrium or steady motion was found near the start', &
+            'start nearer to one, or see whether forces and motions leave any')]
 
 contains
 

@@ -129,6 +129,47 @@ static void test_output_times(void)
     tandem_free(q);
 }
 
+static void test_advance(void)
+{
+    struct bowl b = new_bowl(), whole = new_bowl();
+    tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&whole);
+    double times[4] = {0, 0.105, 0.105, 0.3}, x[4 * N], v[4 * N], y[N], w[N], t;
+    int rows = -1, same = 1;
+
+    tandem_start(p, 0, bowl_q, bowl_qd);
+    tandem_start(q, 0, bowl_q, bowl_qd);
+    expect("rows-at-times", p, tandem_advance(p, 0.2, 100, 4, 0, times, x, v, NULL, &rows), TANDEM_OK, "ok");
+    check("as-far-as-the-steps-came", rows == 3, tandem_message(p));
+    tandem_integrate(q, 0.2);
+    tandem_get_state(p, NULL, y, NULL, NULL);
+    tandem_get_state(q, NULL, w, NULL, NULL);
+    check("rows-leave-the-steps-alone", memcmp(y, w, sizeof y) == 0, "another motion");
+    check("the-first-row-is-the-start", fabs(x[0] - bowl_q[0]) + fabs(x[1] - bowl_q[1]) < 1e-12, "elsewhere");
+    tandem_start(q, 0, bowl_q, bowl_qd);
+    for (t = 0; t < 0.105; tandem_get_state(q, &t, NULL, NULL, NULL)) tandem_step(q, 0.2);
+    tandem_get_state_at(q, 0.105, y, w, NULL);
+    check("a-row-is-dense-output", memcmp(y, x + N, sizeof y) == 0 && memcmp(w, v + 2 * N, sizeof w) == 0, "another state");
+    expect("rows-at-steps", p, tandem_advance(p, 1, 3, 4, 1, times, x, NULL, NULL, &rows), TANDEM_OK, "ok");
+    tandem_get_state(p, &t, y, NULL, NULL);
+    for (int i = 1; i < 3; i++) same = same && times[i] > times[i - 1];
+    check("as-many-as-steps", rows == 3 && same && times[2] == t && memcmp(y, x + 2 * N, sizeof y) == 0, tandem_message(p));
+    tandem_advance(p, 1, 1000, 2, 1, times, NULL, NULL, NULL, &rows);
+    tandem_get_state(p, &t, NULL, NULL, NULL);
+    check("no-step-without-room", rows == 2 && t == times[1] && t < 1, tandem_message(p));
+    expect("steps-without-rows", p, tandem_advance(p, 1, 100000, 0, 0, NULL, NULL, NULL, NULL, NULL), TANDEM_OK, "ok");
+    tandem_get_state(p, &t, NULL, NULL, NULL);
+    check("to-the-end", t == 1, tandem_message(p));
+    expect("advance-to-the-past", p, tandem_advance(p, 0.5, 10, 0, 0, NULL, NULL, NULL, NULL, &rows), TANDEM_INVALID_OPTION, "later");
+    expect("advance-to-nan", p, tandem_advance(p, NAN, 10, 0, 0, NULL, NULL, NULL, NULL, &rows), TANDEM_INVALID_OPTION, "finite");
+    expect("room-without-times", p, tandem_advance(p, 2, 10, 1, 0, NULL, x, NULL, NULL, &rows), TANDEM_INVALID_OPTION, "NULL");
+    times[0] = 0.5;
+    expect("times-in-the-past", p, tandem_advance(p, 2, 10, 1, 0, times, x, NULL, NULL, &rows), TANDEM_INVALID_OPTION, "last step");
+    check("without-a-row", rows == 0, tandem_message(p));
+    tandem_free(p);
+    expect("advance-of-no-problem", p, tandem_advance(p, 2, 10, 0, 0, NULL, NULL, NULL, NULL, &rows), TANDEM_INVALID_OPTION, "handle");
+    tandem_free(q);
+}
+
 static void test_derivatives(void)
 {
     struct bowl b = new_bowl(), plain = new_bowl();
@@ -1313,6 +1354,42 @@ static void test_advice(void)
     tandem_free(p);
 }
 
+static int cart_mass(double t, const double *q, double *value, void *user_data)
+{
+    (void)t, (void)q, (void)user_data;
+    value[0] = 2;
+    return 0;
+}
+
+static int cart_force(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    (void)t, (void)user_data;
+    value[0] = -18 * (q[0] - 1) - 0.8 * qd[0];
+    return 0;
+}
+
+/* A cart on a damped spring: 2 l^2 + 0.8 l + 18 = 0, by differences of fourth order. */
+static void test_linearised(void)
+{
+    tandem_problem *p = tandem_new(1, 0, 0, NULL);
+    double q = 0.3, zero = 0, re[2], im[2], a[4];
+    int count = -1;
+
+    tandem_set_position_function(p, "mass_matrix", cart_mass);
+    tandem_set_motion_function(p, "applied_force", cart_force);
+    expect("an-equilibrium-is-found", p, tandem_find_equilibrium(p, 0, &q), TANDEM_OK, "ok");
+    check("where-the-spring-is-loose", fabs(q - 1) < 1e-12, "the equilibrium is elsewhere");
+    expect("a-model-is-linearised", p, tandem_linearise(p, 0, &q, &zero, &count, re, im, a), TANDEM_OK, "ok");
+    check("two-eigenvalues", count == 2 && fabs(re[0] + 0.2) < 1e-9 && fabs(re[1] + 0.2) < 1e-9 && fabs(im[0] + sqrt(8.96)) < 1e-9 &&
+              fabs(im[1] - sqrt(8.96)) < 1e-9, "they are others");
+    check("the-matrix-by-columns", fabs(a[0]) < 1e-12 && fabs(a[2] - 1) < 1e-12 && fabs(a[1] + 9) < 1e-8 && fabs(a[3] + 0.4) < 1e-8,
+          "it is another");
+    expect("the-matrix-may-be-left-out", p, tandem_linearise(p, 0, &q, &zero, &count, re, im, NULL), TANDEM_OK, "ok");
+    expect("eigenvalues-may-not", p, tandem_linearise(p, 0, &q, &zero, &count, NULL, im, a), TANDEM_INVALID_OPTION, "NULL");
+    expect("nor-a-place", p, tandem_find_equilibrium(p, 0, NULL), TANDEM_INVALID_OPTION, "NULL");
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -1404,6 +1481,7 @@ int main(void)
     test_run();
     test_steps();
     test_output_times();
+    test_advance();
     test_derivatives();
     test_breakpoints();
     test_driven();
@@ -1427,6 +1505,7 @@ int main(void)
     test_units();
     test_unset();
     test_advice();
+    test_linearised();
     test_misuse();
     return failures > 0;
 }

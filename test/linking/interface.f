@@ -15,7 +15,7 @@ C
       DIMENSION ISAVE(MSAVE)
       CHARACTER*300 WARN
       CHARACTER*(TDTLEN) WHOLE
-      DIMENSION LH(TDHLEN)
+      DIMENSION LH(TDHLEN), REAL2(6), AIMA2(6), AMAT2(36)
       LOGICAL FLAGS(5)
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN, LEAVE
       EXTERNAL AMDER, TURNED
@@ -400,6 +400,15 @@ C     A procedure that sets nothing, and copies of a handle.
       CALL BAD ('a-copy-of-a-handle-given-back', ME, TDEOPT, 'TDNEW')
       CALL TDINTG (ME, T, Q, QD, 1.0D0, RPAR, IPAR, IERR)
       CALL WAS (ME, IERR)
+C
+C     Linearised systems: of the second problem, N - NH coordinates
+C     and N - NH - ND velocities.
+      IPAR(2) = 0
+      CALL START (Q, QD)
+      CALL TDLIN (JH, 0.0D0, Q, QD, NEIG, REAL2, AIMA2, AMAT2, RPAR,
+     &            IPAR, IERR)
+      CALL OK ('a-problem-is-linearised', JH, IERR)
+      CALL TOLD ('it-has-five-eigenvalues', NEIG .EQ. 5)
 C
 C     Handles.
       CALL TDFREE (IH, IERR)

@@ -15,7 +15,7 @@ class Map(unittest.TestCase):
         for suite, name in suites:
             source = (TEST / f"test_{name}.f90").read_text()
             fortran |= {f"{suite}/{test}" for test in re.findall(r"new_unittest\('([^']+)'", source)}
-        python = {f"{path.name} {test}" for path in (TEST / "python").glob("test_*.py")
+        python = {f"{path.name} {test}" for path in TEST.glob("p*/test_*.py")
                   for test in re.findall(r"def (test_\w+)\(self", path.read_text())}
         rows = [line for line in (TEST / "README.md").read_text().splitlines() if line.startswith("| ")][1:]
         self.assertGreater(len(rows), 35)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Reads what tandem writes: results of runs and of studies."""
+"""Reads what studies write; results of runs are read by the package."""
 
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import h5py
 import numpy as np
+from tandem.result import read as read_result
+
+__all__ = ["Study", "kind_of", "read_result", "read_study", "text"]
 
 
 def text(value):
@@ -16,41 +19,6 @@ def kind_of(path):
     """The name of the study whose file this is, or 'result'."""
     with h5py.File(path) as file:
         return text(file.attrs["study"]) if "study" in file.attrs else "result"
-
-
-@dataclass
-class Result:
-    """A run: times, {name: (series, unit)} of the coordinates, {name: (series, unit)} of the diagnostics, the scene."""
-
-    time: np.ndarray
-    coordinates: dict
-    diagnostics: dict = field(default_factory=dict)
-    scene: dict = field(default_factory=dict)
-    report: dict = field(default_factory=dict)
-
-    def __getitem__(self, name):
-        return self.coordinates[name][0]
-
-    def columns(self, *names):
-        return np.stack([self[name] for name in names], axis=1)
-
-    def unit(self, name):
-        return self.coordinates[name][1]
-
-
-def read_result(path):
-    with h5py.File(path) as file:
-        trajectory = file["trajectory"]
-        q = trajectory["q"]
-        names = [text(name) for name in q.attrs["names"]]
-        units = [text(unit) for unit in q.attrs["units"]]
-        values = q[:]
-        diagnostics = {}
-        for name, series in file.get("diagnostics", {}).items():
-            diagnostics[name] = (series[:], text(series.attrs["unit"]))
-        scene = tomllib.loads(text(file.attrs["scene"])) if "scene" in file.attrs else {}
-        coordinates = {name: (values[:, j], units[j]) for j, name in enumerate(names)}
-        return Result(trajectory["time"][:], coordinates, diagnostics, scene, dict(file["report"].attrs))
 
 
 @dataclass

@@ -2,9 +2,10 @@
 """Pictures of single runs: track and height, all that a result file tells, and the paper's figures."""
 
 import numpy as np
+from tandem.plot import coordinates, overview
 
 from .files import read_result
-from .style import BLUE, GREEN, GREY, ORANGE, RED, label, plt, save
+from .style import BLUE, ORANGE, label, plt, save
 
 
 def draw_track(axes, result, x, y):
@@ -19,82 +20,13 @@ def draw_track(axes, result, x, y):
 
 
 def draw_against_time(axes, result, *names):
-    for name, colour in zip(names, (BLUE, ORANGE, GREEN), strict=False):
-        axes.plot(result.time, result[name], color=colour, label=name)
-    axes.set(xlabel="time [s]", ylabel=label(", ".join(names), result.unit(names[0])), title=f"{', '.join(names)} against time",
-             xlim=(result.time[0], result.time[-1]))
-    if len(names) > 1:
-        axes.legend()
+    coordinates(result, names, axes=axes)
+    axes.set(xlabel="time [s]", title=f"{', '.join(names)} against time")
 
 
 def draw_overview(path, picture, x, y, z):
     """Track, one coordinate, constraint errors, energy, steps and charts."""
-    result = read_result(path)
-    figure, axes = plt.subplots(2, 3, figsize=(11, 5.6), layout="constrained")
-    span = (result.time[0], result.time[-1])
-    draw_track(axes[0, 0], result, x, y)
-    draw_against_time(axes[0, 1], result, z)
-    draw_errors(axes[0, 2], result, span)
-    draw_energy(axes[1, 0], result, span)
-    draw_steps(axes[1, 1], result, span)
-    draw_charts(axes[1, 2], result, span)
-    solver, scene = result.scene.get("solver", {}), result.scene.get("scene", {})
-    control = f"rtol {solver['rtol']:g}" if solver.get("rtol") else f"h = {1e3 * solver.get('step', 0):g} ms"
-    figure.suptitle(f"{scene.get('name', path)}: {solver.get('stepper', '')}, {control}, chart {solver.get('chart', '')}",
-                    fontsize=10)
-    save(figure, picture)
-
-
-def missing(axes, what):
-    axes.text(0.5, 0.5, f"{what}\nnot in the file", transform=axes.transAxes, ha="center", va="center", color=GREY)
-    axes.set_axis_off()
-
-
-def draw_errors(axes, result, span):
-    drawn = False
-    for name, colour in ("position", BLUE), ("velocity", ORANGE), ("acceleration", GREEN):
-        if f"{name}_error" in result.diagnostics:
-            values = result.diagnostics[f"{name}_error"][0]
-            axes.semilogy(result.time, np.maximum(values, 1e-18), color=colour, label=name, linewidth=0.8)
-            drawn = True
-    if not drawn:
-        return missing(axes, "constraint errors")
-    tolerance = result.scene.get("solver", {}).get("constraint_tolerance")
-    if tolerance:
-        axes.axhline(tolerance, color=RED, linewidth=1, linestyle="--")
-        axes.text(span[1], tolerance, "tolerance", color=RED, ha="right", va="bottom", fontsize=8)
-    axes.set(xlabel="time [s]", ylabel="part of the natural scale [1]", title="constraint errors", xlim=span)
-    low, _ = axes.get_ylim()
-    axes.set_ylim(max(low, 1e-18), (tolerance or 1e-12) * 30)
-    axes.legend(loc="upper center", ncols=3, fontsize=8, columnspacing=1, handlelength=1.2)
-
-
-def draw_energy(axes, result, span):
-    energy = sum(result.diagnostics[name][0] for name in ("kinetic_energy", "potential_energy") if name in result.diagnostics)
-    if isinstance(energy, int):
-        return missing(axes, "energies")
-    axes.plot(result.time, (energy - energy[0]) / energy[0], color=BLUE, linewidth=0.9)
-    axes.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
-    axes.set(xlabel="time [s]", ylabel="(E - E(0)) / E(0) [1]", title=f"change of the energy, {energy[0]:.6g} J at the start", xlim=span)
-
-
-def draw_steps(axes, result, span):
-    if "step" not in result.diagnostics:
-        return missing(axes, "steps")
-    step = result.diagnostics["step"][0][1:]
-    axes.semilogy(result.time[1:], step, ".", markersize=2.5, color=BLUE)
-    if step.max() < 3 * step.min():
-        axes.set_ylim(step.min() / 3, step.max() * 3)
-    report = result.report
-    axes.set(xlabel="time [s]", ylabel="step [s]", xlim=span,
-             title=f"{report['steps']} steps, {report['rejected']} rejected")
-
-
-def draw_charts(axes, result, span):
-    if "chart" not in result.diagnostics:
-        return missing(axes, "charts")
-    axes.step(result.time, result.diagnostics["chart"][0], where="post", color=BLUE)
-    axes.set(xlabel="time [s]", ylabel="number of the chart", title=f"{result.report['charts']} charts", xlim=span)
+    save(overview(read_result(path), [z]), picture)
 
 
 def draw_two(path, picture, x, y, z):

@@ -25,7 +25,7 @@ module tandem_cli_arguments
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
-            profile = .false., json = .false.
+            profile = .false., json = .false., merges = .false.
         !> The options of a study that have a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
@@ -95,10 +95,18 @@ contains
                     call add_text(self%scenes, word)
                 end if
             end do
-            if (allocated(error) .or. self%help .or. allocated(self%scene)) return
+            if (self%command == 'equilibrium') call add_text(self%settings, 'initial.equilibrium=true')
+            if (allocated(error) .or. self%help) return
+            if (command%operand == 'SWEEP...' .and. size(self%scenes) > 1 .and. .not. self%merges) then
+                call set_usage_error(error, self%command, 'takes one SWEEP; with --merge, the journals behind it')
+                return
+            end if
+            if (allocated(self%scene)) return
             select case (command%operand)
-            case ('FILE')
+            case ('FILE', 'FILE...')
                 call set_usage_error(error, self%command, 'needs a FILE: the result of a run')
+            case ('SWEEP...')
+                call set_usage_error(error, self%command, 'needs a SWEEP: the path of a TOML file; see doc/sweep.md')
             case ('SCENE', 'SCENE...')
                 call set_usage_error(error, self%command, 'needs a SCENE: the path of a TOML file or a name; see tandem list')
             case default
@@ -148,12 +156,16 @@ contains
         case ('--set')
             call add_text(self%settings, value)
         case ('--output')
-            ! A study has a folder of files.
-            if (self%first == 2) then
+            ! A study has a folder of files, a sweep a table, and a linearised system is no run.
+            if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
                 call add_text(self%given, name//'='//value)
             end if
+        case ('--equilibrium')
+            call add_text(self%settings, 'initial.equilibrium=true')
+        case ('--steady')
+            call add_text(self%settings, 'initial.steady='//quoted_list(value))
         case ('--quiet')
             self%quiet = .true.
         case ('--error')
@@ -168,6 +180,8 @@ contains
             self%json = .true.
         case ('--quick')
             self%quick = .true.
+        case ('--merge')
+            self%merges = .true.
         case ('--help')
             self%help = .true.
         case default
@@ -255,6 +269,23 @@ contains
         end do
         text = text//'"'
     end function quoted
+
+    !> Words with commas between them as an array of TOML.
+    pure function quoted_list(words) result(text)
+        character(len=*), intent(in) :: words
+        character(len=:), allocatable :: text
+        integer :: first, comma
+
+        text = ''
+        first = 1
+        do
+            comma = index(words(first:), ',')
+            if (comma == 0) exit
+            text = text//quoted(trim(adjustl(words(first:first + comma - 2))))//', '
+            first = first + comma
+        end do
+        text = '['//text//quoted(trim(adjustl(words(first:))))//']'
+    end function quoted_list
 
     !> An argument of any length.
     function argument(i) result(word)

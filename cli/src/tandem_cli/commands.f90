@@ -23,7 +23,7 @@ module tandem_cli_commands
 
     !> An option of a subcommand.
     type :: option_type
-        character(len=11) :: name
+        character(len=13) :: name
         !> What its value is called; nothing where it has none.
         character(len=13) :: value
         !> One line on what it does.
@@ -37,6 +37,9 @@ module tandem_cli_commands
         command_type('check', 'SCENE', ' --set --json ', 'its start, and every procedure of its model against differences'), &
         command_type('run', 'SCENE', ' --set --output --force --error --no-error --profile --quiet --json ', &
         'runs it, writes HDF5, prints a report'), &
+        command_type('equilibrium', 'SCENE', ' --set --json ', 'where it rests, and whether that is stable'), &
+        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --output --force --json ', &
+        'small motions about its start, rest or steady motion: eigenvalues, modes'), &
         command_type('resume', 'FILE', ' --set --error --no-error --quiet --json ', &
         'goes on with a run that was interrupted, in its result file'), &
         command_type('verify', 'FILE', ' --json ', 'whether a result file holds what was written: reads and sums up all of it'), &
@@ -45,6 +48,14 @@ module tandem_cli_commands
         command_type('study stability', '[CASE...]', ' --output --force --quiet --json ', &
         'a verdict on every stiff and extreme case, with every stepper'), &
         command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
+        command_type('study modes', 'SCENE', ' --set --over --output --json ', &
+        'eigenvalues over a value of a scene, and where stability changes'), &
+        command_type('sweep', 'SWEEP...', ' --output --jobs --cases --merge --force --quiet --json ', &
+        'many cases of a scene, on all cores, and one table of them'), &
+        command_type('plot', 'FILE...', ' --output --kind --names --plane --title ', &
+        'draws result files: PNG, SVG or PDF; needs the package for Python'), &
+        command_type('view', 'FILE', ' --output --names --frames ', &
+        'a page that plays the motion in a browser, and a .glb; needs that too'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
@@ -53,19 +64,33 @@ module tandem_cli_commands
     !> Every option of any subcommand, in the order of the help.
     type(option_type), parameter :: options(*) = [ &
         option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value; repeatable'), &
-        option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder (study)'), &
+        option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder; of plot and '// &
+        'view, what they write'), &
         option_type('--force', '', 'overwrite a file that exists; a study: start anew'), &
         option_type('--error', '', 'estimate the error at the end by a second, more accurate run, however long it takes'), &
         option_type('--no-error', '', 'never do that; without either, it is done where the run took at most 2 s'), &
         option_type('--profile', '', 'where the time goes, part by part; clocks make the run slower, which is taken off'), &
+        option_type('--at', 'TIME', 'linearise at this time of a run'), &
+        option_type('--equilibrium', '', 'linearise where it rests, as --set initial.equilibrium=true'), &
+        option_type('--steady', 'NAME,NAME...', 'in the steady motion along these, or "any", as --set initial.steady=...'), &
         option_type('--quiet', '', 'no progress and no report; warnings and errors still go to stderr'), &
         option_type('--json', '', 'print what is reported as one JSON object, numbers in full precision'), &
+        option_type('--period', 'TIME', 'Floquet multipliers too, of a motion that has come round then'), &
+        option_type('--over', 'KEY=a:b:n', 'the key that is varied, from a to b by n values; --output is a file of commas then'), &
         option_type('--steppers', 'NAME,NAME...', 'only these steppers'), &
         option_type('--reference', 'FILE', 'the true motion: a result file or a text table; without it, the study makes its own'), &
         option_type('--samples', 'N', 'times at which a motion is compared with its own reference (40, at most 10000)'), &
         option_type('--repeats', 'N', 'least runs of which the time is the median (3, at most 1000)'), &
         option_type('--budget', 'SECONDS', 'for all runs of a row; finer rows are left out (5)'), &
         option_type('--quick', '', '--repeats 1 --budget 0.5'), &
+        option_type('--jobs', 'N', 'processes that run cases at the same time (as many as there are cores)'), &
+        option_type('--cases', 'FIRST:LAST', 'only these cases of a sweep, as a task of a job array'), &
+        option_type('--merge', '', 'run nothing: make the table from the journals that follow the sweep'), &
+        option_type('--kind', 'KIND', 'overview, tracks, coordinates, sensors, reactions, errors, energies or phase'), &
+        option_type('--names', 'A,B...', 'what is drawn: coordinates, d(coordinate), sensors, points'), &
+        option_type('--plane', 'XY', 'of tracks: two of x, y and z'), &
+        option_type('--title', 'TEXT', 'above the picture'), &
+        option_type('--frames', 'N', 'frames a second (60)'), &
         option_type('--help', '', 'this text')]
 
 contains

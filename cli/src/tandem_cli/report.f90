@@ -45,8 +45,9 @@ contains
         associate (options => scene%options)
             steps = 'h = '//to_toml(options%step)//' s'
             if (options%is_adaptive()) steps = tolerances(options, scene%model%n)
-            call print_line('solver', trim(options%stepper)//', '//steps//', chart '// &
-                trim(options%chart)//', refresh '//trim(options%refresh))
+            call print_line('solver', trim(options%stepper)//', '//steps//', '// &
+                trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart '//trim(options%chart)// &
+                ', refresh '//trim(options%refresh))
         end associate
         if (allocated(error)) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &

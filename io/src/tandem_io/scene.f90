@@ -1,13 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
-    use tandem, only: assembly_type, error_type, model_type, options_type, threshold_event_type, wp
+    use tandem, only: assembly_type, error_type, model_type, motion_name_length, options_type, settling_type, &
+        threshold_event_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_scene_assembly, only: read_assembly
     use tandem_io_scene_events, only: read_events
     use tandem_io_scene_ledger, only: key_length
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
+    use tandem_io_scene_settling, only: read_settling, settle
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_source, only: check_text
     use tandem_io_scene_text, only: listed, to_toml
@@ -15,7 +17,7 @@ module tandem_io_scene
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene
+    public :: scene_type, read_scene, open_scene, interpret_scene
 
     !> The tables of a scene, in the order in which they are read and shown.
     character(len=key_length), parameter :: tables(6) = &
@@ -38,6 +40,10 @@ module tandem_io_scene
         real(wp), allocatable :: q(:), qd(:)
         !> How the start is to be assembled; not allocated where it is not.
         type(assembly_type), allocatable :: assembly
+        !> Whether it is an equilibrium; the names of the motions along which it goes on as a steady motion; how either was found.
+        logical :: rests = .false.
+        character(len=motion_name_length), allocatable :: steady(:)
+        type(settling_type), allocatable :: settling
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> What is written where.
@@ -63,27 +69,60 @@ contains
         !> The models that the scene may name; `shipped_models()` where they are not given.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
-        character(len=key_length), allocatable :: names(:), brought(:)
         type(reader_type) :: reader
-        integer :: i
 
         if (present(models)) then
             allocate (known, source=models)
         else
             allocate (known, source=shipped_models())
         end if
-        names = known%name
-        allocate (brought(0))
-        do i = 1, size(known)
-            if (allocated(known(i)%tables)) brought = [character(len=key_length) :: brought, known(i)%tables]
-        end do
+        call open_scene(path, settings, known, reader, text)
+        call interpret_scene(path, known, reader, scene, error)
+    end subroutine read_scene
+
+    !> Open the sources of a scene, and check that they have no tables but those of scenes. Errors stay in the reader.
+    subroutine open_scene(path, settings, models, reader, text)
+        character(len=*), intent(in) :: path, settings(:)
+        !> The models that the scene may name.
+        type(scene_model_type), intent(in) :: models(:)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in), optional :: text
+
         call reader%open_sources(path, settings, text)
-        call reader%check_tables(tables, arrays, brought)
+        call reader%check_tables(tables, arrays, brought_by(models))
+    end subroutine open_scene
+
+    !> The tables that some models bring.
+    pure function brought_by(models) result(brought)
+        type(scene_model_type), intent(in) :: models(:)
+        character(len=key_length), allocatable :: brought(:)
+        integer :: i
+
+        allocate (brought(0))
+        do i = 1, size(models)
+            if (allocated(models(i)%tables)) brought = [character(len=key_length) :: brought, models(i)%tables]
+        end do
+    end function brought_by
+
+    !> From open sources to a scene. A reader that is brief leaves out the text of the scene.
+    subroutine interpret_scene(path, models, reader, scene, error)
+        !> Path of the file, from which the scene has its name, and for messages.
+        character(len=*), intent(in) :: path
+        type(scene_model_type), intent(in) :: models(:)
+        type(reader_type), intent(inout) :: reader
+        type(scene_type), intent(out) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        character(len=key_length), allocatable :: names(:)
+        integer :: i
+
+        names = models%name
         call read_names(reader, path, names, scene)
-        do i = 1, size(known)
-            if (reader%failed() .or. known(i)%name /= scene%model_name) cycle
-            if (.not. allocated(known(i)%tables)) call reader%refuse_tables(brought, [character(len=key_length) :: tables, arrays])
-            call known(i)%build(reader, scene%model, scene%q, scene%qd)
+        do i = 1, size(models)
+            if (reader%failed() .or. models(i)%name /= scene%model_name) cycle
+            if (.not. (allocated(models(i)%tables) .or. reader%is_brief)) then
+                call reader%refuse_tables(brought_by(models), [character(len=key_length) :: tables, arrays])
+            end if
+            call models(i)%build(reader, scene%model, scene%q, scene%qd)
             exit
         end do
         if (.not. reader%failed()) then
@@ -100,12 +139,22 @@ contains
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
             call move_alloc(reader%error, error)
-        else
+        else if (.not. reader%is_brief) then
             scene%text = reader%text()
             ! It must be one that can be read again, however long the defaults of many events are.
             call check_text(path//' with every default', scene%text, error)
+            if (.not. allocated(error) .and. (scene%rests .or. size(scene%steady) > 0)) call settle_start(scene, error)
         end if
-    end subroutine read_scene
+    end subroutine interpret_scene
+
+    !> Let the start settle.
+    subroutine settle_start(scene, error)
+        type(scene_type), intent(inout) :: scene
+        type(error_type), allocatable, intent(out) :: error
+
+        allocate (scene%settling)
+        call settle(scene%model, scene%rests, scene%steady, scene%t_start, scene%q, scene%qd, scene%settling, error, scene%assembly)
+    end subroutine settle_start
 
     !> [scene], which stays open.
     subroutine read_names(reader, path, model_names, scene)
@@ -155,6 +204,7 @@ contains
             call reader%refuse('q', 'and qd are not finite where the numbers of [model] and [initial] are as they are')
         end if
         call read_assembly(reader, scene%model, scene%assembly)
+        call read_settling(reader, scene%model, scene%rests, scene%steady)
         call reader%close_table()
     end subroutine read_start
 

@@ -10,6 +10,7 @@ module tandem_chart
     use tandem_model, only: model_type
     use tandem_options, only: options_type
     use tandem_pack, only: pack_type
+    use tandem_status, only: status_rank_deficient
     use tandem_model_counts, only: counts_type
     implicit none (type, external)
     private
@@ -57,6 +58,8 @@ module tandem_chart
         !> The same of how firmly the constraints tie the coordinates without mass.
         real(wp) :: loosened = 1.0_wp
         integer :: n_dropped = 0
+        !> Their numbers after `leave_out_dependent`, ascending.
+        integer, allocatable :: left_out(:)
         !> After `callback_failed`, `not_evaluable` or `not_finite`: the term that was being evaluated.
         character(len=:), allocatable :: failed_term
     contains
@@ -94,6 +97,8 @@ module tandem_chart
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
         procedure :: wants_other_rows
+        procedure :: leave_out_dependent
+        procedure :: find_partners
         procedure(pack_interface), deferred :: pack_state
         procedure :: pack_contract
     end type chart_type
@@ -464,6 +469,27 @@ contains
         wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%best_independence
     end function wants_other_rows
 
+    !> Leave out rows that depend on others at a state, and make it the origin; for charts that can do that by themselves. Others
+    !> are made anew with the rows that are kept.
+    subroutine leave_out_dependent(self, t, q, qd, stat)
+        class(chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        !> `rank_deficient` where no rows can be left out so.
+        integer, intent(out) :: stat
+
+        stat = status_rank_deficient
+    end subroutine leave_out_dependent
+
+    !> The rows of which one that was left out so is a combination.
+    subroutine find_partners(self, row, partners)
+        class(chart_type), intent(inout) :: self
+        integer, intent(in) :: row
+        integer, allocatable, intent(out) :: partners(:)
+
+        allocate (partners(0))
+    end subroutine find_partners
+
     !> What every chart remembers, for its `pack_state`.
     subroutine pack_contract(self, pack)
         class(chart_type), intent(inout) :: self
@@ -480,6 +506,7 @@ contains
         call pack%item(self%fallen)
         call pack%item(self%loosened)
         call pack%item(self%n_dropped)
+        call pack%item(self%left_out)
         call pack%text(self%failed_term)
     end subroutine pack_contract
 end module tandem_chart

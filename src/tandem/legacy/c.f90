@@ -9,11 +9,12 @@ module tandem_legacy_c
     use tandem_legacy_handle, only: find => problem_of, give_back, new_handle
     use tandem_legacy_description, only: message_of_no_problem
     use tandem_legacy_problem, only: problem_type
+    use tandem_legacy_c_text, only: text_of
     use tandem_legacy_terms, only: of_direction, of_motion, of_position
     use tandem_legacy_version, only: interface_version
     use tandem_status, only: status_invalid_option
     use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funptr, c_int, c_int64_t, c_loc, &
-        c_null_char, c_null_ptr, c_ptr, c_size_t
+        c_null_char, c_null_ptr, c_ptr
     implicit none (type, external)
     private
 
@@ -21,22 +22,9 @@ module tandem_legacy_c
     public :: c_set_position_function, c_set_motion_function, c_set_direction_function, c_set_evaluate
     public :: c_set_real, c_set_integer, c_set_text, c_set_vector, c_set_row_name
     public :: c_add_event, c_add_event_function, c_clear_events, c_count_events, c_get_event, c_get_stop
-    public :: c_check, c_assemble, c_start, c_integrate, c_step, c_watch_error, c_estimate_error
+    public :: c_check, c_assemble, c_start, c_integrate, c_step, c_advance, c_watch_error, c_estimate_error
     public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
-
-    !> No name or value is as long as this; a text without an end is cut here.
-    integer(c_size_t), parameter :: longest_text = 256
-
-    interface
-        !> strnlen of the C library: the length of a text that is read to a limit at most.
-        pure integer(c_size_t) function strnlen(chars, limit) bind(C)
-            import :: c_ptr, c_size_t
-            implicit none (type, external)
-            type(c_ptr), value :: chars
-            integer(c_size_t), value :: limit
-        end function strnlen
-    end interface
 
     !> What `tandem_message` gives where there is no problem. Never changed.
     character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
@@ -389,6 +377,30 @@ contains
         c_step = problem%stat
     end function c_step
 
+    !> Accepted steps, and rows of what they pass.
+    integer(c_int) function c_advance(handle, t_end, max_steps, capacity, at_steps, times, q, qd, qdd, rows) &
+        bind(C, name='tandem_advance')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t_end
+        !> Most steps; how many rows there is room for; not 0: a row for each step, whose times are told.
+        integer(c_int), value :: max_steps, capacity, at_steps
+        !> (capacity), and rows of coordinates, velocities and accelerations (n).
+        real(c_double), intent(inout), optional :: times(*), q(*), qd(*), qdd(*)
+        integer(c_int), intent(out), optional :: rows
+        type(problem_type), pointer :: problem
+        integer :: filled
+
+        if (present(rows)) rows = 0
+        if (.not. found(handle, problem, c_advance)) return
+        if (capacity < 0 .or. (capacity > 0 .and. .not. present(times))) then
+            call problem%refuse('times is NULL, or their number negative', 'give an array and how many rows there is room for')
+        else
+            call problem%advance(t_end, max_steps, at_steps /= 0, capacity, filled, times, q, qd, qdd)
+            if (present(rows)) rows = filled
+        end if
+        c_advance = problem%stat
+    end function c_advance
+
     !> The current state.
     integer(c_int) function c_get_state(handle, t, q, qd, qdd) bind(C, name='tandem_get_state')
         type(c_ptr), value :: handle
@@ -560,26 +572,4 @@ contains
         call find(handle, problem)
         found = associated(problem)
     end function found
-
-    !> The length of a text of C; 0 for NULL.
-    pure integer function length_of(chars)
-        type(c_ptr), intent(in) :: chars
-
-        length_of = 0
-        if (c_associated(chars)) length_of = int(strnlen(chars, longest_text))
-    end function length_of
-
-    !> A text of C; empty for NULL.
-    function text_of(chars) result(text)
-        type(c_ptr), intent(in) :: chars
-        character(len=length_of(chars)) :: text
-        character(kind=c_char), pointer :: list(:)
-        integer :: i
-
-        if (len(text) == 0) return
-        call c_f_pointer(chars, list, [len(text)])
-        do i = 1, len(text)
-            text(i:i) = list(i)
-        end do
-    end function text_of
 end module tandem_legacy_c

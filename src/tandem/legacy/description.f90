@@ -2,6 +2,8 @@
 !> What a caller of the C or the Fortran 77 interface has said of a problem: its model, what was chosen, the events; and the status
 !> and the message that every operation leaves. `tandem_legacy_problem` adds the run.
 module tandem_legacy_description
+    use tandem_analysis_linearisation, only: linearisation_type
+    use tandem_analysis_settling, only: settling_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -62,6 +64,8 @@ module tandem_legacy_description
         procedure :: add_event
         procedure :: clear_events
         procedure :: check
+        procedure :: linearise
+        procedure :: find_equilibrium
         procedure :: assemble => assemble_start
         procedure :: conclude
         procedure :: succeed
@@ -347,6 +351,60 @@ contains
         end if
         call self%conclude(error)
     end subroutine check
+
+    !> Eigenvalues of small motions about (t, q, qd), which satisfies the constraints. A run that is under way does not notice.
+    subroutine linearise(self, t, q, qd, count, re, im, a)
+        class(description_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(*), qd(*)
+        !> How many there are, at most 2 n.
+        integer, intent(out) :: count
+        !> Their parts (count), sorted by the real ones.
+        real(wp), intent(inout) :: re(*), im(*)
+        !> The matrix (count, count), one column after the other.
+        real(wp), intent(inout), optional :: a(*)
+        type(linearisation_type), allocatable :: it
+        type(error_type), allocatable :: error
+
+        count = 0
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            self%busy = .true.
+            allocate (it)
+            call it%make(self%model, t, q(:self%model%n), qd(:self%model%n), error)
+            self%busy = .false.
+        end if
+        if (.not. allocated(error)) then
+            count = size(it%spectrum%values)
+            re(:count) = real(it%spectrum%values, wp)
+            im(:count) = aimag(it%spectrum%values)
+            if (present(a)) a(:count**2) = reshape(it%a, [count**2])
+        end if
+        call self%conclude(error)
+    end subroutine linearise
+
+    !> Move q to the nearest equilibrium at t, stable or not. A run that is under way does not notice.
+    subroutine find_equilibrium(self, t, q)
+        class(description_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Coordinates (n); unchanged where none is found.
+        real(wp), intent(inout) :: q(*)
+        type(settling_type), allocatable :: settling
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call check_sizes(self%model, error)
+        if (.not. allocated(error)) then
+            call self%model%prepare()
+            self%busy = .true.
+            allocate (settling)
+            call settling%find_equilibrium(self%model, t, q(:self%model%n), error)
+            self%busy = .false.
+        end if
+        if (.not. allocated(error)) q(:self%model%n) = settling%q
+        call self%conclude(error)
+    end subroutine find_equilibrium
 
     !> Move (q, qd) to the nearest state at t that satisfies the constraints. A run that is under way does not notice.
     subroutine assemble_start(self, t, q, qd)

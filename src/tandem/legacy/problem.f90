@@ -25,6 +25,7 @@ module tandem_legacy_problem
         procedure :: start
         procedure :: integrate
         procedure :: step
+        procedure :: advance
         procedure :: watch_error
         procedure :: estimate_error
         procedure :: get_state
@@ -114,6 +115,67 @@ contains
         self%busy = .false.
         call self%conclude(error)
     end subroutine step
+
+    !> Up to `most` accepted steps that do not pass t_end, and rows of what they pass: at the times given, or one for each step.
+    !> Ends early where an event stops the run, and where there is no room for another step's row. What a failure leaves behind
+    !> is what was reached until then.
+    subroutine advance(self, t_end, most, at_steps, capacity, rows, times, q, qd, qdd)
+        class(problem_type), intent(inout) :: self
+        real(wp), intent(in) :: t_end
+        integer, intent(in) :: most
+        !> Whether each step is a row, whose time is told; else rows are at the times given, which ascend.
+        logical, intent(in) :: at_steps
+        !> Room for rows, and how many there are now.
+        integer, intent(in) :: capacity
+        integer, intent(out) :: rows
+        real(wp), intent(inout), optional :: times(*)
+        !> Coordinates, velocities, accelerations (n, capacity).
+        real(wp), intent(inout), optional :: q(self%model%n, *), qd(self%model%n, *), qdd(self%model%n, *)
+        type(error_type), allocatable :: error
+        integer :: taken
+
+        rows = 0
+        if (.not. self%is_running()) return
+        if (.not. (t_end >= self%simulation%state%t .and. ieee_is_finite(t_end))) then
+            call self%refuse('the end '//to_text(t_end)//' must be finite and not before the current time '// &
+                to_text(self%simulation%state%t), 'choose a later one')
+            return
+        end if
+        self%busy = .true.
+        call self%simulation%look_back()
+        if (.not. at_steps) call take_rows()
+        do taken = 1, most
+            if (allocated(error) .or. .not. self%simulation%state%t < t_end .or. (at_steps .and. rows >= capacity)) exit
+            call self%watch%step(self%simulation, t_end, error)
+            if (allocated(error)) exit
+            call take_rows()
+            if (self%simulation%is_stopped) exit
+        end do
+        self%busy = .false.
+        call self%conclude(error)
+
+    contains
+
+        !> The rows that the last step has passed.
+        subroutine take_rows()
+            associate (simulation => self%simulation, n => self%model%n)
+                do while (rows < capacity)
+                    if (.not. at_steps) then
+                        if (.not. times(rows + 1) <= simulation%state%t) exit
+                        call simulation%look_at(times(rows + 1), error)
+                        if (allocated(error)) exit
+                    end if
+                    rows = rows + 1
+                    if (at_steps) times(rows) = simulation%state%t
+                    if (present(q)) q(:, rows) = simulation%state%q
+                    if (present(qd)) qd(:, rows) = simulation%state%qd
+                    if (present(qdd)) qdd(:, rows) = simulation%state%qdd
+                    if (at_steps) exit
+                    call simulation%look_back()
+                end do
+            end associate
+        end subroutine take_rows
+    end subroutine advance
 
     !> Watch the run, which stands at its start, so that its error at t_end can be estimated there.
     subroutine watch_error(self, t_end)

@@ -75,6 +75,18 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine dsyev
 
+        !> Eigenvalues, right and left eigenvectors of a square matrix, with condition numbers.
+        subroutine dgeevx(balanc, jobvl, jobvr, sense, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, ilo, ihi, scale, abnrm, rconde, &
+            rcondv, work, lwork, iwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: balanc, jobvl, jobvr, sense
+            integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), scale(*), abnrm, rconde(*), rcondv(*), work(*)
+            integer, intent(out) :: ilo, ihi, iwork(*), info
+        end subroutine dgeevx
+
         !> LU factorisation with row pivoting.
         subroutine dgetrf(m, n, a, lda, ipiv, info)
             import :: wp

@@ -26,6 +26,7 @@ module tandem_linalg_singular
         procedure :: solve_within
         procedure :: solve_transposed
         procedure :: get_null_basis
+        procedure :: get_row_basis
         procedure, private :: components
     end type singular_type
 
@@ -122,6 +123,14 @@ contains
 
         z = transpose(self%vt(self%rank + 1:, :))
     end subroutine get_null_basis
+
+    !> An orthonormal basis (n, rank) of the row space.
+    subroutine get_row_basis(self, x)
+        class(singular_type), intent(in) :: self
+        real(wp), allocatable, intent(out) :: x(:, :)
+
+        x = transpose(self%vt(:self%rank, :))
+    end subroutine get_row_basis
 
     !> U'b along the singular vectors that count.
     pure function components(self, b) result(c)

@@ -35,26 +35,27 @@ module tandem_mechanism_body
 contains
 
     !> The body's block of M, which is zero before.
-    pure subroutine set_mass(body, pose, n, mass)
+    pure subroutine set_mass(body, pose, n, width, mass)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
-        integer, intent(in) :: n
-        real(wp), intent(inout) :: mass(n, n)
+        !> The size of the M that is set, which may be compressed.
+        integer, intent(in) :: n, width
+        real(wp), intent(inout) :: mass(n, width)
         real(wp) :: g(4, 4)
         integer :: i
 
         do i = pose%place, pose%place + pose%n_place - 1
-            mass(i, i) = body%mass
+            mass(i, pose%place_mass + (i - pose%place)*pose%mass_step) = body%mass
         end do
         if (pose%n_turn == 1) then
-            mass(pose%turn, pose%turn) = body%inertia(3, 3)
+            mass(pose%turn, pose%turn_mass) = body%inertia(3, 3)
         else if (pose%n_turn == 4) then
             if (body%is_principal) then
                 call set_rotational_mass(pose%p(:, 0), [body%inertia(1, 1), body%inertia(2, 2), body%inertia(3, 3)], n, &
-                    mass(pose%turn, pose%turn))
+                    mass(pose%turn, pose%turn_mass))
             else
                 g = sandwich(pose%p(:, 0), body%inertia, pose%p(:, 0))
-                mass(pose%turn:pose%turn + 3, pose%turn:pose%turn + 3) = 4*g
+                mass(pose%turn:pose%turn + 3, pose%turn_mass:pose%turn_mass + 3) = 4*g
             end if
         end if
     end subroutine set_mass

@@ -1,17 +1,21 @@
 ! SPDX-License-Identifier: MIT
-!> Rows that hold a sum of coordinates of joints, Phi = sum of factor_i x_i(q) - f(t): gears, racks, belts, screws. Angles among
-!> them are counted over any number of turns.
+!> Rows that hold a sum of coordinates of joints, Phi = sum of factor_i x_i(q) - f(t) - at: gears, racks, belts, screws. Angles
+!> among them are counted over any number of turns.
+!>
+!> A row that events lock and free is there all the time, since a model does not change its size. While it is free it holds a
+!> coordinate of its own, the slack s = 0 of unit mass, and the joints are free; while it is locked it holds the joints, and the
+!> slack rests for itself. At the moment of locking `at` becomes what the sum is there.
 module tandem_mechanism_coupling
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
-    use tandem_mechanism_pair, only: add_holonomic, add_row, columns, n_local
+    use tandem_mechanism_pair, only: add_holonomic, add_row, columns, columns_of_c, n_local
     use tandem_mechanism_pose, only: pose_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
     implicit none (type, external)
     private
 
-    public :: coupling_type, max_coupled, evaluate_couplings, differentiate_couplings
+    public :: coupling_type, max_coupled, evaluate_couplings, differentiate_couplings, lock_coupling
 
     !> The most coordinates of one row.
     integer, parameter :: max_coupled = 4
@@ -23,14 +27,20 @@ module tandem_mechanism_coupling
         real(wp) :: factors(max_coupled) = 0.0_wp
         !> The number of f, 0 for none.
         integer :: motion = 0
+        !> Of a row that can be freed: the column of its slack, 0 for one that cannot; whether it is locked, and where.
+        logical :: can_be_freed = .false., is_locked = .true.
+        integer :: slack = 0
+        real(wp) :: at = 0.0_wp
     end type coupling_type
 
 contains
 
     !> Every row's part of the terms; the Jacobian is zero before.
-    pure subroutine evaluate_couplings(couplings, need, pose, f, terms)
+    pure subroutine evaluate_couplings(couplings, need, q, pose, f, terms)
         type(coupling_type), intent(inout) :: couplings(:)
         integer, intent(in) :: need
+        !> Coordinates, for the slacks.
+        real(wp), intent(in) :: q(:)
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
@@ -41,6 +51,12 @@ contains
         last = merge(2, 0, iand(need, need_gamma) /= 0)
         do i = 1, size(couplings)
             associate (it => couplings(i))
+                if (.not. it%is_locked) then
+                    if (iand(need, need_phi) /= 0) terms%phi(it%row) = q(it%slack)
+                    if (iand(need, need_jacobian) /= 0) terms%jacobian(it%row, it%slack) = 1.0_wp
+                    if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = 0.0_wp
+                    cycle
+                end if
                 sum = 0.0_wp
                 do k = 1, it%n
                     if (iand(need, need_jacobian + need_gamma) == 0) then
@@ -51,12 +67,12 @@ contains
                     x = 0.0_wp
                     call differentiate_coordinate(it%coordinates(k), pose, last, 0, x, gradient)
                     sum = sum + it%factors(k)*x
-                    if (iand(need, need_jacobian) /= 0) call add_row(columns(pose(it%coordinates(k)%first), &
+                    if (iand(need, need_jacobian) /= 0) call add_row(columns_of_c(pose(it%coordinates(k)%first), &
                         pose(it%coordinates(k)%second)), it%factors(k), gradient(:, 0), it%row, terms%jacobian)
                 end do
                 c = 0.0_wp
                 if (it%motion > 0) c = f(:, it%motion)
-                if (iand(need, need_phi) /= 0) terms%phi(it%row) = sum(0) - c(0)
+                if (iand(need, need_phi) /= 0) terms%phi(it%row) = sum(0) - c(0) - it%at
                 if (iand(need, need_nu) /= 0) terms%nu(it%row) = c(1)
                 if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = sum(2) - c(2)
             end associate
@@ -75,6 +91,7 @@ contains
 
         do i = 1, size(couplings)
             associate (it => couplings(i))
+                if (.not. it%is_locked) cycle
                 do k = 1, it%n
                     call differentiate_coordinate(it%coordinates(k), pose, 2, 2, x, gradient, second)
                     call add_holonomic(need, it%row, columns(pose(it%coordinates(k)%first), pose(it%coordinates(k)%second)), &
@@ -83,4 +100,22 @@ contains
             end associate
         end do
     end subroutine differentiate_couplings
+
+    !> Lock a coupling where it is, at poses whose places are known.
+    pure subroutine lock_coupling(coupling, pose, f)
+        type(coupling_type), intent(inout) :: coupling
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in) :: f(0:, :)
+        real(wp) :: x
+        integer :: k
+
+        coupling%at = 0.0_wp
+        if (coupling%motion > 0) coupling%at = -f(0, coupling%motion)
+        do k = 1, coupling%n
+            call measure(coupling%coordinates(k), pose, x)
+            coupling%at = coupling%at + coupling%factors(k)*x
+        end do
+        coupling%is_locked = .true.
+    end subroutine lock_coupling
 end module tandem_mechanism_coupling

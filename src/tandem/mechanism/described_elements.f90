@@ -8,11 +8,11 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive
-    use tandem_mechanism_law, only: law_type
+    use tandem_mechanism_law, only: friction_law_type, law_type
     implicit none (type, external)
     private
 
-    public :: read_constraint, read_wheel, read_force, read_sensor
+    public :: read_constraint, read_wheel, read_force
 
 contains
 
@@ -29,6 +29,7 @@ contains
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)
         type(error_type), allocatable :: error
+        logical, allocatable :: locked
         integer :: i
 
         call reader%open('constraint', number)
@@ -49,6 +50,8 @@ contains
             if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
                 'one for each joint', required=.true.)
             call reader%get_function('motion', motion, '', 'of time')
+            if (reader%gives('locked')) locked = .true.
+            if (allocated(locked)) call reader%get_truth('locked', locked, 'whether it begins locked; events lock and free it')
         case default
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
                 required=.true.)
@@ -64,7 +67,7 @@ contains
         case ('distance')
             call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
         case ('coupling')
-            call mechanism%add_coupling(name, texts, factors, error, motion)
+            call mechanism%add_coupling(name, texts, factors, error, motion, locked)
         case default
             if (allocated(rhs)) then
                 call mechanism%add_rate_row(name, texts, coefficients, error, rhs(1))
@@ -163,8 +166,13 @@ contains
         call reader%open('force', number)
         if (reader%failed()) return
         name = reader%name
-        call reader%get_choice('type', kind, [character(len=7) :: 'spring', 'torsion', 'bushing', 'load'], required=.true.)
+        call reader%get_choice('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
+            required=.true.)
         if (reader%failed()) return
+        if (kind == 'friction') then
+            call read_friction(reader, name, mechanism)
+            return
+        end if
         if (kind == 'spring' .or. kind == 'torsion') then
             stiffness = 0.0_wp
             damping = 0.0_wp
@@ -227,6 +235,35 @@ contains
         call reader%blame(error)
     end subroutine read_force
 
+    !> Friction along the coordinate of a joint.
+    subroutine read_friction(reader, name, mechanism)
+        type(key_reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: name
+        type(mechanism_type), intent(inout) :: mechanism
+        character(len=:), allocatable :: joint
+        real(wp), allocatable :: normal, static, dynamic, speed, viscous
+        type(error_type), allocatable :: error
+
+        call reader%get_text('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+            required=.true.)
+        call reader%get_number('normal', normal, not_negative, 'N, N m', &
+            'the given normal force; of what turns times the radius', required=.true.)
+        call reader%get_number('dynamic', dynamic, not_negative, '', 'the coefficient of sliding', required=.true.)
+        if (allocated(dynamic)) static = dynamic
+        call reader%get_number('static', static, not_negative, '', 'the largest coefficient, at the transition speed')
+        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'the transition speed', required=.true.)
+        viscous = 0.0_wp
+        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'a damping beside it')
+        call reader%close()
+        if (reader%failed()) return
+        if (static < dynamic) then
+            call reader%fail('static', 'is smaller than the coefficient of sliding', 'give one that is not, or none')
+            return
+        end if
+        call mechanism%add_torsion(name, joint, error, law=friction_law_type(normal, static, dynamic, speed, viscous))
+        call reader%blame(error)
+    end subroutine read_friction
+
     !> Expressions without variables are numbers.
     pure subroutine take_constants(expressions, numbers)
         type(expression_type), allocatable, intent(inout) :: expressions(:)
@@ -240,45 +277,4 @@ contains
         numbers = [(expressions(i)%value([real(wp) ::]), i=1, size(expressions))]
         deallocate (expressions)
     end subroutine take_constants
-
-    !> [sensor.NAME]
-    subroutine read_sensor(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
-        integer, intent(in) :: number
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(inout) :: n_points
-        character(len=*), parameter :: kinds(4) = [character(len=8) :: 'point', 'joint', 'distance', 'energy']
-        character(len=:), allocatable :: name, text
-        character(len=key_length) :: points(2), point
-        real(wp), allocatable :: zero
-        type(error_type), allocatable :: error
-        logical :: energy
-        integer :: i, n
-
-        call reader%open('sensor', number)
-        if (reader%failed()) return
-        name = reader%name
-        n = count([(reader%gives(trim(kinds(i))), i=1, 4)])
-        if (reader%gives('point')) then
-            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
-            if (reader%failed()) return
-            call take_point(reader, 'point', text, mechanism, n_points, point)
-            if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
-        else if (reader%gives('joint')) then
-            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
-            zero = 0.0_wp
-            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
-            if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
-        else if (reader%gives('distance')) then
-            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
-            if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
-        else if (reader%gives('energy')) then
-            energy = .true.
-            call reader%get_truth('energy', energy, 'kinetic, potential and total energy of the mechanism')
-            if (energy .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
-        end if
-        call reader%blame(error)
-        if (n /= 1) call reader%fail('', 'must measure one thing', 'give one of point, joint, distance, energy')
-        call reader%close()
-    end subroutine read_sensor
 end module tandem_mechanism_described_elements

@@ -6,7 +6,8 @@ module tandem_mechanism_description
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_sensor, read_wheel
+    use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
+    use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
@@ -14,6 +15,7 @@ module tandem_mechanism_description
     use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive, shown_type
     use tandem_mechanism_parameters, only: resolve_parameters
     use tandem_mechanism_repetition, only: repeat_elements
+    use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
     use tandem_mechanism_vector, only: in_space
     use tandem_rigid_euler_parameters, only: rotation
@@ -23,9 +25,10 @@ module tandem_mechanism_description
     public :: build_mechanism, mechanism_kinds, mechanism_singles
 
     !> The kinds of elements with a name of their own, and those that there are once.
-    character(len=10), parameter :: mechanism_kinds(7) = [character(len=10) :: 'body', 'joint', 'constraint', 'wheel', 'force', &
-        'sensor', 'repeat']
-    character(len=10), parameter :: mechanism_singles(3) = [character(len=10) :: 'parameters', 'gravity', 'ground']
+    character(len=10), parameter :: mechanism_kinds(8) = [character(len=10) :: 'function', 'body', 'joint', 'constraint', 'wheel', &
+        'force', 'sensor', 'repeat']
+    character(len=10), parameter :: mechanism_singles(4) = [character(len=10) :: 'parameters', 'gravity', 'ground', &
+        'results']
 
 contains
 
@@ -53,7 +56,7 @@ contains
         if (.not. reader%failed()) then
           call repeat_elements(rest, reader%names, reader%values, elements, repeats, reader%error, reader%place)
         end if
-        if (.not. reader%failed()) call reader%take(elements, mechanism_kinds(:6), mechanism_singles(2:))
+        if (.not. reader%failed()) call reader%take(elements, mechanism_kinds(:7), mechanism_singles(2:))
         n_points = 0
         if (.not. reader%failed()) then
             mechanism%planar = planar
@@ -61,6 +64,9 @@ contains
             call mechanism%clear()
             call show_repeats()
             call read_gravity(reader, mechanism)
+            do i = 1, reader%n_of('function')
+                call read_table(reader, i)
+            end do
             do i = 1, reader%n_of('body')
                 call read_body(reader, i, mechanism)
             end do
@@ -82,6 +88,7 @@ contains
             do i = 1, reader%n_of('sensor')
                 call read_sensor(reader, i, mechanism, n_points)
             end do
+            call read_results(reader, mechanism)
         end if
         if (.not. reader%failed()) call mechanism%define(its_error)
         call reader%blame_named(its_error)
@@ -224,6 +231,33 @@ contains
         end subroutine refuse_parameter
     end subroutine take_parameters
 
+    !> [function.NAME]
+    subroutine read_table(reader, number)
+        type(key_reader_type), intent(inout) :: reader
+        integer, intent(in) :: number
+        real(wp), allocatable :: at(:), values(:)
+        character(len=:), allocatable :: kind, ends, name
+        type(table_type) :: table
+        type(error_type), allocatable :: error
+
+        call reader%open('function', number)
+        if (reader%failed()) return
+        name = reader%name
+        call reader%get_numbers('at', [max(2, reader%count_of('at'))], at, anything, '', 'where the values are, ascending', &
+            required=.true.)
+        call reader%get_numbers('values', [max(2, reader%count_of('at'))], values, anything, '', 'as many', required=.true.)
+        kind = 'cubic'
+        call reader%get_choice('type', kind, table_kinds, 'what is between the points')
+        call reader%get_choice('ends', ends, table_ends, 'what is beyond them')
+        call reader%close()
+        if (reader%failed()) return
+        call table%initialize(at, values, kind, error, ends)
+        if (allocated(error)) error%message = error%message(:index(error%message, ': ') + 1)//'function '//name//': '// &
+            error%message(index(error%message, ': ') + 2:)
+        call reader%blame(error)
+        if (.not. reader%failed()) call reader%add_table(name, table)
+    end subroutine read_table
+
     !> [gravity]
     subroutine read_gravity(reader, mechanism)
         type(key_reader_type), intent(inout) :: reader
@@ -314,6 +348,7 @@ contains
                     'angular velocity at the start, in the axes of the world; or omega_body')
             end if
         end if
+        call reader%pass('looks', 'for looking only: shapes and meshes, with their places from the centre of mass')
         if (reader%failed()) return
         call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
         call reader%blame(error)

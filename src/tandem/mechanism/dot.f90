@@ -65,10 +65,10 @@ contains
                 if (iand(need, need_jacobian) /= 0) then
                     if (dot%is_point) then
                         do k = 1, one%n_place
-                            terms%jacobian(dot%row, one%place + k - 1) = -a(k)
+                            terms%jacobian(dot%row, one%place_column + k - 1) = -a(k)
                         end do
                         do k = 1, two%n_place
-                            terms%jacobian(dot%row, two%place + k - 1) = a(k)
+                            terms%jacobian(dot%row, two%place_column + k - 1) = a(k)
                         end do
                     end if
                     if (one%n_turn > 0) then
@@ -101,7 +101,7 @@ contains
         integer :: k
 
         do k = 1, pose%n_turn
-            jacobian(row, pose%turn + k - 1) = gradient(k)
+            jacobian(row, pose%turn_column + k - 1) = gradient(k)
         end do
     end subroutine put_turn
 

@@ -23,7 +23,8 @@ module tandem_mechanism_drawing
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
-    use tandem_mechanism_sensor, only: sensor_type
+    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_row, of_spring, of_torsion, &
+        of_wheel, sensor_type
     use tandem_mechanism_span, only: span_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_vector, only: cross, frame_along
@@ -86,6 +87,8 @@ module tandem_mechanism_drawing
             rolling_unit(:)
         !> The names of all elements.
         character(len=name_length), allocatable, private :: names(:)
+        !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
+        integer, allocatable, private :: types(:), numbers(:)
     contains
         procedure :: add_body
         procedure :: add_point
@@ -105,9 +108,15 @@ module tandem_mechanism_drawing
         procedure :: add_joint_sensor
         procedure :: add_distance_sensor
         procedure :: add_energy_sensor
+        procedure :: add_balance_sensor
+        procedure :: add_body_sensor
+        procedure :: add_reaction_sensor
+        procedure :: add_force_sensor
+        procedure :: add_results
         procedure :: add_rolling_ellipsoid
         procedure :: clear
         procedure :: find_body
+        procedure :: find_element
         procedure, private :: check_name
         procedure, private :: keep_name
         procedure, private :: take_point
@@ -174,7 +183,7 @@ module tandem_mechanism_drawing
 
         !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
         !> the drawing.
-        module subroutine add_coupling(self, name, joints, factors, error, motion)
+        module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
@@ -185,6 +194,8 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
             !> f, which is 0 by default.
             class(function_type), intent(in), optional :: motion
+            !> Events can lock and free it, and how it starts. It takes one coordinate more.
+            logical, intent(in), optional :: locked
         end subroutine add_coupling
 
         !> A row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of places, angles
@@ -338,7 +349,7 @@ module tandem_mechanism_drawing
         end subroutine add_point_sensor
 
         !> A sensor of a joint's coordinate: how far its second side has slid and turned, turns counted, and how fast.
-        module subroutine add_joint_sensor(self, name, joint, error, zero)
+        module subroutine add_joint_sensor(self, name, joint, error, zero, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             !> Its name, and the joint's: revolute, prismatic, cylindrical or point_on_line.
@@ -346,6 +357,8 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
             !> What it shows in the drawing (rad or m, default 0).
             real(wp), intent(in), optional :: zero
+            !> The group of files that it stands in, "sensors" by default.
+            character(len=*), intent(in), optional :: group
         end subroutine add_joint_sensor
 
         !> A sensor of the distance of two points, with its rate.
@@ -363,6 +376,53 @@ module tandem_mechanism_drawing
             character(len=*), intent(in) :: name
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_energy_sensor
+
+        !> A sensor of the energy balance: both energies, the work of motions and of forces without a potential, and what is left.
+        module subroutine add_balance_sensor(self, name, error, group)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            type(error_type), allocatable, intent(out) :: error
+            character(len=*), intent(in), optional :: group
+        end subroutine add_balance_sensor
+
+        !> A sensor of a body: place, orientation, velocities, acceleration, energies.
+        module subroutine add_body_sensor(self, name, body, error, group)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, body
+            type(error_type), allocatable, intent(out) :: error
+            character(len=*), intent(in), optional :: group
+        end subroutine add_body_sensor
+
+        !> A sensor of the reaction of a joint, a wheel, a distance, a coupling or a row, and of the power of its motion.
+        module subroutine add_reaction_sensor(self, name, element, error, group)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, element
+            type(error_type), allocatable, intent(out) :: error
+            character(len=*), intent(in), optional :: group
+        end subroutine add_reaction_sensor
+
+        !> A sensor of a spring, a torsion, a bushing or a load: force, length, energy, power.
+        module subroutine add_force_sensor(self, name, element, error, group)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, element
+            type(error_type), allocatable, intent(out) :: error
+            character(len=*), intent(in), optional :: group
+        end subroutine add_force_sensor
+
+        !> Results of many elements: each a group of files of its name in the group of its kind.
+        module subroutine add_results(self, kind, names, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> bodies, joints, wheels, constraints or forces.
+            character(len=*), intent(in) :: kind
+            !> Their names, or one that is "all".
+            character(len=*), intent(in) :: names(:)
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_results
 
         !> An ellipsoid that rolls on a plane.
         module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, turn, &
@@ -419,6 +479,8 @@ contains
         self%rolling_name = [character(len=label_length) ::]
         self%rolling_unit = [character(len=label_length) ::]
         self%names = [character(len=name_length) ::]
+        self%types = [integer ::]
+        self%numbers = [integer ::]
     end subroutine clear
 
     !> A body. Without an inertia it is a point mass and does not turn.
@@ -475,7 +537,7 @@ contains
             end if
         end if
         self%bodies = [self%bodies, body]
-        call self%keep_name(name)
+        call self%keep_name(name, 0, size(self%bodies))
     end subroutine add_body
 
     !> The inertia of a body from one, three or six values.
@@ -570,11 +632,15 @@ contains
     end subroutine check_name
 
     !> Remember a name.
-    pure subroutine keep_name(self, name)
+    pure subroutine keep_name(self, name, type_of, number)
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: name
+        !> What it is, and its number among those.
+        integer, intent(in) :: type_of, number
 
         self%names = [character(len=name_length) :: self%names, name]
+        self%types = [self%types, type_of]
+        self%numbers = [self%numbers, number]
     end subroutine keep_name
 
     !> The index of a body, 0 for the ground, -1 for none.
@@ -589,6 +655,21 @@ contains
             if (self%bodies(i)%name == name) find_body = i
         end do
     end function find_body
+
+    !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
+    pure subroutine find_element(self, name, type_of, number)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(out) :: type_of, number
+        integer :: k
+
+        type_of = -1
+        number = 0
+        k = findloc(self%names, name, dim=1)
+        if (k == 0) return
+        type_of = self%types(k)
+        number = self%numbers(k)
+    end subroutine find_element
 
     !> A body and a point of it from `body` or `body.point`.
     subroutine take_point(self, label, text, body, place, is_point, error)

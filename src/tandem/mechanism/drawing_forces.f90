@@ -29,7 +29,7 @@ contains
         if (present(motion)) call self%take_motion(name, motion, -1, spring%motion)
         if (present(law)) call self%take_law(law, spring%law)
         self%springs = [self%springs, spring]
-        call self%keep_name(name)
+        call self%keep_name(name, of_spring, size(self%springs))
     end procedure add_spring
 
     !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
@@ -50,7 +50,7 @@ contains
         if (present(motion)) call self%take_motion(name, motion, -1, torsion%motion)
         if (present(law)) call self%take_law(law, torsion%law)
         self%torsions = [self%torsions, torsion]
-        call self%keep_name(name)
+        call self%keep_name(name, of_torsion, size(self%torsions))
     end procedure add_torsion
 
     !> Forces and torques that hold two frames together, which are one in the drawing.
@@ -95,7 +95,7 @@ contains
             end do
         end if
         self%bushings = [self%bushings, bushing]
-        call self%keep_name(name)
+        call self%keep_name(name, of_bushing, size(self%bushings))
 
     contains
 
@@ -180,6 +180,6 @@ contains
         end if
         if (present(motion)) call self%take_motion(name, motion, -1, load%motion)
         self%loads = [self%loads, load]
-        call self%keep_name(name)
+        call self%keep_name(name, of_load, size(self%loads))
     end procedure add_load
 end submodule tandem_mechanism_drawing_forces

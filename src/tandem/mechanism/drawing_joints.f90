@@ -43,7 +43,7 @@ contains
         call add_joint_rows(self, joint, driven, motion)
         call add_coordinates(self, joint)
         self%joints = [self%joints, joint]
-        call self%keep_name(name)
+        call self%keep_name(name, of_joint, size(self%joints))
         ! A row of its own for the screw's way and angle.
         if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
             [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
@@ -347,7 +347,13 @@ contains
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
             merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
-        call self%keep_name(name)
+        if (present(locked)) then
+            associate (coupling => self%couplings(size(self%couplings)))
+                coupling%can_be_freed = .true.
+                coupling%is_locked = locked
+            end associate
+        end if
+        call self%keep_name(name, of_row, size(self%couplings))
     end procedure add_coupling
 
     !> The row of a coupling.
@@ -422,7 +428,7 @@ contains
         longer(:size(self%rate_rows)) = self%rate_rows
         longer(size(longer)) = row
         call move_alloc(longer, self%rate_rows)
-        call self%keep_name(name)
+        call self%keep_name(name, of_row, 0)
     end procedure add_rate_row
 
     !> A distance between two points that is held, by default that of the drawing, or imposed.
@@ -454,6 +460,6 @@ contains
         span%row = size(self%held_name) + 1
         call self%new_row(name, 'N')
         self%distances = [self%distances, span]
-        call self%keep_name(name)
+        call self%keep_name(name, of_distance, size(self%distances))
     end procedure add_distance
 end submodule tandem_mechanism_drawing_joints

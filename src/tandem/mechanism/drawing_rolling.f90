@@ -38,7 +38,7 @@ contains
         call self%new_rolling_row(name, 'N')
         edge%row = size(self%rolling_name)
         self%edges = [self%edges, edge]
-        call self%keep_name(name)
+        call self%keep_name(name, of_edge, size(self%edges))
     end procedure add_knife_edge
 
     !> A disk that rolls on a plane.
@@ -156,6 +156,6 @@ contains
         end do
         roller%row = size(self%rolling_name) - 1
         self%rollers = [self%rollers, roller]
-        call self%keep_name(name)
+        call self%keep_name(name, of_wheel, size(self%rollers))
     end subroutine add_roller
 end submodule tandem_mechanism_drawing_rolling

@@ -1,7 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The words for sensors.
+!> The words for sensors, and for the results of bodies, reactions and forces, which are sensors in groups of their own.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
-    use tandem_mechanism_sensor, only: sensed_distance, sensed_energy, sensed_joint, sensed_point
+    use tandem_mechanism_sensor, only: sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, sensed_joint, &
+        sensed_point, sensed_reaction
+    use tandem_names, only: question
     implicit none (type, external)
 
 contains
@@ -24,6 +26,7 @@ contains
         integer :: i, k
 
         sensor%kind = sensed_joint
+        if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
         k = 0
@@ -80,6 +83,237 @@ contains
         if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
     end procedure add_energy_sensor
 
+    !> The balance of energies.
+    module procedure add_balance_sensor
+        type(sensor_type) :: sensor
+
+        sensor%kind = sensed_balance
+        if (present(group)) sensor%group = group
+        call check_sensor(self, name, sensor, error)
+        if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
+    end procedure add_balance_sensor
+
+    !> A body.
+    module procedure add_body_sensor
+        type(sensor_type) :: sensor
+
+        sensor%kind = sensed_body
+        if (present(group)) sensor%group = group
+        call check_sensor(self, name, sensor, error)
+        if (allocated(error)) return
+        sensor%number = self%find_body(body)
+        if (sensor%number < 1) then
+            call refuse('sensor '//trim(name)//': there is no body '//trim(body)//question(trim(body), names_of(self, [0])), &
+                'correct the name', error)
+            return
+        end if
+        sensor%turns = self%bodies(sensor%number)%turns
+        sensor%planar = self%planar
+        self%sensors = [self%sensors, sensor]
+    end procedure add_body_sensor
+
+    !> A reaction.
+    module procedure add_reaction_sensor
+        integer, parameter :: types(5) = [of_joint, of_wheel, of_edge, of_distance, of_row]
+        type(sensor_type) :: sensor
+        integer :: k
+
+        sensor%kind = sensed_reaction
+        if (present(group)) sensor%group = group
+        call check_sensor(self, name, sensor, error)
+        if (allocated(error)) return
+        k = findloc(self%names, element, dim=1)
+        if (k > 0) sensor%of = self%types(k)
+        if (.not. any(sensor%of == types)) then
+            call refuse('sensor '//trim(name)//': '//trim(element)//' is no joint, wheel or constraint'// &
+                question(trim(element), names_of(self, types)), 'correct the name', error)
+            return
+        end if
+        sensor%number = self%numbers(k)
+        call find_rows(self, element, sensor)
+        associate (span => sensor%span)
+            select case (sensor%of)
+            case (of_joint)
+                associate (its => self%joints(sensor%number))
+                    span = span_type(first=its%first, second=its%second, s1=its%s1, s2=its%s2)
+                end associate
+            case (of_wheel)
+                span%second = self%rollers(sensor%number)%body
+            case (of_edge)
+                span%second = self%edges(sensor%number)%body
+                span%s2 = self%edges(sensor%number)%point
+            case (of_distance)
+                span = self%distances(sensor%number)
+            case default
+                ! Rows of several bodies have no force of one on another.
+                span = span_type()
+            end select
+            if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
+        end associate
+        if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
+        do k = 1, size(self%motions)
+            if (self%motions(k)%name == element) sensor%is_driven = .true.
+        end do
+        do k = 1, size(self%rate_rows)
+            if (sensor%of == of_row .and. self%rate_rows(k)%row == -sensor%rows(1) .and. self%rate_rows(k)%rhs > 0) then
+                sensor%is_driven = .true.
+            end if
+        end do
+        self%sensors = [self%sensors, sensor]
+    end procedure add_reaction_sensor
+
+    !> The rows of an element, whose names begin with its own. Those at velocity level are counted behind those at position level
+    !> when the mechanism is defined: until then they are negative.
+    subroutine find_rows(self, element, sensor)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: element
+        type(sensor_type), intent(inout) :: sensor
+        integer :: i
+
+        do i = 1, size(self%held_name)
+            if (index(self%held_name(i)//' ', trim(element)//' ') == 1) call add(i, self%held_unit(i))
+        end do
+        do i = 1, size(self%rolling_name)
+            if (index(self%rolling_name(i)//' ', trim(element)//' ') == 1) call add(-i, self%rolling_unit(i))
+        end do
+
+    contains
+
+        subroutine add(row, unit)
+            integer, intent(in) :: row
+            character(len=*), intent(in) :: unit
+
+            sensor%n_rows = sensor%n_rows + 1
+            sensor%rows(sensor%n_rows) = row
+            sensor%unit = unit
+        end subroutine add
+    end subroutine find_rows
+
+    !> A force.
+    module procedure add_force_sensor
+        integer, parameter :: types(4) = [of_spring, of_torsion, of_bushing, of_load]
+        type(sensor_type) :: sensor
+        integer :: k, first, second
+
+        sensor%kind = sensed_force
+        if (present(group)) sensor%group = group
+        call check_sensor(self, name, sensor, error)
+        if (allocated(error)) return
+        k = findloc(self%names, element, dim=1)
+        if (k > 0) sensor%of = self%types(k)
+        if (.not. any(sensor%of == types)) then
+            call refuse('sensor '//trim(name)//': '//trim(element)//' is no force'// &
+                question(trim(element), names_of(self, types)), 'correct the name', error)
+            return
+        end if
+        sensor%number = self%numbers(k)
+        select case (sensor%of)
+        case (of_spring)
+            first = self%springs(sensor%number)%span%first
+            second = self%springs(sensor%number)%span%second
+        case (of_torsion)
+            associate (coordinate => self%torsions(sensor%number)%coordinate)
+                first = coordinate%first
+                second = coordinate%second
+                sensor%slides = coordinate%kind == is_way
+            end associate
+        case (of_bushing)
+            first = self%bushings(sensor%number)%coordinates(1)%first
+            second = self%bushings(sensor%number)%coordinates(1)%second
+        case default
+            first = -1
+            second = self%loads(sensor%number)%body
+        end select
+        sensor%between(2) = name_of(self, second)
+        if (first >= 0) sensor%between(1) = name_of(self, first)
+        self%sensors = [self%sensors, sensor]
+    end procedure add_force_sensor
+
+    !> Results of many elements.
+    module procedure add_results
+        character(len=name_length), allocatable :: list(:)
+        integer, allocatable :: types(:)
+        integer :: i, k
+
+        if (.not. allocated(self%names)) call self%clear()
+        types = types_of(kind)
+        if (size(types) == 0) then
+            call refuse('results of '//kind, 'ask for bodies, joints, wheels, constraints or forces', error)
+            return
+        end if
+        allocate (list(size(names)))
+        list = names
+        if (size(names) == 1) then
+            if (names(1) == 'all') list = names_of(self, types)
+        end if
+        do i = 1, size(list)
+            k = findloc(self%names, list(i), dim=1)
+            if (k > 0) then
+                if (.not. any(self%types(k) == types)) k = 0
+            end if
+            if (k == 0) then
+                call refuse('results of '//kind//': there is no '//trim(list(i))//' among them'// &
+                    question(trim(list(i)), names_of(self, types)), 'correct the name', error)
+                return
+            end if
+            select case (self%types(k))
+            case (0)
+                call self%add_body_sensor(list(i), list(i), error, kind)
+            case (of_spring, of_torsion, of_bushing, of_load)
+                call self%add_force_sensor(list(i), list(i), error, kind)
+            case (of_joint)
+                associate (its => self%joints(self%numbers(k)))
+                    if (max(its%turn, its%way) > 0) call self%add_joint_sensor(list(i), list(i), error, group=kind)
+                end associate
+                if (.not. allocated(error)) call self%add_reaction_sensor(list(i), list(i), error, kind)
+            case default
+                call self%add_reaction_sensor(list(i), list(i), error, kind)
+            end select
+            if (allocated(error)) return
+        end do
+    end procedure add_results
+
+    !> The types of elements of a kind of results.
+    pure function types_of(kind) result(types)
+        character(len=*), intent(in) :: kind
+        integer, allocatable :: types(:)
+
+        select case (kind)
+        case ('bodies')
+            types = [0]
+        case ('joints')
+            types = [of_joint]
+        case ('wheels')
+            types = [of_wheel, of_edge]
+        case ('constraints')
+            types = [of_distance, of_row]
+        case ('forces')
+            types = [of_spring, of_torsion, of_bushing, of_load]
+        case default
+            allocate (types(0))
+        end select
+    end function types_of
+
+    !> The name of a body.
+    pure function name_of(self, body) result(name)
+        class(drawing_type), intent(in) :: self
+        integer, intent(in) :: body
+        character(len=label_length) :: name
+
+        name = 'ground'
+        if (body > 0) name = self%bodies(body)%name
+    end function name_of
+
+    !> The names of all elements of some types.
+    pure function names_of(self, types) result(list)
+        class(drawing_type), intent(in) :: self
+        integer, intent(in) :: types(:)
+        character(len=name_length), allocatable :: list(:)
+        integer :: i
+
+        list = pack(self%names, [(any(self%types(i) == types), i=1, size(self%names))])
+    end function names_of
+
     !> A name that can be one of a file's groups and that no other sensor has.
     subroutine check_sensor(self, name, sensor, error)
         class(drawing_type), intent(inout) :: self
@@ -91,7 +325,8 @@ contains
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
             call refuse('sensor '//trim(name)//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
                 ' characters without dots, slashes and blanks', error)
-        else if (any(self%sensors%name == name)) then
+        else if (any(self%sensors%name == name .and. self%sensors%group == sensor%group .and. &
+            (self%sensors%kind == sensor%kind .or. sensor%group == 'sensors'))) then
             call refuse('sensor '//trim(name)//' is there already', 'take another name', error)
         end if
         sensor%name = name

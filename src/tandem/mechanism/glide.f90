@@ -7,7 +7,7 @@
 !> the motion and that of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
 module tandem_mechanism_glide
     use tandem_kinds, only: wp
-    use tandem_mechanism_pair, only: add_block, columns, n_local, place_1, place_2, put_row, turn_1, turn_2
+    use tandem_mechanism_pair, only: add_block, columns, columns_of_c, n_local, place_1, place_2, put_row, turn_1, turn_2
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, turned
     use tandem_mechanism_vector, only: cross
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_dynamics_q, &
@@ -124,7 +124,7 @@ contains
                     end if
                     row(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 0, n(:, 0))
                     row(turn_2 + 1:turn_2 + 4) = turning_part(two, 0, glide%moment)
-                    call put_row(columns(one, two), row, glide%row, terms%jacobian)
+                    call put_row(columns_of_c(one, two), row, glide%row, terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0) then
                     terms%nu(glide%row) = 0.0_wp

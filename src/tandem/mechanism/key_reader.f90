@@ -9,8 +9,9 @@ module tandem_mechanism_key_reader
     use tandem_mechanism_entries, only: atom_type, entries_type, entry_type, is_number, is_text, is_truth, number_value, &
         text_value, value_type
     use tandem_mechanism_expression, only: expression_type, parse_expression
-    use tandem_mechanism_function, only: constant_type, expression_function, function_type
-    use tandem_mechanism_law, only: expression_law, law_type
+    use tandem_mechanism_function, only: constant_type, expression_function, function_type, table_function
+    use tandem_mechanism_law, only: expression_law, law_type, table_law
+    use tandem_mechanism_table_function, only: table_type
     use tandem_names, only: question
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -58,6 +59,9 @@ module tandem_mechanism_key_reader
         integer, private :: n_elements = 0, current = 0
         logical, allocatable, private :: used(:)
         character(len=key_length), allocatable, private :: known(:)
+        !> Tables that functions and laws may name.
+        character(len=key_length), allocatable, private :: table_names(:)
+        type(table_type), allocatable, private :: tables(:)
     contains
         procedure :: take
         procedure :: n_of
@@ -78,6 +82,10 @@ module tandem_mechanism_key_reader
         procedure :: get_choice
         procedure :: get_texts
         procedure :: get_truth
+        procedure :: pass
+        procedure :: count_of
+        procedure :: add_table
+        procedure, private :: table_at
         procedure :: get_function
         procedure :: get_law
         procedure :: get_expressions
@@ -535,6 +543,23 @@ contains
         call self%remember(key, k, shown, help=help)
     end subroutine get_texts
 
+    !> Texts that are for others: they stay in the complete mechanism as they are given.
+    subroutine pass(self, key, help)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key, help
+        integer :: k
+
+        k = self%index_of(key)
+        if (k == 0) return
+        associate (given => self%entries%list(k)%value)
+            if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
+                call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
+            else
+                call self%remember(key, k, given, help=help)
+            end if
+        end associate
+    end subroutine pass
+
     !> True or false.
     subroutine get_truth(self, key, truth, help)
         class(key_reader_type), intent(inout) :: self
@@ -577,12 +602,15 @@ contains
         if (k == 0) return
         associate (given => self%entries%list(k)%value)
             if (given%is_list .or. given%atoms(1)%kind == is_truth) then
-                call self%fail(key, 'is no function of time', 'give a number, or an expression of t as text')
+                call self%fail(key, 'is no function of time', &
+                    'give a number, an expression of t as text, or the name of a function')
                 return
             end if
             if (given%atoms(1)%kind == is_number) then
                 constant%value = given%atoms(1)%number
                 allocate (f, source=constant)
+            else if (self%table_at(k) > 0) then
+                allocate (f, source=table_function(self%tables(self%table_at(k))))
             else
                 call self%constants(k, names, values)
                 call parse_expression(expression, given%atoms(1)%text, ['t'], self%error, names, values, self%entries%list(k)%key)
@@ -596,6 +624,48 @@ contains
         end associate
     end subroutine get_function
 
+    !> How many entries the list of a key has, 0 where it is not given.
+    pure integer function count_of(self, key) result(n)
+        class(key_reader_type), intent(in) :: self
+        character(len=*), intent(in) :: key
+        integer :: k
+
+        n = 0
+        if (self%failed()) return
+        k = self%find(key)
+        if (k > 0) n = size(self%entries%list(k)%value%atoms)
+    end function count_of
+
+    !> Let functions and laws name a table.
+    subroutine add_table(self, name, table)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        type(table_type), intent(in) :: table
+        type(table_type), allocatable :: longer(:)
+        integer :: n
+
+        if (.not. allocated(self%tables)) allocate (self%tables(0), self%table_names(0))
+        n = size(self%tables)
+        allocate (longer(n + 1))
+        longer(:n) = self%tables
+        longer(n + 1) = table
+        call move_alloc(longer, self%tables)
+        self%table_names = [character(len=key_length) :: self%table_names, name]
+    end subroutine add_table
+
+    !> The number of the table that an entry names by a text, 0 for none.
+    pure integer function table_at(self, entry) result(number)
+        class(key_reader_type), intent(in) :: self
+        integer, intent(in) :: entry
+
+        number = 0
+        if (.not. allocated(self%tables)) return
+        associate (value => self%entries%list(entry)%value)
+            if (value%is_list) return
+            if (value%atoms(1)%kind == is_text) number = findloc(self%table_names, trim(value%atoms(1)%text), dim=1)
+        end associate
+    end function table_at
+
     !> A law of time, a coordinate and its rate.
     subroutine get_law(self, key, coordinate, law, unit, help)
         class(key_reader_type), intent(inout) :: self
@@ -606,7 +676,17 @@ contains
         class(law_type), allocatable, intent(out) :: law
         character(len=*), intent(in), optional :: unit, help
         type(expression_type), allocatable :: expressions(:)
+        integer :: k
 
+        k = self%find(key)
+        if (k > 0) then
+            if (self%table_at(k) > 0) then
+                k = self%index_of(key)
+                allocate (law, source=table_law(self%tables(self%table_at(k))))
+                call self%remember(key, k, self%entries%list(k)%value, unit, help)
+                return
+            end if
+        end if
         call self%get_expressions(key, [1], [character(len=key_length) :: 't', coordinate, 'rate'], expressions, unit, help)
         if (allocated(expressions)) allocate (law, source=expression_law(expressions(1)))
     end subroutine get_law

@@ -10,7 +10,7 @@ module tandem_mechanism_law
     implicit none (type, external)
     private
 
-    public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law
+    public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law, friction_law_type
 
     !> A law; extend it for another one.
     type, abstract :: law_type
@@ -54,6 +54,17 @@ module tandem_mechanism_law
     contains
         procedure :: evaluate => evaluate_table
     end type table_law_type
+
+    !> Friction under a given normal force N, regularised: it grows steeply with the rate v, has its largest value where v is the
+    !> transition speed, and falls to that of sliding: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source:
+    !> P. Brown, J. McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful
+    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6.
+    type, extends(law_type) :: friction_law_type
+        !> N (N; N m of what turns: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
+        real(wp) :: normal = 0.0_wp, static = 0.0_wp, dynamic = 0.0_wp, speed = 1.0_wp, viscous = 0.0_wp
+    contains
+        procedure :: evaluate => evaluate_friction
+    end type friction_law_type
 
 contains
 
@@ -123,6 +134,21 @@ contains
 
         call self%pieces%hold(t)
     end subroutine hold_expression
+
+    pure subroutine evaluate_friction(self, t, x, v, f)
+        class(friction_law_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp), intent(out) :: f(0:2)
+        real(wp) :: u, g, th
+
+        u = v/self%speed
+        g = u**2/4 + 0.75_wp
+        th = tanh(4*u)
+        f(0) = self%normal*(self%dynamic*th + (self%static - self%dynamic)*u/g**2) + self%viscous*v
+        f(1) = 0.0_wp
+        f(2) = self%normal/self%speed*(4*self%dynamic*(1 - th**2) + (self%static - self%dynamic)*0.75_wp*(1 - u**2)/g**3) + &
+            self%viscous
+    end subroutine evaluate_friction
 
     pure subroutine evaluate_table(self, t, x, v, f)
         class(table_law_type), intent(in) :: self

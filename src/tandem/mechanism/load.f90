@@ -12,7 +12,7 @@ module tandem_mechanism_load
     implicit none (type, external)
     private
 
-    public :: load_type, add_loads, differentiate_loads
+    public :: load_type, add_loads, differentiate_loads, find_push
 
     !> A force (N) at a point of a body and a torque (N m), in the world's axes or the body's: numbers times a function of time, and
     !> one expression each of their six entries beside it.
@@ -42,14 +42,7 @@ contains
 
         do i = 1, size(loads)
             associate (load => loads(i), body => pose(loads(i)%body))
-                push(1:3) = load%force
-                push(4:6) = load%torque
-                if (load%motion > 0) push = f(0, load%motion)*push
-                do k = 1, 6
-                    if (load%formula(k) == 0) cycle
-                    call formulas(load%formula(k))%read_state(t, pose, coordinates, .false.)
-                    push(k) = push(k) + formulas(load%formula(k))%value()
-                end do
+                call find_push(load, t, pose, f, formulas, coordinates, push)
                 call resolve(load, body, push, along, row)
                 do k = 1, body%n_place
                     force(body%place + k - 1) = force(body%place + k - 1) + along(k)
@@ -60,6 +53,27 @@ contains
             end associate
         end do
     end subroutine add_loads
+
+    !> The force and the torque, in the axes that they are given in.
+    pure subroutine find_push(load, t, pose, f, formulas, coordinates, push)
+        type(load_type), intent(in) :: load
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(formula_type), intent(inout) :: formulas(:)
+        type(coordinate_type), intent(inout) :: coordinates(:)
+        real(wp), intent(out) :: push(6)
+        integer :: k
+
+        push(1:3) = load%force
+        push(4:6) = load%torque
+        if (load%motion > 0) push = f(0, load%motion)*push
+        do k = 1, 6
+            if (load%formula(k) == 0) cycle
+            call formulas(load%formula(k))%read_state(t, pose, coordinates, .false.)
+            push(k) = push(k) + formulas(load%formula(k))%value()
+        end do
+    end subroutine find_push
 
     !> The generalised force of a force and a torque.
     pure subroutine resolve(load, body, push, along, row)

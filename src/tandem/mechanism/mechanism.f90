@@ -9,20 +9,23 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, kinetic_energy_of, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
         differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
+    use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
+    use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
-    use tandem_mechanism_sensor, only: measure_sensor, pack_sensor, quantities_of, sensed_energy, sensed_joint, width_of_sensor
+    use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_model, only: label_length, model_type, quantity_type
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
@@ -48,13 +51,32 @@ module tandem_mechanism
         logical, private :: is_defined = .false.
         !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
         integer, private :: held_segment = 0
+        !> Whether the terms that are set are compressed.
+        logical :: is_compressed = .false.
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
+        integer, private :: inputs_of_f = 0
+        !> C and nu at a row of a file; only where a sensor looks at reactions.
+        type(terms_type), private :: at_row
     contains
         procedure :: define
         procedure :: start
         procedure :: pack_state
     end type mechanism_type
+
+    interface
+        !> What the sensors give; the coordinates and rows have their numbers.
+        module subroutine list_quantities(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_quantities
+
+        !> Let events change the mechanism.
+        module subroutine allow_changes(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine allow_changes
+    end interface
 
 contains
 
@@ -79,6 +101,7 @@ contains
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
         call name_rows(self)
+        call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
         self%evaluate => evaluate
@@ -92,22 +115,11 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
+        self%list_motions => list_motions
+        self%input_name = [character(len=label_length) :: self%motions%name]
         call list_quantities(self)
+        call allow_changes(self)
     end subroutine define
-
-    !> What the sensors give.
-    subroutine list_quantities(self)
-        class(mechanism_type), intent(inout) :: self
-        integer :: i
-
-        if (size(self%sensors) == 0) return
-        self%measure => measure
-        allocate (self%quantities(0))
-        do i = 1, size(self%sensors)
-            self%quantities = [quantity_type :: self%quantities, quantities_of(self%sensors(i))]
-        end do
-        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
-    end subroutine list_quantities
 
     !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
     subroutine find_breakpoints(self, error)
@@ -170,11 +182,13 @@ contains
         real(wp), intent(in) :: t
         integer :: i
 
-        if (.not. (t < self%time_of_f .or. t > self%time_of_f)) return
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%input_version) return
         self%time_of_f = t
+        self%inputs_of_f = self%input_version
         do i = 1, size(self%motions)
             call self%motions(i)%f%evaluate(t, self%f(:, i))
         end do
+        if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
     !> Let the functions hold the smooth pieces of the current segment.
@@ -235,6 +249,12 @@ contains
                 end if
             end associate
         end do
+        ! The slacks of couplings that events lock and free.
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            self%couplings(i)%slack = n
+        end do
         self%n = n
         allocate (self%weight(n), source=0.0_wp)
         do i = 1, size(self%bodies)
@@ -276,6 +296,69 @@ contains
         self%rollers%row = self%rollers%row + self%n_holonomic
     end subroutine name_rows
 
+    !> Bodies, what their rows touch, and the columns of C and M.
+    subroutine declare_pattern(self)
+        class(mechanism_type), intent(inout) :: self
+        integer, allocatable :: rows(:), bodies(:), owner(:)
+        integer :: i
+
+        call list_incidence(self, rows, bodies)
+        allocate (owner(self%n_constraints()), source=0)
+        do i = 1, size(self%turning)
+            owner(self%before_norms + i) = self%turning(i)
+        end do
+        if (allocated(self%pattern)) deallocate (self%pattern)
+        allocate (self%pattern)
+        call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
+            [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
+        self%is_compressed = .false.
+        call set_columns(self, .false.)
+    end subroutine declare_pattern
+
+    !> Where the bodies' coordinates stand in the terms.
+    pure subroutine set_columns(self, is_compressed)
+        class(mechanism_type), intent(inout) :: self
+        logical, intent(in) :: is_compressed
+        integer :: i
+
+        self%is_compressed = is_compressed
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i), pattern => self%pattern)
+                pose%place_column = pose%place
+                pose%turn_column = pose%turn
+                pose%place_mass = pose%place
+                pose%turn_mass = pose%turn
+                pose%mass_step = 1
+                if (.not. is_compressed) cycle
+                pose%place_column = pattern%column(pose%place)
+                ! M is diagonal there.
+                pose%place_mass = 1
+                pose%mass_step = 0
+                if (pose%turn == 0) cycle
+                pose%turn_column = pattern%column(pose%turn)
+                pose%turn_mass = pattern%mass_column(pose%turn)
+            end associate
+        end do
+    end subroutine set_columns
+
+    !> Before rows are set: of compressed ones every entry is set again, but for rows that are sums.
+    pure subroutine clear_jacobian(self, terms)
+        class(mechanism_type), intent(in) :: self
+        type(terms_type), intent(inout) :: terms
+        integer :: i
+
+        if (.not. terms%is_compressed) then
+            terms%jacobian = 0.0_wp
+            return
+        end if
+        do i = 1, size(self%couplings)
+            terms%jacobian(self%couplings(i)%row, :) = 0.0_wp
+        end do
+        do i = 1, size(self%rate_rows)
+            terms%jacobian(self%rate_rows(i)%row, :) = 0.0_wp
+        end do
+    end subroutine clear_jacobian
+
     !> The state of the drawing; `define` was called.
     subroutine start(self, q, qd)
         class(mechanism_type), intent(in) :: self
@@ -283,6 +366,8 @@ contains
         real(wp), intent(out) :: q(:), qd(:)
         integer :: i
 
+        q = 0.0_wp
+        qd = 0.0_wp
         do i = 1, size(self%bodies)
             associate (pose => self%pose(i), body => self%bodies(i))
                 q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
@@ -322,6 +407,7 @@ contains
         integer :: i, k
 
         if (self%segment /= self%held_segment) call hold_segment(self)
+        if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
         do i = 1, size(self%bodies)
             call set_place(self%pose(i), q)
         end do
@@ -332,13 +418,14 @@ contains
         end if
         call evaluate_functions(self, t)
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
-            if (iand(need, need_jacobian) /= 0) terms%jacobian = 0.0_wp
+            if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
             if (size(self%meetings) > 0) call evaluate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, terms)
             if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, self%pose, self%f, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
+                self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
@@ -346,7 +433,7 @@ contains
                 self%coordinates, terms)
             do i = 1, size(self%turning)
                 k = self%before_norms + i
-                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
+                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
                     if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
                     if (iand(need, need_jacobian) /= 0) terms%jacobian(k, turn:turn + 3) = p(:, 0)
                     if (iand(need, need_gamma) /= 0) terms%gamma(k) = p(1, 1)**2 + p(2, 1)**2 + p(3, 1)**2 + p(4, 1)**2
@@ -356,7 +443,11 @@ contains
         if (iand(need, need_mass) /= 0) then
             terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
-                call set_mass(self%bodies(i), self%pose(i), self%n, terms%mass)
+                call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
+            end do
+            do i = 1, size(self%couplings)
+                k = self%couplings(i)%slack
+                if (k > 0) terms%mass(k, k) = 1.0_wp
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -386,8 +477,8 @@ contains
                 if (angle%motion > 0) f = self%f(:, angle%motion)
                 if (iand(need, need_phi) /= 0) terms%phi(angle%row) = two%p(1, 0) - one%p(1, 0) - angle%offset - f(0)
                 if (iand(need, need_jacobian) /= 0) then
-                    if (one%turn > 0) terms%jacobian(angle%row, one%turn) = -1.0_wp
-                    if (two%turn > 0) terms%jacobian(angle%row, two%turn) = 1.0_wp
+                    if (one%turn > 0) terms%jacobian(angle%row, one%turn_column) = -1.0_wp
+                    if (two%turn > 0) terms%jacobian(angle%row, two%turn_column) = 1.0_wp
                 end if
                 if (iand(need, need_nu) /= 0) terms%nu(angle%row) = f(1)
                 if (iand(need, need_gamma) /= 0) terms%gamma(angle%row) = -f(2)
@@ -492,40 +583,18 @@ contains
         end select
     end subroutine potential_energy
 
-    !> What the sensors show.
-    subroutine measure(self, t, q, qd, qdd, values, stat)
+    !> Rigid motions of the world and of the bodies.
+    subroutine list_motions(self, motions)
         class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
-        real(wp) :: energies(2)
-        integer :: i, n, width
+        type(affine_motion_type), allocatable, intent(out) :: motions(:)
 
-        stat = 0
-        energies = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-                call set_rates(self%pose(i), qd)
-                call set_curve(self%pose(i), qdd)
-            end do
-            if (any(self%sensors%kind == sensed_energy)) then
-                do i = 1, size(self%bodies)
-                    energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
-                end do
-                call potential_energy(self, t, q, energies(2), stat)
-            end if
-            n = 0
-            do i = 1, size(self%sensors)
-                width = width_of_sensor(self%sensors(i))
-                call measure_sensor(self%sensors(i), t, self%pose, energies, values(n + 1:n + width))
-                n = n + width
-            end do
+            call list_rigid_motions(self%planar, self%bodies, self%pose, motions)
         end select
-    end subroutine measure
+    end subroutine list_motions
 
-    !> The angles from which turns are counted.
+    !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)
         class(mechanism_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -533,6 +602,14 @@ contains
 
         do i = 1, size(self%torsions)
             call pack%item(self%torsions(i)%coordinate%last)
+            call pack%item(self%torsions(i)%stiffness)
+            call pack%item(self%torsions(i)%damping)
+            call pack%item(self%torsions(i)%angle)
+        end do
+        do i = 1, size(self%springs)
+            call pack%item(self%springs(i)%stiffness)
+            call pack%item(self%springs(i)%damping)
+            call pack%item(self%springs(i)%length)
         end do
         do i = 1, size(self%coordinates)
             call pack%item(self%coordinates(i)%last)
@@ -541,9 +618,17 @@ contains
             do k = 1, self%couplings(i)%n
                 call pack%item(self%couplings(i)%coordinates(k)%last)
             end do
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call pack%item(self%couplings(i)%is_locked)
+            call pack%item(self%couplings(i)%at)
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
+        end do
+        if (allocated(self%impulses)) call pack%item(self%impulses)
+        if (.not. allocated(self%integrals)) return
+        do i = 1, size(self%integrals)
+            call pack%item(self%integrals(i))
         end do
     end subroutine pack_state
 end module tandem_mechanism

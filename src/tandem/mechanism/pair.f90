@@ -13,7 +13,8 @@ module tandem_mechanism_pair
     implicit none (type, external)
     private
 
-    public :: n_local, place_1, turn_1, place_2, turn_2, columns, add_outer, add_block, put_row, add_row, put_holonomic, &
+    public :: n_local, place_1, turn_1, place_2, turn_2, columns, columns_of_c, add_outer, add_block, put_row, add_row, &
+        put_holonomic, &
         add_holonomic, put_force
 
     !> Entries of a gradient, and before which one the parts of it begin.
@@ -41,6 +42,27 @@ contains
             c(turn_2 + i) = second%turn + i - 1
         end do
     end function columns
+
+    !> The same in the C that is set, which may be compressed.
+    pure function columns_of_c(first, second) result(c)
+        type(pose_type), intent(in) :: first, second
+        integer :: c(n_local)
+        integer :: i
+
+        c = 0
+        do i = 1, first%n_place
+            c(place_1 + i) = first%place_column + i - 1
+        end do
+        do i = 1, first%n_turn
+            c(turn_1 + i) = first%turn_column + i - 1
+        end do
+        do i = 1, second%n_place
+            c(place_2 + i) = second%place_column + i - 1
+        end do
+        do i = 1, second%n_turn
+            c(turn_2 + i) = second%turn_column + i - 1
+        end do
+    end function columns_of_c
 
     !> Set the entries of a gradient in a row.
     pure subroutine put_row(c, gradient, row, matrix)

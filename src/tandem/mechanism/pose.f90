@@ -19,6 +19,8 @@ module tandem_mechanism_pose
         integer :: n_place = 0, n_turn = 0
         !> The first column of either, 0 for none.
         integer :: place = 0, turn = 0
+        !> The same in the C that is set, which may be compressed; the first columns in M, and how far apart those of the place are.
+        integer :: place_column = 0, turn_column = 0, place_mass = 0, turn_mass = 0, mass_step = 1
         !> Place, angle or Euler parameters, with first and second derivatives.
         real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
         !> The rotation from the body's frame to the world's, with first and second derivatives.

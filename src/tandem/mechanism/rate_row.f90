@@ -39,6 +39,18 @@ contains
         end select
     end function column
 
+    !> That of a velocity in the C that is set, which may be compressed.
+    pure integer function column_of_c(variable, pose)
+        type(variable_type), intent(in) :: variable
+        type(pose_type), intent(in) :: pose(0:)
+
+        if (variable%kind == is_place .or. variable%kind == is_velocity) then
+            column_of_c = pose(variable%of)%place_column + variable%entry - 1
+        else
+            column_of_c = pose(variable%of)%turn_column + variable%entry - 1
+        end if
+    end function column_of_c
+
     !> Every row's part of the terms; the Jacobian is zero before.
     pure subroutine evaluate_rate_rows(rows, need, t, pose, qd, formulas, coordinates, terms)
         type(rate_row_type), intent(in) :: rows(:)
@@ -70,7 +82,10 @@ contains
                             value = formula%value()
                         end if
                     end associate
-                    if (iand(need, need_jacobian) /= 0) terms%jacobian(it%row, c) = terms%jacobian(it%row, c) + value
+                    if (iand(need, need_jacobian) /= 0) then
+                        c = column_of_c(it%velocities(k), pose)
+                        terms%jacobian(it%row, c) = terms%jacobian(it%row, c) + value
+                    end if
                 end do
                 value = 0.0_wp
                 if (it%rhs > 0 .and. iand(need, need_nu + need_gamma) /= 0) then

@@ -80,11 +80,11 @@ contains
                 if (iand(need, need_jacobian) /= 0) then
                     a = turned(body, 0, across)
                     do k = 1, body%n_place
-                        terms%jacobian(edge%row, body%place + k - 1) = a(k)
+                        terms%jacobian(edge%row, body%place_column + k - 1) = a(k)
                     end do
                     e_p = turning_part(body, 0, moment)
                     do k = 1, body%n_turn
-                        terms%jacobian(edge%row, body%turn + k - 1) = e_p(k)
+                        terms%jacobian(edge%row, body%turn_column + k - 1) = e_p(k)
                     end do
                 end if
                 if (iand(need, need_gamma) /= 0) then
@@ -226,22 +226,22 @@ contains
                 end if
                 if (iand(need, need_jacobian) /= 0) then
                     do k = 1, 3
-                        terms%jacobian(roller%height_row, body%place + k - 1) = n(k)
-                        terms%jacobian(roller%row, body%place + k - 1) = roller%tangent(k, 1)
-                        terms%jacobian(roller%row + 1, body%place + k - 1) = roller%tangent(k, 2)
+                        terms%jacobian(roller%height_row, body%place_column + k - 1) = n(k)
+                        terms%jacobian(roller%row, body%place_column + k - 1) = roller%tangent(k, 1)
+                        terms%jacobian(roller%row + 1, body%place_column + k - 1) = roller%tangent(k, 2)
                     end do
                     ! The contact's place on the body changes along the plane: it counts as fixed to the body.
                     row = gradient_of(body, 0, lever, n)
                     do k = 1, 4
-                        terms%jacobian(roller%height_row, body%turn + k - 1) = row(k)
+                        terms%jacobian(roller%height_row, body%turn_column + k - 1) = row(k)
                     end do
                     row = 2*e_transposed_product(body%p(:, 0), cross(y, roller%tangent(:, 1)))
                     do k = 1, 4
-                        terms%jacobian(roller%row, body%turn + k - 1) = row(k)
+                        terms%jacobian(roller%row, body%turn_column + k - 1) = row(k)
                     end do
                     row = 2*e_transposed_product(body%p(:, 0), cross(y, roller%tangent(:, 2)))
                     do k = 1, 4
-                        terms%jacobian(roller%row + 1, body%turn + k - 1) = row(k)
+                        terms%jacobian(roller%row + 1, body%turn_column + k - 1) = row(k)
                     end do
                 end if
                 if (iand(need, need_gamma) /= 0) then

@@ -1,22 +1,30 @@
 ! SPDX-License-Identifier: MIT
 !> Sensors are what is told of a motion besides its coordinates. Points with velocity and acceleration, the coordinates of joints
-!> with turns counted, distances, energies. Each is measured at a state where the poses of the bodies with their derivatives are
-!> known.
+!> with turns counted, distances, energies, bodies, reactions, what forces do. Each is measured at a state where the poses of the
+!> bodies with their derivatives are known.
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
+    use tandem_mechanism_glide, only: spin_of
     use tandem_mechanism_joint, only: name_length
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_span, only: span_type, span_way
-    use tandem_model, only: quantity_type
+    use tandem_model, only: label_length, quantity_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
-    public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of, width_of_sensor
-    public :: measure_sensor, pack_sensor
+    public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
+    public :: measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
+    public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, most_rows
 
     !> What a sensor measures.
-    integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4
+    integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
+    integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
+    !> What has the reaction, or the force; `of_row` is a coupling, or a row by expressions.
+    integer, parameter :: of_joint = 1, of_wheel = 2, of_edge = 3, of_distance = 4, of_row = 5
+    integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9
+    !> Most rows of an element: six freedoms, driven or not, and the row of a screw.
+    integer, parameter :: most_rows = 7
 
     type :: sensor_type
         character(len=name_length) :: name = ''
@@ -35,56 +43,154 @@ module tandem_mechanism_sensor
         !> The angle at the last time that was looked at, by which turns are counted, with its rate; before that, the angle is near
         !> 0.
         real(wp) :: last_time = -huge(1.0_wp), last_angle = 0.0_wp, last_rate = 0.0_wp
+        !> How many numbers it gives, its first quantity and how many it has, set when the mechanism is defined; and the group of
+        !> files that it stands in.
+        integer :: width = 0, first = 0, n_quantities = 0
+        character(len=16) :: group = 'sensors'
+        !> What a reaction or a force is of, and its number in the list of its type; of a body its number.
+        integer :: of = 0, number = 0
+        !> Of a reaction the rows of C, whether a function of time drives one of them, whether events lock and free it, and the unit
+        !> of a multiplier.
+        integer :: n_rows = 0, rows(most_rows) = 0
+        logical :: is_driven = .false., can_be_freed = .false.
+        character(len=label_length) :: unit = ''
+        !> The names of the bodies that it is between.
+        character(len=label_length) :: between(2) = ''
+        !> Of a balance: whether the energy at the start is known, and that.
+        logical :: has_begun = .false.
+        real(wp) :: first_energy = 0.0_wp
     end type sensor_type
 
     real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
 
-    !> How many numbers a sensor gives.
-    pure integer function width_of_sensor(sensor) result(width)
-        type(sensor_type), intent(in) :: sensor
-
-        select case (sensor%kind)
-        case (sensed_point)
-            width = 9
-        case (sensed_joint)
-            width = 2*count([sensor%slides, sensor%turns])
-        case (sensed_distance)
-            width = 2
-        case default
-            width = 3
-        end select
-    end function width_of_sensor
-
     !> The datasets of a sensor.
-    pure function quantities_of(sensor) result(list)
+    function quantities_of(sensor) result(list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable :: list(:)
-        character(len=:), allocatable :: name
 
-        name = trim(sensor%name)
+        allocate (list(0))
         select case (sensor%kind)
         case (sensed_point)
-            list = [quantity_type(name//'/position', 3, 'm', 'place of the point: x, y, z'), &
-                quantity_type(name//'/velocity', 3, 'm/s', 'its velocity'), &
-                quantity_type(name//'/acceleration', 3, 'm/s^2', 'its acceleration')]
+            call add(sensor, list, 3, 'position', 'm', 'place of the point: x, y, z')
+            call add(sensor, list, 3, 'velocity', 'm/s', 'its velocity')
+            call add(sensor, list, 3, 'acceleration', 'm/s^2', 'its acceleration')
         case (sensed_joint)
-            allocate (list(0))
-            if (sensor%slides) list = [list, quantity_type(name//'/way', 0, 'm', 'how far the second side has slid'), &
-                quantity_type(name//'/speed', 0, 'm/s', 'how fast it slides')]
-            if (sensor%turns) list = [list, &
-                quantity_type(name//'/angle', 0, 'rad', 'by how much the second side is turned, turns counted'), &
-                quantity_type(name//'/rate', 0, 'rad/s', 'how fast it turns')]
+            if (sensor%slides) then
+                call add(sensor, list, 0, 'way', 'm', 'how far the second side has slid')
+                call add(sensor, list, 0, 'speed', 'm/s', 'how fast it slides')
+            end if
+            if (sensor%turns) then
+                call add(sensor, list, 0, 'angle', 'rad', 'by how much the second side is turned, turns counted')
+                call add(sensor, list, 0, 'rate', 'rad/s', 'how fast it turns')
+            end if
         case (sensed_distance)
-            list = [quantity_type(name//'/distance', 0, 'm', 'distance of the points'), &
-                quantity_type(name//'/rate', 0, 'm/s', 'how fast it grows')]
+            call add(sensor, list, 0, 'distance', 'm', 'distance of the points')
+            call add(sensor, list, 0, 'rate', 'm/s', 'how fast it grows')
+        case (sensed_energy, sensed_balance)
+            call add(sensor, list, 0, 'kinetic', 'J', 'kinetic energy')
+            call add(sensor, list, 0, 'potential', 'J', 'potential energy of gravity and springs')
+            if (sensor%kind == sensed_energy) then
+                call add(sensor, list, 0, 'total', 'J', 'their sum')
+            else
+                call add(sensor, list, 0, 'work_of_motions', 'J', 'work that imposed motions have done since the start')
+                call add(sensor, list, 0, 'work_of_forces', 'J', 'work of loads, dampers, and what else has no potential')
+                call add(sensor, list, 0, 'residual', 'J', 'energies less these, since the start: 0 but for errors')
+            end if
+        case (sensed_body)
+            call list_body(sensor, list)
+        case (sensed_reaction)
+            call list_reaction(sensor, list)
         case default
-            list = [quantity_type(name//'/kinetic', 0, 'J', 'kinetic energy'), &
-                quantity_type(name//'/potential', 0, 'J', 'potential energy of gravity and springs'), &
-                quantity_type(name//'/total', 0, 'J', 'their sum')]
+            call list_force(sensor, list)
         end select
     end function quantities_of
+
+    !> One quantity more.
+    subroutine add(sensor, list, width, what, unit, meaning)
+        type(sensor_type), intent(in) :: sensor
+        type(quantity_type), allocatable, intent(inout) :: list(:)
+        integer, intent(in) :: width
+        character(len=*), intent(in) :: what, unit, meaning
+
+        list = [quantity_type :: list, quantity_type(path=trim(sensor%name)//'/'//what, width=width, unit=unit, &
+            meaning=meaning, group=sensor%group, between=sensor%between, of_multipliers=sensor%kind == sensed_reaction, &
+            of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
+    end subroutine add
+
+    !> The datasets of a body.
+    subroutine list_body(sensor, list)
+        type(sensor_type), intent(in) :: sensor
+        type(quantity_type), allocatable, intent(inout) :: list(:)
+
+        call add(sensor, list, 3, 'position', 'm', 'place of the centre of mass: x, y, z')
+        if (sensor%turns .and. sensor%planar) then
+            call add(sensor, list, 0, 'orientation', 'rad', 'angle of its axes')
+        else if (sensor%turns) then
+            call add(sensor, list, 4, 'orientation', '1', 'Euler parameters, from its axes to the world''s')
+        end if
+        call add(sensor, list, 3, 'velocity', 'm/s', 'velocity of the centre of mass')
+        if (sensor%turns) call add(sensor, list, 3, 'angular_velocity', 'rad/s', 'in the world''s axes')
+        call add(sensor, list, 3, 'acceleration', 'm/s^2', 'acceleration of the centre of mass')
+        call add(sensor, list, 0, 'kinetic_energy', 'J', 'kinetic energy')
+        call add(sensor, list, 0, 'potential_energy', 'J', 'potential energy of gravity, 0 at the origin')
+    end subroutine list_body
+
+    !> Those of a reaction.
+    subroutine list_reaction(sensor, list)
+        type(sensor_type), intent(in) :: sensor
+        type(quantity_type), allocatable, intent(inout) :: list(:)
+
+        select case (sensor%of)
+        case (of_joint)
+            call add(sensor, list, 3, 'force', 'N', 'that the first body exerts on the second at the joint, in the world''s axes')
+            call add(sensor, list, 3, 'torque', 'N m', 'that it exerts about the joint''s point, in the world''s axes')
+            call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
+            call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
+        case (of_wheel, of_edge)
+            call add(sensor, list, 3, 'place', 'm', 'where it touches: x, y, z')
+            call add(sensor, list, 3, 'force', 'N', 'on the body there, in the world''s axes')
+            call add(sensor, list, 3, 'force_body', 'N', 'the same in the body''s axes')
+        case (of_distance)
+            call add(sensor, list, 0, 'traction', 'N', 'force that pulls the points together')
+            call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
+        case default
+            call add(sensor, list, 0, 'multiplier', trim(sensor%unit), 'multiplier of the row')
+            if (sensor%can_be_freed) call add(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
+                'of the row where an event made velocities jump last')
+        end select
+        if (sensor%is_driven) call add(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
+    end subroutine list_reaction
+
+    !> Those of a force.
+    subroutine list_force(sensor, list)
+        type(sensor_type), intent(in) :: sensor
+        type(quantity_type), allocatable, intent(inout) :: list(:)
+
+        select case (sensor%of)
+        case (of_spring)
+            call add(sensor, list, 0, 'traction', 'N', 'force that pulls the points together')
+            call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
+            call add(sensor, list, 0, 'length', 'm', 'distance of the points')
+            call add(sensor, list, 0, 'rate', 'm/s', 'how fast it grows')
+        case (of_torsion)
+            if (sensor%slides) then
+                call add(sensor, list, 0, 'force', 'N', 'that pushes the second body back')
+                call add(sensor, list, 0, 'way', 'm', 'coordinate of the joint')
+                call add(sensor, list, 0, 'speed', 'm/s', 'its rate')
+            else
+                call add(sensor, list, 0, 'torque', 'N m', 'that turns the second body back')
+                call add(sensor, list, 0, 'angle', 'rad', 'coordinate of the joint')
+                call add(sensor, list, 0, 'rate', 'rad/s', 'its rate')
+            end if
+        case default
+            call add(sensor, list, 3, 'force', 'N', 'on the second body, or that of the load, in the world''s axes')
+            call add(sensor, list, 3, 'torque', 'N m', 'about the point where the force is, in the world''s axes')
+        end select
+        if (sensor%of /= of_load) call add(sensor, list, 0, 'energy', 'J', 'potential energy')
+        call add(sensor, list, 0, 'power', 'W', 'that its dampers, laws, functions of time give to the mechanism')
+    end subroutine list_force
 
     !> Measure. Turns are counted from the last time, which must not be far: no body turns by half a turn more than its rates say.
     pure subroutine measure_sensor(sensor, t, pose, energies, values)
@@ -92,7 +198,7 @@ contains
         real(wp), intent(in) :: t
         !> With first and second derivatives.
         type(pose_type), intent(in) :: pose(0:)
-        !> Kinetic and potential energy.
+        !> Kinetic and potential energy, of all or of the body.
         real(wp), intent(in) :: energies(2)
         real(wp), intent(out) :: values(:)
         real(wp) :: d(3, 0:1)
@@ -118,6 +224,26 @@ contains
             values(1) = norm2(d(:, 0))
             values(2) = norm2(d(:, 1))
             if (values(1) > 0.0_wp) values(2) = dot_product(d(:, 0), d(:, 1))/values(1)
+        case (sensed_body)
+            associate (body => pose(sensor%number))
+                values(1:3) = body%r(:, 0)
+                n = 3
+                if (sensor%turns .and. sensor%planar) then
+                    values(4) = body%p(1, 0)
+                    n = 4
+                else if (sensor%turns) then
+                    values(4:7) = body%p(:, 0)
+                    n = 7
+                end if
+                values(n + 1:n + 3) = body%r(:, 1)
+                n = n + 3
+                if (sensor%turns) then
+                    values(n + 1:n + 3) = spin_of(body, 0)
+                    n = n + 3
+                end if
+                values(n + 1:n + 3) = body%r(:, 2)
+                values(n + 4:n + 5) = energies
+            end associate
         case default
             values = [energies(1), energies(2), energies(1) + energies(2)]
         end select
@@ -178,5 +304,7 @@ contains
         call pack%item(sensor%last_time)
         call pack%item(sensor%last_angle)
         call pack%item(sensor%last_rate)
+        call pack%item(sensor%has_begun)
+        call pack%item(sensor%first_energy)
     end subroutine pack_sensor
 end module tandem_mechanism_sensor

@@ -4,7 +4,7 @@
 !> force; and the length |d| that springs see.
 module tandem_mechanism_span
     use tandem_kinds, only: wp
-    use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
+    use tandem_mechanism_pair, only: columns, columns_of_c, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
@@ -133,13 +133,13 @@ contains
         integer :: j, k
 
         do k = 1, pose%n_place
-            jacobian(row + k - 1, pose%place + k - 1) = sign
+            jacobian(row + k - 1, pose%place_column + k - 1) = sign
         end do
         if (pose%n_turn == 0) return
         b = gradient_matrix(pose, 0, s)
         do j = 1, pose%n_turn
             do k = 1, n_rows
-                jacobian(row + k - 1, pose%turn + j - 1) = sign*b(k, j)
+                jacobian(row + k - 1, pose%turn_column + j - 1) = sign*b(k, j)
             end do
         end do
     end subroutine put_end
@@ -195,7 +195,7 @@ contains
                 if (iand(need, need_phi) /= 0) terms%phi(span%row) = (sum(d*d) - l(0)**2)/(2*span%weight)
                 if (iand(need, need_jacobian) /= 0) then
                     call span_gradient(span, pose, 0, d, gradient)
-                    call put_row(columns(pose(span%first), pose(span%second)), gradient(:, 0)/span%weight, span%row, &
+                    call put_row(columns_of_c(pose(span%first), pose(span%second)), gradient(:, 0)/span%weight, span%row, &
                         terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0) terms%nu(span%row) = l(0)*l(1)/span%weight

@@ -63,7 +63,7 @@ contains
         speed = maxval(abs(qd)/magnitude)
         way = span
         if (speed*abs(span) > longest) way = sign(longest/speed, span)
-        call probe%initialize(model)
+        call probe%initialize(model, compressed=allocated(model%pattern))
         call judge(probe, model%n_holonomic, t, q, qd, magnitude, way, 0.5_wp, length(of_look:of_look), counts, value, rate, &
             is_wrong)
         do i = 1, size(place)
@@ -116,6 +116,7 @@ contains
         !> What rounding may leave of the terms that cancel.
         real(wp), parameter :: rounding = 100*epsilon(1.0_wp)
         real(wp), dimension(size(value, 1), n_kinds) :: least, most, error, allowed
+        real(wp) :: product(size(value, 1))
         real(wp) :: s
         integer :: k, stat
 
@@ -126,14 +127,16 @@ contains
         if (stat /= status_ok) return
         s = lengths(size(lengths))*abs(way)
         associate (terms => probe%terms, speed => maxval(abs(qd)/magnitude))
-            value(:nh, of_jacobian) = matmul(terms%jacobian(:nh, :), qd)
+            call probe%times_jacobian(qd, .false., product)
+            value(:nh, of_jacobian) = product(:nh)
             value(:nh, of_nu) = value(:nh, of_jacobian) - terms%nu(:nh)
             value(:, of_gamma) = terms%gamma
-            allowed(:, of_jacobian) = matmul(abs(terms%jacobian), abs(qd))
+            call probe%times_jacobian(qd, .true., allowed(:, of_jacobian))
             allowed(:, of_nu) = allowed(:, of_jacobian) + abs(terms%nu)
             allowed(:, of_gamma) = (least_share*speed + rounding/s)*allowed(:, of_nu)
+            call probe%times_jacobian(magnitude, .true., product)
             do k = of_jacobian, of_nu
-                allowed(:, k) = share*allowed(:, k) + rounding/s*matmul(abs(terms%jacobian), magnitude)
+                allowed(:, k) = share*allowed(:, k) + rounding/s*product
             end do
         end associate
         least = huge(1.0_wp)
@@ -161,7 +164,7 @@ contains
         type(counts_type), intent(inout) :: counts
         real(wp), intent(out) :: rate(:, :)
         integer, intent(out) :: stat
-        real(wp) :: ahead, behind, side
+        real(wp) :: ahead, behind, side, product(size(rate, 1))
         integer :: i
 
         rate = 0.0_wp
@@ -184,7 +187,8 @@ contains
                 call probe%evaluate(need_phi + need_jacobian + need_nu, moved, q + (moved - t)*qd, qd, counts, stat)
                 if (stat /= status_ok) return
                 if (nh > 0) rate(:nh, of_nu) = rate(:nh, of_nu) + side*terms%phi
-                rate(:, of_gamma) = rate(:, of_gamma) + side*(matmul(terms%jacobian, qd) - terms%nu)
+                call probe%times_jacobian(qd, .false., product)
+                rate(:, of_gamma) = rate(:, of_gamma) + side*(product - terms%nu)
             end associate
         end do
     end subroutine differentiate

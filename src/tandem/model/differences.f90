@@ -26,6 +26,8 @@ module tandem_model_differences
         !> The terms that the model has, and whether gamma is its own.
         integer :: has = 0
         logical :: has_gamma = .false., has_constraints = .false.
+        !> Whether derivatives are wanted to more digits than a Newton matrix needs: central differences of fourth order.
+        logical, public :: is_central = .false.
         real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:)
         !> Residuals at the point and at a displaced one: velocity, acceleration (m), dynamics (n).
         real(wp), allocatable :: velocity(:), acceleration(:), dynamics(:), velocity0(:), acceleration0(:), dynamics0(:)
@@ -35,9 +37,11 @@ module tandem_model_differences
         procedure, public :: initialize
         procedure, public :: evaluate_gamma
         procedure, public :: evaluate_derivatives
+        procedure, public :: has_all_derivatives
         procedure, public :: pack_state
         procedure :: add_single
         procedure :: differentiate
+        procedure :: difference_by
         procedure :: residuals
     end type differences_type
 
@@ -298,7 +302,7 @@ contains
         end associate
     end subroutine add_single_dynamics
 
-    !> Add forward differences of what is missing, with respect to q or to qd.
+    !> Add differences of what is missing, with respect to q or to qd.
     subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
         logical, intent(in) :: by_qd
@@ -308,32 +312,25 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        real(wp) :: x, moved, delta
+        real(wp), allocatable :: sums(:)
         integer :: j
 
         self%q = q
         self%qd = qd
-        call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
-        if (stat /= status_ok) return
-        self%velocity0 = self%velocity
-        self%acceleration0 = self%acceleration
-        self%dynamics0 = self%dynamics
-        do j = 1, size(q)
-            x = merge(qd(j), q(j), by_qd)
-            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), self%scale(j))
-            if (by_qd) then
-                self%qd(j) = moved
-            else
-                self%q(j) = moved
-            end if
+        if (self%is_central) then
+            allocate (sums(2*size(self%velocity) + size(q)), source=0.0_wp)
+        else
             call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
+            if (stat /= status_ok) return
+            self%velocity0 = self%velocity
+            self%acceleration0 = self%acceleration
+            self%dynamics0 = self%dynamics
+        end if
+        do j = 1, size(q)
+            call self%difference_by(by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
             if (stat /= status_ok) return
             self%q(j) = q(j)
             self%qd(j) = qd(j)
-            delta = moved - x
-            self%velocity = (self%velocity - self%velocity0)/delta
-            self%acceleration = (self%acceleration - self%acceleration0)/delta
-            self%dynamics = (self%dynamics - self%dynamics0)/delta
             associate (d => derivatives)
                 if (by_qd) then
                     if (iand(missing, from_gamma) /= 0) d%acceleration_qd(:, j) = self%acceleration
@@ -346,6 +343,83 @@ contains
             end associate
         end do
     end subroutine differentiate
+
+    !> The derivative of the missing parts with respect to entry j of self%q or self%qd, which is left displaced: a forward
+    !> difference from the residuals that are kept, or a central one.
+    subroutine difference_by(self, by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
+        class(differences_type), intent(inout) :: self
+        logical, intent(in) :: by_qd
+        integer, intent(in) :: j, missing
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: qd(:), qdd(:), lambda(:)
+        type(counts_type), intent(inout) :: counts
+        !> Work space of central differences.
+        real(wp), intent(inout), allocatable :: sums(:)
+        integer, intent(out) :: stat
+        !> Displacements and weights of fourth order.
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+        real(wp) :: x, moved, delta
+        integer :: i
+
+        x = merge(self%qd(j), self%q(j), by_qd)
+        if (.not. allocated(sums)) then
+            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), self%scale(j))
+            call look(moved)
+            if (stat /= status_ok) return
+            delta = moved - x
+            self%velocity = (self%velocity - self%velocity0)/delta
+            self%acceleration = (self%acceleration - self%acceleration0)/delta
+            self%dynamics = (self%dynamics - self%dynamics0)/delta
+            return
+        end if
+        ! A power of two, so that the displacements are exact to the last digit of x: eps**(1/5) balances rounding and truncation.
+        delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*max(abs(x), self%scale(j)))/log(2.0_wp))
+        sums = 0.0_wp
+        do i = 1, 4
+            call look(x + place(i)*delta)
+            if (stat /= status_ok) return
+            sums = sums + weight(i)/delta*[self%velocity, self%acceleration, self%dynamics]
+        end do
+        associate (m => size(self%velocity))
+            self%velocity = sums(:m)
+            self%acceleration = sums(m + 1:2*m)
+            self%dynamics = sums(2*m + 1:)
+        end associate
+
+    contains
+
+        subroutine look(displaced)
+            real(wp), intent(in) :: displaced
+
+            if (by_qd) then
+                self%qd(j) = displaced
+            else
+                self%q(j) = displaced
+            end if
+            call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
+        end subroutine look
+    end subroutine difference_by
+
+    !> Whether nothing is left to differences.
+    pure logical function has_all_derivatives(self) result(has_all)
+        class(differences_type), intent(in) :: self
+        logical :: has(n_derivatives)
+        integer :: i
+
+        associate (model => self%model)
+            has = [(btest(model%provides_derivatives, i - 1), i=1, n_derivatives)]
+            has(1) = has(1) .or. (associated(model%jacobian_derivative) .and. &
+                (associated(model%nu_derivative) .or. iand(self%has, need_nu) == 0))
+            has(2) = has(2) .or. (associated(model%jacobian_derivative) .and. associated(model%gamma_q))
+            has(3) = has(3) .or. associated(model%gamma_qd)
+            has(:3) = has(:3) .or. .not. self%has_constraints
+            has(4) = has(4) .or. ((model%constant_mass .or. associated(model%mass_derivative)) .and. &
+                (associated(model%reaction_derivative) .or. .not. self%has_constraints) .and. &
+                (associated(model%force_q) .or. iand(self%has, need_force) == 0))
+            has(5) = has(5) .or. associated(model%force_qd) .or. iand(self%has, need_force) == 0
+        end associate
+        has_all = all(has)
+    end function has_all_derivatives
 
     !> The missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. The velocity that multiplies C
     !> is constant; gamma and the forces see self%qd.

@@ -58,20 +58,26 @@ module tandem_model_evaluator
         procedure, private :: judge_mass
         procedure, private :: find_blocks
         procedure, private :: add_block
+        procedure :: times_jacobian
         procedure :: pack_state
     end type evaluator_type
 
 contains
 
     !> Attach a checked model.
-    subroutine initialize(self, model, kept)
+    subroutine initialize(self, model, kept, compressed)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Numbers of the constraint rows to use, ascending; all of them where absent.
         integer, intent(in), optional :: kept(:)
+        !> Whether the terms are to be held compressed, for a model with a pattern.
+        logical, intent(in), optional :: compressed
+        logical :: compresses
         integer :: nh, nd
 
         self%model => model
+        compresses = .false.
+        if (present(compressed)) compresses = compressed
         self%mass_is_known = .false.
         self%mass_is_trusted = .false.
         self%mass_is_settled = .false.
@@ -83,11 +89,18 @@ contains
             nh = count(kept <= model%n_holonomic)
             nd = size(kept) - nh
             allocate (self%all_rows)
-            call self%all_rows%allocate(model%n, model%n_holonomic, model%n_nonholonomic)
+            call allocate_terms(self%all_rows, model%n_holonomic, model%n_nonholonomic)
         end if
-        call self%terms%allocate(model%n, nh, nd)
+        call allocate_terms(self%terms, nh, nd)
         self%part = spread(0.0_wp, 1, model%n)
-        call self%take_blocks()
+        if (compresses) then
+            ! Their places leave none for entries outside of the blocks.
+            self%n_blocks = 0
+            self%blocks = [integer ::]
+            if (allocated(self%outside)) deallocate (self%outside)
+        else
+            call self%take_blocks()
+        end if
         self%has = model%provides
         self%direct = merge(0, model%provides, present(kept) .or. associated(model%timer))
         if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
@@ -96,7 +109,39 @@ contains
         if (associated(model%holonomic_rate) .or. associated(model%nonholonomic_rhs)) self%has = ior(self%has, need_nu)
         self%has = ior(self%has, need_mass)
         if (associated(model%inertia_force) .or. associated(model%applied_force)) self%has = ior(self%has, need_force)
+
+    contains
+
+        !> Terms of so many rows.
+        subroutine allocate_terms(terms, nh, nd)
+            type(terms_type), intent(inout) :: terms
+            integer, intent(in) :: nh, nd
+
+            if (compresses) then
+                call terms%allocate(model%n, nh, nd, model%pattern)
+            else
+                call terms%allocate(model%n, nh, nd)
+            end if
+        end subroutine allocate_terms
     end subroutine initialize
+
+    !> C x, or with `of_moduli` |C| |x|, of all rows of the model; none was left out.
+    pure subroutine times_jacobian(self, x, of_moduli, y)
+        class(evaluator_type), intent(in) :: self
+        !> (n)
+        real(wp), intent(in) :: x(:)
+        logical, intent(in) :: of_moduli
+        !> (m)
+        real(wp), intent(out) :: y(:)
+
+        if (self%terms%is_compressed) then
+            call self%model%pattern%multiply(self%terms%jacobian, x, of_moduli, y)
+        else if (of_moduli) then
+            y = matmul(abs(self%terms%jacobian), abs(x))
+        else
+            y = matmul(self%terms%jacobian, x)
+        end if
+    end subroutine times_jacobian
 
     !> The segment that the model is in.
     pure integer function segment(self)
@@ -195,7 +240,7 @@ contains
             if (stat == status_ok) call self%judge_blocks(stat)
         end if
         if (self%model%constant_mass) then
-            call self%find_blocks()
+            if (.not. self%terms%is_compressed) call self%find_blocks()
             self%mass_is_known = .true.
         else
             self%mass_is_settled = .true.
@@ -290,6 +335,10 @@ contains
 
         stat = status_ok
         self%mass_is_trusted = .true.
+        if (self%terms%is_compressed) then
+            call judge_compressed()
+            return
+        end if
         associate (mass => self%terms%mass)
             largest = maxval(abs(mass))
             do j = 2, size(mass, 2)
@@ -302,6 +351,28 @@ contains
                 end do
             end do
         end associate
+
+    contains
+
+        !> The same in a compressed matrix.
+        subroutine judge_compressed()
+            integer :: first
+
+            first = 1
+            associate (mass => self%terms%mass, column => self%model%pattern%mass_column)
+                largest = maxval(abs(mass))
+                do j = 1, size(column)
+                    if (column(j) == 1) first = j
+                    do i = first, j - 1
+                        allowed = of_entry*max(abs(mass(i, column(j))), abs(mass(j, column(i)))) + of_largest*largest
+                        if (.not. abs(mass(i, column(j)) - mass(j, column(i))) > allowed) cycle
+                        stat = status_invalid_model
+                        write (self%failed_term, '("mass(",i0,",",i0,")")') i, j
+                        return
+                    end do
+                end do
+            end associate
+        end subroutine judge_compressed
     end subroutine judge_mass
 
     !> Copy the rows in use.

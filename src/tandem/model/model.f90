@@ -11,7 +11,9 @@
 !> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
     use tandem_kinds, only: wp
+    use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
@@ -22,7 +24,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface
+    public :: measure_interface, integrand_interface, change_interface, list_motions_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -36,6 +38,14 @@ module tandem_model
         !> Its unit, and what it is.
         character(len=label_length) :: unit = ''
         character(len=80) :: meaning = ''
+        !> The group of files that it stands in, none where it is blank.
+        character(len=16) :: group = 'sensors'
+        !> What a force acts between: the first on the second; and its entries that redundant constraints leave undetermined.
+        character(len=label_length) :: between(2) = '', undetermined = ''
+        !> Whether it is made of multipliers, and whether it can be told at a state without accelerations and without a history.
+        logical :: of_multipliers = .false., of_state = .true.
+    contains
+        procedure :: place
     end type quantity_type
 
     !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
@@ -53,6 +63,10 @@ module tandem_model
         !> Sizes of the diagonal blocks of M in their order, n in all, where every entry outside of them is zero at every q:
         !> explicit steps leave those out. One block of n where not allocated. In a constant M they are found without being told.
         integer, allocatable :: mass_blocks(:)
+        !> Which entries of C and M may differ from zero, for sparse charts; every entry where not allocated. A model that has it
+        !> sets the entry (i, j) of C as (i, pattern%column(j)), and of M as (i, pattern%mass_column(j)), wherever it finds
+        !> `terms%is_compressed`.
+        type(pattern_type), allocatable :: pattern
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
@@ -73,6 +87,21 @@ module tandem_model
         !> turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
+        !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
+        logical :: measures_multipliers = .false.
+        integer :: only_quantity = 0
+        !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
+        !> before. None where it is not allocated.
+        real(wp), allocatable :: integrals(:)
+        !> The impulses of the rows (nh + nd) where an event made velocities jump last; only where it is allocated, by a model that
+        !> tells of them.
+        real(wp), allocatable :: impulses(:)
+        !> Inputs of the linearised system: names of functions of time, which may be several of one element. `input` (0:2, inputs),
+        !> where it is allocated, is what the model's procedures add to the value and the first two derivatives of each;
+        !> `input_version` changes whenever it does.
+        character(len=label_length), allocatable :: input_name(:)
+        real(wp), allocatable :: input(:, :)
+        integer :: input_version = 0
         !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
         class(timer_type), pointer :: timer => null()
 
@@ -108,6 +137,11 @@ module tandem_model
 
         !> The values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
         procedure(measure_interface), pointer :: measure => null()
+        !> The rates of `integrals`, and what is called once before the first `measure`, at the state of the start: it sets what of
+        !> `quantities` depends on that. Only where there is something to do.
+        procedure(integrand_interface), pointer :: integrands => null(), begin_measuring => null()
+        !> What events may change of the model, in words of its own. Only where there is something.
+        procedure(change_interface), pointer :: change => null()
 
         !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
         !> one is missing, differences stand in.
@@ -127,6 +161,9 @@ module tandem_model
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
+        !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
+        !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
+        procedure(list_motions_interface), pointer :: list_motions => null()
     contains
         procedure :: n_constraints
         procedure :: row_name
@@ -213,16 +250,44 @@ module tandem_model
         end subroutine energy_of_position
 
         !> Quantities of the motion.
-        subroutine measure_interface(self, t, q, qd, qdd, values, stat)
+        subroutine measure_interface(self, t, q, qd, qdd, values, stat, lambda)
             import :: model_type, wp
             implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n). Times ascend.
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities.
+            !> All quantities; where `only_quantity` is not 0, the others are left alone.
+            real(wp), intent(inout) :: values(:)
+            integer, intent(out) :: stat
+            !> Multipliers (nh + nd): what is made of them is NaN without.
+            real(wp), intent(in), optional :: lambda(:)
+        end subroutine measure_interface
+
+        !> Rates of integrals.
+        subroutine integrand_interface(self, t, q, qd, lambda, values, stat)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates, velocities (n), multipliers (nh + nd).
+            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+            !> One for each integral.
             real(wp), intent(out) :: values(:)
             integer, intent(out) :: stat
-        end subroutine measure_interface
+        end subroutine integrand_interface
+
+        !> A change of the model at an event. The state stays on the constraints of position as they are afterwards.
+        subroutine change_interface(self, what, is_trial, t, q, problem)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> What to change, in the model's own words.
+            character(len=*), intent(in) :: what
+            !> Whether only to see if it can be done; t and q do not count then.
+            logical, intent(in) :: is_trial
+            real(wp), intent(in) :: t, q(:)
+            !> What is wrong, and what to do; blank where it is done.
+            character(len=*), intent(out) :: problem
+        end subroutine change_interface
 
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
@@ -269,6 +334,14 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine matrix_of_motion
 
+        !> Ways to move the model as a whole.
+        subroutine list_motions_interface(self, motions)
+            import :: model_type, affine_motion_type
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            type(affine_motion_type), allocatable, intent(out) :: motions(:)
+        end subroutine list_motions_interface
+
         !> Several derivatives at once.
         subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
             import :: model_type, wp, derivatives_type
@@ -285,6 +358,22 @@ module tandem_model
     end interface
 
 contains
+
+    !> The length of the path in files.
+    pure integer function place_length(self)
+        class(quantity_type), intent(in) :: self
+
+        place_length = 1 + len_trim(self%group) + merge(1, 0, self%group /= '') + len_trim(self%path)
+    end function place_length
+
+    !> The path in files: /GROUP/NAME/WHAT.
+    pure function place(self)
+        class(quantity_type), intent(in) :: self
+        character(len=place_length(self)) :: place
+
+        place = '/'//trim(self%group)//merge('/', ' ', self%group /= '')
+        place = trim(place)//trim(self%path)
+    end function place
 
     !> nh + nd, the number of rows of C.
     pure integer function n_constraints(self)

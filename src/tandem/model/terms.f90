@@ -2,6 +2,7 @@
 !> The terms of the equations of motion at one point (t, q, qd), and the bits that name them in a need mask.
 module tandem_model_terms
     use tandem_kinds, only: wp
+    use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -32,13 +33,15 @@ module tandem_model_terms
     type :: terms_type
         !> Phi (nh).
         real(wp), allocatable :: phi(:)
-        !> C (nh + nd, n).
+        !> Whether C and M are held compressed, as the model's pattern says, see `tandem_model_pattern`.
+        logical :: is_compressed = .false.
+        !> C (nh + nd, n), compressed (nh + nd, width).
         real(wp), allocatable :: jacobian(:, :)
         !> nu (nh + nd).
         real(wp), allocatable :: nu(:)
         !> gamma (nh + nd).
         real(wp), allocatable :: gamma(:)
-        !> M (n, n).
+        !> M (n, n), compressed (n, mass_width).
         real(wp), allocatable :: mass(:, :)
         !> S + Q_A (n).
         real(wp), allocatable :: force(:)
@@ -50,21 +53,30 @@ module tandem_model_terms
 contains
 
     !> Allocate every term with zeros.
-    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic)
+    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, pattern)
         class(terms_type), intent(inout) :: self
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        integer :: m
+        !> With it C and M are compressed.
+        type(pattern_type), intent(in), optional :: pattern
+        integer :: m, width, mass_width
 
+        self%is_compressed = present(pattern)
+        width = n
+        mass_width = n
+        if (present(pattern)) then
+            width = pattern%width
+            mass_width = pattern%mass_width
+        end if
         m = n_holonomic + n_nonholonomic
         self%phi = spread(0.0_wp, 1, n_holonomic)
         self%nu = spread(0.0_wp, 1, m)
         self%gamma = spread(0.0_wp, 1, m)
         self%force = spread(0.0_wp, 1, n)
         if (allocated(self%jacobian)) deallocate (self%jacobian)
-        allocate (self%jacobian(m, n), source=0.0_wp)
+        allocate (self%jacobian(m, width), source=0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass)
-        allocate (self%mass(n, n), source=0.0_wp)
+        allocate (self%mass(n, mass_width), source=0.0_wp)
     end subroutine allocate_terms
 
     !> All values.

@@ -44,6 +44,9 @@ module tandem_model_verification
     real(wp), parameter :: place(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
     real(wp), parameter :: sign_of(4) = [-1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp], factor(4) = [1.0_wp, 1.0_wp, 8.0_wp, 1.0_wp]
     real(wp), parameter :: divisor = 12.0_wp
+    !> Steps in coordinates need not be shortened where they seem to leave no more than this; derivatives that are smaller than
+    !> the second number count as being of that size.
+    real(wp), parameter :: enough = 3.0e-11_wp, least_size = 1.0e-3_wp
 
     !> Steps in time, from the longest by these factors. How fast a model changes with time is not known before: by its
     !> neighbours one of them shows that it is neither too long nor lost in the rounding of t. The longest one is no simple fraction
@@ -143,63 +146,128 @@ contains
         type(parts_type), intent(inout) :: parts
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
-        real(wp) :: moved(size(q)), h, w
-        integer :: i, j, m, n, everything
+        real(wp), allocatable :: by_q(:), by_qd(:), unit_q(:), unit_qd(:)
+        integer :: j, m, n, nh
 
         n = model%n
         m = model%n_constraints()
+        nh = model%n_holonomic
         parts = parts_type(row_scale=parts%row_scale)
-        allocate (parts%phi_q(model%n_holonomic, n), parts%phi_t(model%n_holonomic), parts%gamma(m), source=0.0_wp)
+        allocate (parts%phi_q(nh, n), parts%phi_t(nh), parts%gamma(m), source=0.0_wp)
         allocate (parts%c_qd_q(m, n), parts%c_qdd_q(m, n), parts%nu_q(m, n), parts%gamma_q(m, n), parts%gamma_qd(m, n), &
             parts%mass_q(n, n), parts%reaction_q(n, n), parts%force_q(n, n), parts%force_qd(n, n), source=0.0_wp)
-        everything = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
-        associate (terms => evaluator%terms)
-            do j = 1, n
-                h = step*max(abs(q(j)), scale(j))
-                do i = 1, 4
-                    moved = q
-                    moved(j) = q(j) + place(i)*h
-                    call evaluator%evaluate(everything, t, moved, qd, counts, stat)
-                    if (stat /= 0) return
-                    call add(i, terms%phi, parts%phi_q(:, j))
-                    call add(i, matmul(terms%jacobian, qd), parts%c_qd_q(:, j))
-                    call add(i, matmul(terms%jacobian, qdd), parts%c_qdd_q(:, j))
-                    call add(i, terms%nu, parts%nu_q(:, j))
-                    call add(i, terms%gamma, parts%gamma_q(:, j))
-                    call add(i, matmul(terms%mass, qdd), parts%mass_q(:, j))
-                    call add(i, matmul(lambda, terms%jacobian), parts%reaction_q(:, j))
-                    call add(i, terms%force, parts%force_q(:, j))
-                end do
-                w = 1.0_wp/(divisor*h)
-                parts%phi_q(:, j) = w*parts%phi_q(:, j)
-                parts%c_qd_q(:, j) = w*parts%c_qd_q(:, j)
-                parts%c_qdd_q(:, j) = w*parts%c_qdd_q(:, j)
-                parts%nu_q(:, j) = w*parts%nu_q(:, j)
-                parts%gamma_q(:, j) = w*parts%gamma_q(:, j)
-                parts%mass_q(:, j) = w*parts%mass_q(:, j)
-                parts%reaction_q(:, j) = w*parts%reaction_q(:, j)
-                parts%force_q(:, j) = w*parts%force_q(:, j)
-                h = step*max(abs(qd(j)), scale(j))
-                do i = 1, 4
-                    moved = qd
-                    moved(j) = qd(j) + place(i)*h
-                    call evaluator%evaluate(need_gamma + need_force, t, q, moved, counts, stat)
-                    if (stat /= 0) return
-                    call add(i, terms%gamma, parts%gamma_qd(:, j))
-                    call add(i, terms%force, parts%force_qd(:, j))
-                end do
-                w = 1.0_wp/(divisor*h)
-                parts%gamma_qd(:, j) = w*parts%gamma_qd(:, j)
-                parts%force_qd(:, j) = w*parts%force_qd(:, j)
-            end do
+        associate (rows => parts%row_scale)
+            unit_q = [rows(:nh), rows, rows, rows, rows, spread(1.0_wp, 1, 3*n)]
+            unit_qd = [rows, spread(1.0_wp, 1, n)]
         end associate
-        if (model%n_holonomic > 0) call differentiate_in_time(evaluator, t, 1.0_wp, .false., q, qd, &
-            parts%row_scale(:model%n_holonomic), parts%phi_t, parts%phi_t_doubt, counts, stat)
+        allocate (by_q(size(unit_q)), by_qd(size(unit_qd)))
+        do j = 1, n
+            call differentiate_column(evaluator, .false., j, t, q, qd, qdd, lambda, scale(j), [nh, m, m, m, m, n, n, n], &
+                unit_q, by_q, counts, stat)
+            if (stat /= 0) return
+            parts%phi_q(:, j) = by_q(:nh)
+            parts%c_qd_q(:, j) = by_q(nh + 1:nh + m)
+            parts%c_qdd_q(:, j) = by_q(nh + m + 1:nh + 2*m)
+            parts%nu_q(:, j) = by_q(nh + 2*m + 1:nh + 3*m)
+            parts%gamma_q(:, j) = by_q(nh + 3*m + 1:nh + 4*m)
+            parts%mass_q(:, j) = by_q(nh + 4*m + 1:nh + 4*m + n)
+            parts%reaction_q(:, j) = by_q(nh + 4*m + n + 1:nh + 4*m + 2*n)
+            parts%force_q(:, j) = by_q(nh + 4*m + 2*n + 1:)
+            call differentiate_column(evaluator, .true., j, t, q, qd, qdd, lambda, scale(j), [m, n], unit_qd, by_qd, counts, stat)
+            if (stat /= 0) return
+            parts%gamma_qd(:, j) = by_qd(:m)
+            parts%force_qd(:, j) = by_qd(m + 1:)
+        end do
+        if (nh > 0) call differentiate_in_time(evaluator, t, 1.0_wp, .false., q, qd, parts%row_scale(:nh), parts%phi_t, &
+            parts%phi_t_doubt, counts, stat)
         if (stat /= 0 .or. m == 0) return
         call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp, maxval(abs(qd)/max(abs(q), scale))), .true., q, qd, &
             parts%row_scale, parts%gamma, parts%gamma_doubt, counts, stat)
     end subroutine differentiate
+
+    !> The derivatives of all terms by one coordinate or velocity. A step that suits its scale is too long where the model bends
+    !> within a small part of that, as a spring of some centimetres does among coordinates in metres. Differences of second order
+    !> show it: those of fourth order are off by about the square of what these differ by. Then the step is shortened, and each
+    !> part is kept where truncation and rounding together are least. What the model says of its derivatives is not looked at.
+    subroutine differentiate_column(evaluator, by_qd, j, t, q, qd, qdd, lambda, scale, widths, unit, column, counts, stat)
+        type(evaluator_type), intent(inout) :: evaluator
+        !> Whether by the velocity, and its number.
+        logical, intent(in) :: by_qd
+        integer, intent(in) :: j
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:), scale
+        !> How many numbers each part has, and the scales of all.
+        integer, intent(in) :: widths(:)
+        real(wp), intent(in) :: unit(:)
+        real(wp), intent(out) :: column(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
+        integer, parameter :: most_shorter = 5
+        real(wp) :: moved(size(q)), values(size(column)), now(size(column)), lower(size(column)), largest(size(column))
+        real(wp) :: doubt(size(widths)), truncation, rounding, size_of, h
+        integer :: i, k, l, first, last
+        logical :: is_done
+
+        stat = 0
+        doubt = huge(1.0_wp)
+        do k = 0, most_shorter
+            moved = merge(qd, q, by_qd)
+            h = step*next_step**k*max(abs(moved(j)), scale)
+            now = 0.0_wp
+            largest = 0.0_wp
+            do i = 1, 4
+                moved(j) = merge(qd(j), q(j), by_qd) + place(i)*h
+                if (by_qd) then
+                    call evaluator%evaluate(need_gamma + need_force, t, q, moved, counts, stat)
+                else
+                    call evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, moved, &
+                        qd, counts, stat)
+                end if
+                if (stat /= 0) return
+                call line_up(evaluator, by_qd, qd, qdd, lambda, values)
+                call add(i, values, now)
+                largest = max(largest, abs(values))
+                if (i == 2) lower = now/(2*h)
+            end do
+            now = now/(divisor*h)
+            last = 0
+            is_done = .true.
+            do l = 1, size(widths)
+                if (widths(l) == 0) cycle
+                first = last + 1
+                last = last + widths(l)
+                associate (now => now(first:last), unit => unit(first:last))
+                    size_of = max(least_size, maxval(abs(now)/unit))
+                    truncation = (maxval(abs(now - lower(first:last))/unit)/size_of)**2
+                    rounding = epsilon(h)*maxval(largest(first:last)/unit)/(h*size_of)
+                    ! The first one without a comparison: if it is a NaN, it shall be seen.
+                    if (k == 0 .or. truncation + rounding < doubt(l)) then
+                        column(first:last) = now
+                        doubt(l) = truncation + rounding
+                    end if
+                    if (truncation > max(enough, rounding)) is_done = .false.
+                end associate
+            end do
+            if (is_done) exit
+        end do
+    end subroutine differentiate_column
+
+    !> What differences are taken of, one part after the other.
+    pure subroutine line_up(evaluator, by_qd, qd, qdd, lambda, values)
+        type(evaluator_type), intent(in) :: evaluator
+        logical, intent(in) :: by_qd
+        real(wp), intent(in) :: qd(:), qdd(:), lambda(:)
+        real(wp), intent(out) :: values(:)
+
+        associate (terms => evaluator%terms)
+            if (by_qd) then
+                values = [terms%gamma, terms%force]
+            else
+                values = [terms%phi, matmul(terms%jacobian, qd), matmul(terms%jacobian, qdd), terms%nu, terms%gamma, &
+                    matmul(terms%mass, qdd), matmul(lambda, terms%jacobian), terms%force]
+            end if
+        end associate
+    end subroutine line_up
 
     !> Add the value at a place to the differences.
     pure subroutine add(i, value, differences)
@@ -220,13 +288,14 @@ contains
         logical, intent(in) :: of_velocity
         !> Coordinates, velocities, and the scales of the rows.
         real(wp), intent(in) :: q(:), qd(:), row_scale(:)
-        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step.
+        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step and by
+        !> rounding.
         real(wp), intent(inout) :: rate(:)
         real(wp), intent(out) :: doubt
         type(counts_type), intent(inout) :: counts
         !> That of the last step, where none could be taken with the next longer one.
         integer, intent(out) :: stat
-        real(wp) :: now(size(rate)), last(size(rate)), change, h, wanted
+        real(wp) :: now(size(rate)), last(size(rate)), values(size(rate)), change, largest, h, wanted
         logical :: is_taken
         integer :: i, k, last_stat
 
@@ -240,21 +309,24 @@ contains
             h = (t + wanted) - t
             if (.not. h > 0.0_wp) exit
             now = 0.0_wp
+            largest = 1.0_wp
             do i = 1, 4
                 call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), t + place(i)*h, &
                     q + merge(place(i)*h, 0.0_wp, of_velocity)*qd, qd, counts, stat)
                 if (stat /= 0) exit
                 if (of_velocity) then
-                    call add(i, matmul(evaluator%terms%jacobian, qd) - evaluator%terms%nu, now)
+                    values = matmul(evaluator%terms%jacobian, qd) - evaluator%terms%nu
                 else
-                    call add(i, evaluator%terms%phi, now)
+                    values = evaluator%terms%phi
                 end if
+                call add(i, values, now)
+                largest = max(largest, maxval(abs(values)/row_scale))
             end do
             now = now/(divisor*h)
             ! A long step may reach where a model has no value.
             if (stat == 0 .and. last_stat == 0) then
-                ! And what rounding of t in the model may be.
-                change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h
+                ! And what rounding may be, of the values and of t in the model: two steps may agree by chance.
+                change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h + epsilon(h)*largest/h
                 ! The first one without a comparison: if all are NaN, it shall be seen.
                 if (change < doubt .or. .not. is_taken) rate = now
                 if (change < doubt) doubt = change
@@ -457,7 +529,7 @@ contains
         if (size(value) > 0) then
             unit = 1.0_wp
             if (present(row_scale)) unit = row_scale(:size(unit))
-            scale = 1.0e-3_wp
+            scale = least_size
             do j = 1, size(value, 2)
                 scale = max(scale, maxval(abs(value(:, j))/unit), maxval(abs(expected(:, j))/unit))
                 off(:, j) = abs(value(:, j) - expected(:, j))/unit

@@ -2,10 +2,11 @@
 !> What happens when a function g(t, q, qd, lambda) of the motion passes through zero. A program extends `event_type`, or
 !> takes `threshold_event_type`, and gives the event to a simulation by `add_event`.
 module tandem_simulate_event
-    use tandem_error, only: error_type
+    use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
     use tandem_pack, only: pack_type
+    use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
 
@@ -56,15 +57,21 @@ module tandem_simulate_event
         real(wp), allocatable :: q(:), qd(:)
     end type event_record_type
 
-    !> One coordinate or velocity, or one multiplier, reaches a value.
+    !> One coordinate or velocity, one multiplier, or one number of what the model measures reaches a value.
     type, extends(event_type) :: threshold_event_type
-        !> What to look at: 'q', 'qd' or 'lambda', and its number.
+        !> What to look at: 'q', 'qd', 'lambda' or 'shown', and its number; of what is measured the number among all.
         character(len=6) :: quantity = 'q'
         integer :: index = 1
         !> The value; g is the quantity less this.
         real(wp) :: value = 0.0_wp
+        !> What to change of the model there, one after the other, in its own words; with `changes`.
+        character(len=96), allocatable :: words(:)
+        !> The model, which `add_event` sets; room for what it measures.
+        class(model_type), pointer :: told_by => null()
+        real(wp), allocatable, private :: shown(:), still(:)
     contains
         procedure :: evaluate => evaluate_threshold
+        procedure :: act => change_model
     end type threshold_event_type
 
 contains
@@ -102,11 +109,64 @@ contains
         case ('lambda')
             if (self%index > size(lambda)) return
             value = lambda(self%index) - self%value
+        case ('shown')
+            call look(self, t, q, qd, lambda, value, stat)
+            value = value - self%value
+            return
         case default
             return
         end select
         stat = 0
     end subroutine evaluate_threshold
+
+    !> A number of what the model measures.
+    subroutine look(self, t, q, qd, lambda, value, stat)
+        class(threshold_event_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+        integer :: i, n
+
+        stat = 1
+        value = 0.0_wp
+        if (.not. associated(self%told_by)) return
+        if (.not. associated(self%told_by%measure)) return
+        associate (model => self%told_by)
+            n = 0
+            do i = 1, size(model%quantities)
+                n = n + max(1, model%quantities(i)%width)
+                if (n >= self%index) exit
+            end do
+            if (i > size(model%quantities)) return
+            if (.not. allocated(self%shown)) then
+                allocate (self%shown(sum(max(1, model%quantities%width))), self%still(size(q)), source=0.0_wp)
+            end if
+            model%only_quantity = i
+            call model%measure(t, q, qd, self%still, self%shown, stat, lambda)
+            model%only_quantity = 0
+        end associate
+        value = self%shown(self%index)
+    end subroutine look
+
+    !> Change the model.
+    subroutine change_model(self, model, t, q, qd, error)
+        class(threshold_event_type), intent(inout) :: self
+        class(model_type), intent(inout) :: model
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=200) :: problem
+        integer :: i
+
+        if (.not. allocated(self%words)) return
+        do i = 1, size(self%words)
+            problem = 'the model has nothing that events may change'
+            if (associated(model%change)) call model%change(self%words(i), .false., t, q, problem)
+            if (problem == '') cycle
+            call set_error(error, status_invalid_option, 'the event '//trim(self%name)//': '//trim(problem), 'correct it')
+            return
+        end do
+    end subroutine change_model
 
     !> What the event itself remembers, where its `evaluate` or `act` keeps something between calls: list it by `pack%item`, and a
     !> checkpoint keeps it. Nothing unless overridden.

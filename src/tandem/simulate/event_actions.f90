@@ -79,8 +79,10 @@ contains
     subroutine restart_here(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
+        real(wp) :: before(size(self%state%qd))
         integer :: rows(3), stat
 
+        before = self%state%qd
         associate (state => self%state, chart => self%chart)
             if (.not. (all(ieee_is_finite(state%q)) .and. all(ieee_is_finite(state%qd)))) then
                 call set_error(error, status_not_finite, 'an event at t = '//to_text(state%t)//' has made the state infinite', &
@@ -103,6 +105,7 @@ contains
             if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then
                 call chart%project_velocity(state%t, state%q, state%qd, stat)
                 if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+                if (stat == status_ok .and. allocated(self%model%impulses)) call find_impulses(self, before, stat)
             end if
             self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - self%kept%qd)))
             if (stat /= status_ok) then
@@ -112,4 +115,23 @@ contains
         end associate
         call self%measure_errors(error)
     end subroutine restart_here
+
+    !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
+    !> the acceleration that they are asked for.
+    subroutine find_impulses(self, before, stat)
+        class(simulation_type), intent(inout) :: self
+        !> Velocities before they were brought there (n).
+        real(wp), intent(in) :: before(:)
+        integer, intent(out) :: stat
+        real(wp) :: jump(size(before)), at_rest(size(self%model%impulses))
+
+        associate (state => self%state, chart => self%chart)
+            jump = 0.0_wp
+            call chart%multipliers(state%t, state%q, state%qd, jump, at_rest, stat)
+            if (stat /= status_ok) return
+            jump = state%qd - before
+            call chart%multipliers(state%t, state%q, state%qd, jump, self%model%impulses, stat)
+            self%model%impulses = self%model%impulses - at_rest
+        end associate
+    end subroutine find_impulses
 end submodule tandem_simulate_event_actions

@@ -53,6 +53,7 @@ contains
         select type (event)
         class is (threshold_event_type)
             if (event%quantity == 'lambda') event%needs_multipliers = .true.
+            event%told_by => self%model
         end select
         if (.not. allocated(self%events)) allocate (self%events(0))
         if (.not. allocated(self%lambda)) allocate (self%lambda(self%model%n_constraints()), source=0.0_wp)

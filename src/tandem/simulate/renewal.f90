@@ -12,7 +12,7 @@ contains
         if (allocated(self%blank)) then
             allocate (self%chart, source=self%blank)
         else
-            allocate (dense_chart_type :: self%chart)
+            call new_chart(self%is_sparse, self%chart)
         end if
         self%chart%damps = self%method%damps
     end procedure allocate_chart

@@ -25,6 +25,8 @@ contains
         ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
         self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
         if (present(chart)) allocate (self%blank, source=chart)
+        self%is_sparse = .not. present(chart)
+        if (self%is_sparse) self%is_sparse = wants_sparse(model, options, self%method%implicit)
         call self%allocate_chart()
         call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return

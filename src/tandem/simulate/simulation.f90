@@ -8,7 +8,7 @@ module tandem_simulation
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
-    use tandem_options, only: options_type, projections
+    use tandem_options, only: chart_kinds, options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
@@ -29,8 +29,8 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
+    use tandem_chart_factory, only: new_chart, wants_sparse
     use tandem_model_derivatives, only: need_all_derivatives
-    use tandem_chart_dense, only: dense_chart_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -71,6 +71,8 @@ module tandem_simulation
         type(warning_type), allocatable :: warnings(:)
         !> How many redundant constraint rows were left out.
         integer :: n_redundant = 0
+        !> Whether charts are sparse, where none was given to `initialize`.
+        logical :: is_sparse = .false.
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0

@@ -17,8 +17,18 @@ contains
         self%start%q = self%state%q
         self%start%qd = self%state%qd
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (self%is_sparse .and. stat == status_rank_deficient) call leave_out_rows(self, stat)
+        if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
+            call leave_sparse(self, stat, error)
+            if (allocated(error)) return
+            call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        end if
         if (stat == status_ok) call measure(self, rows, stat)
-        if (stat == status_rank_deficient .or. (stat == status_ok .and. may_hide_redundancy(self))) then
+        if (stat == status_ok .and. allocated(self%chart%left_out)) then
+            call check_left_out(self, rows, error)
+            if (allocated(error)) return
+        end if
+        if (stat == status_rank_deficient .or. (stat == status_ok .and. .not. self%is_sparse .and. may_hide_redundancy(self))) then
             call drop_redundant_rows(self, stat == status_rank_deficient, error)
             if (allocated(error)) return
             call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
@@ -54,6 +64,76 @@ contains
         call self%measure_errors(error)
         if (.not. allocated(error)) call look_for_integrable_rows(self)
     end procedure accept_start
+
+    !> Let a sparse chart leave out redundant rows, and tell of them.
+    subroutine leave_out_rows(self, stat)
+        class(simulation_type), intent(inout) :: self
+        !> ok, or why it cannot.
+        integer, intent(out) :: stat
+        integer, allocatable :: partners(:)
+        integer :: i
+        !> So many are told with those that they repeat, which takes a solution each.
+        integer, parameter :: most_told = 100
+
+        associate (state => self%state, model => self%model)
+            call self%chart%leave_out_dependent(state%t, state%q, state%qd, stat)
+            if (stat /= status_ok) return
+            self%n_redundant = self%chart%n_dropped
+            do i = 1, min(self%n_redundant, most_told)
+                associate (row => self%chart%left_out(i))
+                    call self%chart%find_partners(row, partners)
+                    call self%warn('the constraint "'//model%row_name(row)//'" repeats'// &
+                        trim(self%with_rows(partners, row, ' '))//' and was left out; its multiplier is zero')
+                end associate
+            end do
+            if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
+                ' constraints more repeat others and were left out; their multipliers are zero')
+        end associate
+    end subroutine leave_out_rows
+
+    !> A row that depends on others must not contradict them.
+    subroutine check_left_out(self, rows, error)
+        class(simulation_type), intent(inout) :: self
+        !> The worst rows of the levels.
+        integer, intent(in) :: rows(3)
+        type(error_type), allocatable, intent(out) :: error
+        integer, allocatable :: partners(:)
+        integer :: i
+
+        do i = 1, 2
+            if (self%errors(i) <= self%options%start_tolerance .or. all(self%chart%left_out /= rows(i))) cycle
+            call self%chart%find_partners(rows(i), partners)
+            call set_error(error, status_inconsistent_rows, 'the constraint "'//self%model%row_name(rows(i))// &
+                '" depends on'//trim(self%with_rows(partners, 0, ' '))//' and contradicts it in the '// &
+                trim(level_name(i))//' at the start')
+            return
+        end do
+    end subroutine check_left_out
+
+    !> Bodies without mass, and redundant rows among nonholonomic ones, want the dense chart: take it where the choice is the
+    !> program's.
+    subroutine leave_sparse(self, stat, error)
+        class(simulation_type), intent(inout) :: self
+        !> Why there is no sparse chart at the start.
+        integer, intent(in) :: stat
+        type(error_type), allocatable, intent(out) :: error
+
+        if (self%options%chart_kind /= chart_kinds(1)) then
+            if (stat == status_rank_deficient) then
+                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the constraint "'// &
+                    self%model%row_name(self%chart%failed_row)//'" depends on others at the start', &
+                    'take it out where it is redundant, or use chart_kind = "dense"')
+            else
+                call set_error(error, status_invalid_option, 'chart_kind = "sparse", but the coordinate "'// &
+                    self%model%coordinate_label(self%chart%failed_coordinate)//'" has no mass of its own', &
+                    'give its body mass and inertia, or use chart_kind = "dense"')
+            end if
+            return
+        end if
+        self%is_sparse = .false.
+        call self%allocate_chart()
+        call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+    end subroutine leave_sparse
 
     !> The constraint errors of the start.
     subroutine measure(self, rows, stat)
@@ -147,7 +227,14 @@ contains
         type(redundancy_type) :: redundancy
         type(error_type), allocatable :: error
         real(wp) :: scale(self%model%n)
+        integer :: n
 
+        if (self%is_sparse) then
+            n = self%chart%n_dropped
+            call self%chart%leave_out_dependent(self%state%t, self%state%q, self%state%qd, stat)
+            if (stat == status_ok .and. self%chart%n_dropped /= n) stat = status_rank_deficient
+            return
+        end if
         scale = 1.0_wp
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         call redundancy%choose(self%model, scale, self%state%t, self%state%q, self%chart%counts, stat)
@@ -186,7 +273,8 @@ contains
         real(wp) :: scale(self%model%n)
         integer :: i
 
-        if (self%model%n_nonholonomic == 0) return
+        ! That takes dense matrices.
+        if (self%model%n_nonholonomic == 0 .or. self%is_sparse) return
         scale = 1.0_wp
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         call find_integrable_rows(self%model, scale, self%state%t, self%state%q, self%chart%counts, alone, together)

@@ -60,8 +60,10 @@ module tandem_io_output_hdf5
         procedure :: get_text
         procedure :: replace_text
         ! Whole datasets.
-        generic :: put => put_integers, put_reals, put_strings
-        procedure, private :: put_integers, put_reals, put_strings
+        generic :: put => put_integers, put_reals, put_strings, put_matrix
+        procedure, private :: put_integers, put_reals, put_strings, put_matrix
+        procedure :: add_column
+        procedure :: fill_column
         procedure :: name_columns
         procedure :: link
         procedure :: open_to_read
@@ -350,6 +352,14 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: values(:)
         end subroutine put_reals
 
+        !> Make a dataset of a matrix, which readers of rows first see as it is.
+        module subroutine put_matrix(self, path, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            real(wp), intent(in) :: values(:, :)
+        end subroutine put_matrix
+
         !> Make a dataset of texts (rows), blanks at their ends dropped.
         module subroutine put_strings(self, path, values)
             implicit none (type, external)
@@ -364,6 +374,33 @@ module tandem_io_output_hdf5
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine open_to_read
+
+        !> Make a dataset of known size and leave it open: (rows), or (rows, width) to C and Python.
+        module subroutine add_column(self, path, width, rows, counts, dataset)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path
+            !> Numbers in a row; 0 for single numbers, without that dimension.
+            integer, intent(in) :: width
+            integer(long), intent(in) :: rows
+            !> Whether integers are stored.
+            logical, intent(in) :: counts
+            integer(hid_t), intent(out) :: dataset
+        end subroutine add_column
+
+        !> Write some rows of such a dataset.
+        module subroutine fill_column(self, dataset, path, width, before, values)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path
+            integer, intent(in) :: width
+            !> Rows before these.
+            integer(long), intent(in) :: before
+            !> The rows, one a column.
+            real(wp), intent(in), contiguous, target :: values(:, :)
+        end subroutine fill_column
 
         !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
         module subroutine name_columns(self, dataset, path, scale, names)

@@ -16,7 +16,7 @@ contains
         integer(long), target :: copy(size(values))
 
         copy = values
-        call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), size(values))
+        call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), [size(values)])
     end subroutine put_integers
 
     !> Make a dataset of numbers (rows).
@@ -27,8 +27,19 @@ contains
         real(wp), target :: copy(size(values))
 
         copy = values
-        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), size(values))
+        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), [size(values)])
     end subroutine put_reals
+
+    !> Make a dataset of a matrix, which readers of rows first see as it is.
+    module subroutine put_matrix(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        real(wp), intent(in) :: values(:, :)
+        real(wp), target :: copy(size(values, 2), size(values, 1))
+
+        copy = transpose(values)
+        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), shape(copy))
+    end subroutine put_matrix
 
     !> Make a dataset of texts (rows), blanks at their ends dropped.
     module subroutine put_strings(self, path, values)
@@ -42,26 +53,27 @@ contains
 
         call set_letters(values, letters, starts)
         call make_text_type(text_type)
-        call put_values(self, path, text_type, text_type, c_loc(starts), size(values))
+        call put_values(self, path, text_type, text_type, c_loc(starts), [size(values)])
         call h5tclose_f(text_type, stat)
     end subroutine put_strings
 
-    !> Make a dataset of one dimension with all its values.
-    subroutine put_values(self, path, file_type, memory_type, values, rows)
+    !> Make a dataset with all its values.
+    subroutine put_values(self, path, file_type, memory_type, values, sizes)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
         integer(hid_t), intent(in) :: file_type, memory_type
         type(c_ptr), intent(in) :: values
-        integer, intent(in) :: rows
+        !> Of its dimensions, in Fortran's order.
+        integer, intent(in) :: sizes(:)
         integer(hid_t) :: space, dataset
         integer :: stat
 
         if (allocated(self%problem)) return
-        call h5screate_simple_f(1, [int(rows, hsize_t)], space, stat)
+        call h5screate_simple_f(size(sizes), int(sizes, hsize_t), space, stat)
         call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
         call self%note(stat, 'make '//path)
         if (stat == 0) then
-            if (rows > 0) call h5dwrite_f(dataset, memory_type, values, stat)
+            if (all(sizes > 0)) call h5dwrite_f(dataset, memory_type, values, stat)
             call self%note(stat, 'write '//path)
             call h5dclose_f(dataset, stat)
         end if

@@ -68,12 +68,45 @@ contains
     module procedure measure
         integer :: stat
 
+        if (size(self%rates) > 0) call self%integrate(simulation, error)
+        if (allocated(error)) return
         associate (state => simulation%state)
-            call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%quantities, stat)
+            if (size(self%lambda) > 0) call simulation%multipliers(self%lambda)
+            call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%quantities, stat, self%lambda)
             if (stat /= 0) call set_error(error, status_callback_failed, 'the sensors could not be evaluated at t = '// &
                 to_text(state%t))
         end associate
     end procedure measure
+
+    !> Bring the integrals of the model up to the current time, by the formula of Gauss of order 10 on the dense output.
+    module procedure integrate
+        integer, parameter :: n = 5
+        real(wp), parameter :: a = sqrt(5 - 2*sqrt(10/7.0_wp))/3, b = sqrt(5 + 2*sqrt(10/7.0_wp))/3
+        real(wp), parameter :: place(n) = [-b, -a, 0.0_wp, a, b], c = 13*sqrt(70.0_wp)
+        real(wp), parameter :: weight(n) = [322 - c, 322 + c, 512.0_wp, 322 + c, 322 - c]/900
+        real(wp) :: from, to, total(size(self%rates))
+        integer :: i, stat
+
+        from = self%integrated_until
+        to = simulation%state%t
+        if (.not. to > from) return
+        total = 0.0_wp
+        do i = 1, n
+            call simulation%look_at((from + to)/2 + place(i)*(to - from)/2, error)
+            if (allocated(error)) return
+            call simulation%multipliers(self%lambda)
+            associate (state => simulation%state)
+                call simulation%model%integrands(state%t, state%q, state%qd, self%lambda, self%rates, stat)
+                if (stat /= 0) call set_error(error, status_callback_failed, 'the power could not be evaluated at t = '// &
+                    to_text(state%t))
+            end associate
+            if (allocated(error)) return
+            total = total + weight(i)*self%rates
+        end do
+        call simulation%look_at(to, error)
+        simulation%model%integrals = simulation%model%integrals + (to - from)/2*total
+        self%integrated_until = to
+    end procedure integrate
 
     !> Keep rows of the times of the interval that the last step has passed.
     module subroutine gather_between(self, simulation, error, is_before_event)

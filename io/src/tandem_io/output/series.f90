@@ -92,10 +92,11 @@ contains
         logical, intent(in) :: goes_on
         integer(hid_t), intent(in), optional :: time
         character(len=1), parameter :: axes(3) = ['x', 'y', 'z']
+        character(len=2), parameter :: parameters(4) = ['e0', 'e1', 'e2', 'e3']
         character(len=:), allocatable :: group
 
-        group = '/sensors/'//quantity%path(:index(quantity%path, '/') - 1)
-        self%path = '/sensors/'//trim(quantity%path)
+        self%path = quantity%place()
+        group = self%path(:index(self%path, '/', back=.true.) - 1)
         self%width = quantity%width
         if (goes_on) then
             call file%open_dataset(self%path, self%dataset)
@@ -106,6 +107,9 @@ contains
         call file%attach(self%path, 'meaning', trim(quantity%meaning))
         call file%attach(self%path, 'unit', trim(quantity%unit))
         if (quantity%width == size(axes)) call file%attach(self%path, 'names', axes)
+        if (quantity%width == size(parameters)) call file%attach(self%path, 'names', parameters)
+        if (quantity%between(2) /= '') call file%attach(self%path, 'between', quantity%between)
+        if (quantity%undetermined /= '') call file%attach(self%path, 'undetermined', trim(quantity%undetermined))
     end subroutine make_quantity
 
     !> Write the gathered rows.

@@ -73,6 +73,9 @@ module tandem_io_output_trajectory
         integer, private :: every = 1, capacity = 1, gathered = 0
         !> What the model tells besides the fields, one after the other.
         real(wp), allocatable, private :: quantities(:)
+        !> For that the multipliers, and until when its integrals are known.
+        real(wp), allocatable, private :: lambda(:), rates(:)
+        real(wp), private :: integrated_until = 0.0_wp
         real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
         !> Rows that the interval has asked for so far.
         integer(long), private :: intervals = 0
@@ -88,6 +91,7 @@ module tandem_io_output_trajectory
         procedure, private :: gather
         procedure, private :: gather_between
         procedure, private :: measure
+        procedure, private :: integrate
         procedure, private :: write_rows
         procedure, private :: bring
         procedure, private :: watch
@@ -113,6 +117,14 @@ module tandem_io_output_trajectory
             class(simulation_type), intent(inout) :: simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine measure
+
+        !> Bring the integrals of the model up to the current time, which is within the last step.
+        module subroutine integrate(self, simulation, error)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine integrate
 
         !> Keep rows of the times of the interval that the last step has passed.
         module subroutine gather_between(self, simulation, error, is_before_event)
@@ -328,6 +340,11 @@ contains
                 self%quantities = [(0.0_wp, i=1, sum(max(1, model%quantities%width)))]
             end if
             width = width + size(self%quantities)
+            self%lambda = [(0.0_wp, i=1, merge(model%n_constraints(), 0, model%measures_multipliers))]
+            self%rates = [real(wp) ::]
+            if (allocated(model%integrals)) self%rates = 0*model%integrals
+            self%integrated_until = simulation%state%t
+            if (.not. self%goes_on) call begin_measuring(self, simulation)
             self%capacity = max(1, min(most_rows, largest_buffer/width))
             allocate (self%series(0:n_fields + n))
             call self%series(0)%make(self%file, 0, model, self%capacity, self%goes_on)
@@ -344,22 +361,34 @@ contains
         self%energy%has_potential = output%asks_for(field_potential_energy)
     end subroutine prepare
 
+    !> Let the model see the start before its quantities are asked for.
+    subroutine begin_measuring(self, simulation)
+        class(trajectory_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+        integer :: stat
+
+        associate (model => simulation%model, state => simulation%state)
+            ! What it cannot tell there is left open.
+            if (associated(model%begin_measuring)) call model%begin_measuring(state%t, state%q, state%qd, self%lambda, &
+                self%rates, stat)
+        end associate
+    end subroutine begin_measuring
+
     !> The groups of the quantities.
     subroutine add_groups(file, model)
         type(hdf5_type), intent(inout) :: file
         class(model_type), intent(in) :: model
-        character(len=:), allocatable :: group, last
-        integer :: i
+        character(len=:), allocatable :: path
+        integer :: i, j, k
 
         if (.not. allocated(model%quantities)) return
-        call file%add_group('/sensors')
-        last = ''
         do i = 1, size(model%quantities)
-            associate (path => model%quantities(i)%path)
-                group = path(:index(path, '/') - 1)
-            end associate
-            if (group /= last) call file%add_group('/sensors/'//group)
-            last = group
+            path = model%quantities(i)%place()
+            do k = 2, len(path)
+                if (path(k:k) /= '/') cycle
+                if (any([(index(model%quantities(j)%place(), path(:k)) == 1, j=1, i - 1)])) cycle
+                call file%add_group(path(:k - 1))
+            end do
         end do
     end subroutine add_groups
 
@@ -385,6 +414,7 @@ contains
         case (at_event)
             is_due = .false.
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .true.)
+            if (.not. allocated(error) .and. size(self%rates) > 0) call self%integrate(simulation, error)
             if (allocated(error)) return
         case default
             is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
@@ -392,6 +422,8 @@ contains
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
             if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) then
                 call self%measure(simulation, error)
+            else if (.not. allocated(error) .and. size(self%rates) > 0) then
+                call self%integrate(simulation, error)
             end if
             if (allocated(error)) return
         end select

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the tables [[event]]: what is watched, and what happens there.
 module tandem_io_scene_events
-    use tandem, only: label_length, model_type, threshold_event_type, to_text
+    use tandem, only: label_length, model_type, threshold_event_type, to_text, wp
     use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_text, only: listed, nearest_name
     implicit none (type, external)
@@ -18,9 +18,9 @@ contains
     subroutine read_events(reader, model, events)
         class(reader_type), intent(inout) :: reader
         !> The model, whose coordinates and constraint rows can be watched.
-        class(model_type), intent(in) :: model
+        class(model_type), intent(inout) :: model
         type(threshold_event_type), allocatable, intent(out) :: events(:)
-        character(len=:), allocatable :: name, watch
+        character(len=:), allocatable :: name, watch, change
         character(len=7) :: direction
         character(len=6) :: action
         integer :: i
@@ -34,8 +34,12 @@ contains
                 if (len_trim(name) > label_length) call reader%refuse('name', 'must not be longer than '//to_text(label_length))
                 event%name = name
                 if (any(events(:i - 1)%name == event%name)) call reader%refuse('name', 'is the name of another event')
-                call reader%get('watch', watch, 'a coordinate, "qd:COORDINATE" or "lambda:CONSTRAINT"', .true.)
-                call find_quantity(reader, model, watch, event)
+                call reader%get('watch', watch, 'a coordinate, "qd:COORDINATE", "lambda:ROW", "/PATH"', .true.)
+                if (index(watch, '/') == 1) then
+                    call find_measured(reader, model, watch, event)
+                else
+                    call find_quantity(reader, model, watch, event)
+                end if
                 call reader%get('value', event%value, help='at which it happens')
                 direction = 'both'
                 call reader%get('direction', direction, directions)
@@ -43,10 +47,95 @@ contains
                 action = 'record'
                 call reader%get('action', action, actions)
                 event%stops = action == 'stop'
+                if (allocated(change)) deallocate (change)
+                if (reader%gives('change')) then
+                    call reader%get('change', change, 'of the model, with semicolons between')
+                    call read_changes(reader, model, change, event)
+                else
+                    call reader%propose('change')
+                end if
                 call reader%close_table()
             end associate
         end do
     end subroutine read_events
+
+    !> What a text names of what the model measures: the path in files, of a vector with .x, .y or .z behind.
+    subroutine find_measured(reader, model, watch, event)
+        class(reader_type), intent(inout) :: reader
+        class(model_type), intent(in) :: model
+        character(len=*), intent(in) :: watch
+        type(threshold_event_type), intent(inout) :: event
+        character(len=*), parameter :: axis(3) = ['x', 'y', 'z']
+        character(len=96), allocatable :: paths(:)
+        character(len=:), allocatable :: path
+        integer :: i, k, n, dot
+
+        if (reader%failed()) return
+        event%quantity = 'shown'
+        dot = index(watch, '.', back=.true.)
+        k = 0
+        if (dot > 0) k = findloc(axis, watch(dot + 1:), dim=1)
+        path = watch
+        if (k > 0) path = watch(:dot - 1)
+        n = 0
+        allocate (paths(0))
+        if (allocated(model%quantities)) then
+            do i = 1, size(model%quantities)
+                associate (quantity => model%quantities(i))
+                    if (quantity%place() /= path) then
+                        paths = [character(len=96) :: paths, quantity%place()]
+                        n = n + max(1, quantity%width)
+                        cycle
+                    end if
+                    if (.not. quantity%of_state .or. quantity%width > size(axis)) then
+                        call reader%refuse('watch', 'cannot be watched: take a place, a velocity, a force, an energy')
+                    else if (quantity%width > 0 .and. k == 0) then
+                        call reader%refuse('watch', 'has three entries: put .x, .y or .z behind')
+                    else if (quantity%width == 0 .and. k > 0) then
+                        call reader%refuse('watch', 'is one number: leave out what is behind')
+                    end if
+                    event%index = n + max(1, k)
+                    event%needs_multipliers = quantity%of_multipliers
+                    return
+                end associate
+            end do
+        end if
+        path = 'names nothing that the model shows'
+        if (size(paths) > 0) path = path//'; there are '//listed(paths)
+        call reader%refuse('watch', path)
+    end subroutine find_measured
+
+    !> What an event changes: words of the model with semicolons between, each of which it must know.
+    subroutine read_changes(reader, model, change, event)
+        class(reader_type), intent(inout) :: reader
+        class(model_type), intent(inout) :: model
+        character(len=*), intent(in) :: change
+        type(threshold_event_type), intent(inout) :: event
+        character(len=200) :: problem
+        real(wp) :: nowhere(model%n)
+        integer :: from, length
+
+        if (reader%failed()) return
+        nowhere = 0.0_wp
+        event%changes = .true.
+        allocate (event%words(0))
+        from = 1
+        do while (from <= len(change))
+            length = index(change(from:)//';', ';') - 1
+            problem = 'the model has nothing that events may change'
+            if (length > len(event%words)) then
+                problem = 'is too long'
+            else if (associated(model%change)) then
+                call model%change(change(from:from + length - 1), .true., 0.0_wp, nowhere, problem)
+            end if
+            if (problem /= '') then
+                call reader%refuse('change', trim(problem))
+                return
+            end if
+            event%words = [character(len=len(event%words)) :: event%words, change(from:from + length - 1)]
+            from = from + length + 1
+        end do
+    end subroutine read_changes
 
     !> What a text names.
     subroutine find_quantity(reader, model, watch, event)

@@ -10,7 +10,7 @@ module tandem_io_scene_flattening
     implicit none (type, external)
     private
 
-    public :: flatten, place_type, value_to_toml, path_to_toml
+    public :: convert_value, flatten, place_type, value_to_toml, path_to_toml
 
     !> Where an entry was given: the source, and the place in it.
     type :: place_type

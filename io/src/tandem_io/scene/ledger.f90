@@ -17,6 +17,8 @@ module tandem_io_scene_ledger
         !> Number of the table in an array of tables, 0 for a table of its own.
         integer :: element = 0
         character(len=:), allocatable :: value, comment
+        !> The unit, where it is known.
+        character(len=key_length) :: unit = ''
         !> The source that gave it, negative for a default.
         integer :: source = -1
         !> Whether it belongs to the complete scene.
@@ -33,12 +35,14 @@ module tandem_io_scene_ledger
         procedure :: hide
         procedure :: keys
         procedure :: text
+        procedure :: unit_of
+        procedure :: value_of
     end type ledger_type
 
 contains
 
     !> Add a key, or a line of comment where `key` is empty.
-    subroutine add(self, table, key, value, comment, source, shown, element)
+    subroutine add(self, table, key, value, comment, source, shown, element, unit)
         class(ledger_type), intent(inout) :: self
         character(len=*), intent(in) :: table, key
         !> The value as TOML.
@@ -51,6 +55,8 @@ contains
         logical, intent(in), optional :: shown
         !> Number of the table in an array of tables.
         integer, intent(in), optional :: element
+        !> Its unit alone.
+        character(len=*), intent(in), optional :: unit
         type(entry_type) :: entry
         type(entry_type), allocatable :: more(:)
 
@@ -61,6 +67,7 @@ contains
         entry%source = source
         if (present(shown)) entry%shown = shown
         if (present(element)) entry%element = element
+        if (present(unit)) entry%unit = unit
         if (.not. allocated(self%entries)) allocate (self%entries(64))
         if (self%n == size(self%entries)) then
             allocate (more(2*self%n))
@@ -117,6 +124,32 @@ contains
             belongs = entry%table == table .and. entry%element == element .and. entry%key /= ''
         end function belongs
     end function keys
+
+    !> The unit of a key, blank where it is not known.
+    pure function unit_of(self, table, key) result(unit)
+        class(ledger_type), intent(in) :: self
+        character(len=*), intent(in) :: table, key
+        character(len=key_length) :: unit
+        integer :: i
+
+        unit = ''
+        do i = 1, self%n
+            if (self%entries(i)%table == table .and. self%entries(i)%key == key) unit = self%entries(i)%unit
+        end do
+    end function unit_of
+
+    !> The value of a key as TOML, empty where there is none.
+    pure function value_of(self, table, key) result(value)
+        class(ledger_type), intent(in) :: self
+        character(len=*), intent(in) :: table, key
+        character(len=:), allocatable :: value
+        integer :: i
+
+        value = ''
+        do i = 1, self%n
+            if (self%entries(i)%table == table .and. self%entries(i)%key == key) value = self%entries(i)%value
+        end do
+    end function value_of
 
     !> The complete scene as TOML.
     pure function text(self)

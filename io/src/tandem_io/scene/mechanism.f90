@@ -11,7 +11,7 @@ module tandem_io_scene_mechanism
     public :: build_mechanism_scene, mechanism_tables
 
     !> The tables that a mechanism brings.
-    character(len=key_length), parameter :: mechanism_tables(10) = [character(len=key_length) :: mechanism_singles, mechanism_kinds]
+    character(len=key_length), parameter :: mechanism_tables(12) = [character(len=key_length) :: mechanism_singles, mechanism_kinds]
 
 contains
 

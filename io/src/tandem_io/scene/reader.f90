@@ -4,7 +4,7 @@
 !>
 !> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
 module tandem_io_scene_reader
-    use tandem, only: entries_type, error_type, value_type, wp
+    use tandem, only: atom_type, entries_type, error_type, value_type, wp
     use tandem_io_scene_flattening, only: flatten, path_to_toml, place_type, value_to_toml
     use tandem_io_scene_ledger, only: heading, key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
@@ -23,6 +23,9 @@ module tandem_io_scene_reader
     type :: reader_type
         !> The first error.
         type(error_type), allocatable :: error
+        !> Whether values are all that is asked for: no list of keys, no complete scene, no look for unknown keys. For sources that
+        !> were read in full before, and of which only values have changed.
+        logical :: is_brief = .false.
         !> The scene file first, then what was set on the command line, in that order: later ones win.
         type(source_type), allocatable, private :: sources(:)
         !> The keys that were asked for.
@@ -45,6 +48,7 @@ module tandem_io_scene_reader
         procedure :: hide
         procedure :: remark
         procedure :: propose
+        procedure :: gives
         procedure :: refuse
         procedure :: flatten => flatten_tables
         procedure :: says_true
@@ -57,15 +61,56 @@ module tandem_io_scene_reader
         procedure :: get_reals
         procedure :: get_for_each
         procedure, private :: get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
+        procedure :: get_list
+        procedure :: change
+        procedure :: unit_of
+        procedure :: value_of
         procedure, private :: find
         procedure, private :: record
         procedure, private :: refuse_value
     end type reader_type
 
+    ! What sweeps need: lists of any length, and values that change from case to case.
+    interface
+        !> A list of numbers, texts or truth values, of any length; not allocated where the key is not given.
+        module subroutine get_list(self, key, values)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            type(value_type), allocatable, intent(inout) :: values
+        end subroutine get_list
+
+        !> Give the value of a setting anew.
+        module subroutine change(self, setting, element, atom)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            !> Its number among the settings, and that of an element where the value is a list; 0 for the value itself.
+            integer, intent(in) :: setting, element
+            !> A whole number becomes an integer where the setting was one.
+            type(atom_type), intent(in) :: atom
+        end subroutine change
+
+        !> The unit of a key that was read, blank where it is not known.
+        pure module function unit_of(self, table, key) result(unit)
+            implicit none (type, external)
+            class(reader_type), intent(in) :: self
+            character(len=*), intent(in) :: table, key
+            character(len=key_length) :: unit
+        end function unit_of
+
+        !> The value of a key that was read, as TOML on one line; empty where there is none.
+        pure module function value_of(self, table, key) result(text)
+            implicit none (type, external)
+            class(reader_type), intent(in) :: self
+            character(len=*), intent(in) :: table, key
+            character(len=:), allocatable :: text
+        end function value_of
+    end interface
+
 contains
 
     !> Take the scene file and the settings of the command line.
-    subroutine open_sources(self, path, settings, text)
+    subroutine open_sources(self, path, settings, text, kind)
         class(reader_type), intent(inout) :: self
         !> Path of the scene file, or how messages call the text.
         character(len=*), intent(in) :: path
@@ -73,9 +118,12 @@ contains
         character(len=*), intent(in) :: settings(:)
         !> The scene itself, in the stead of a file.
         character(len=*), intent(in), optional :: text
+        !> What the file is, in messages; `scene` where absent.
+        character(len=*), intent(in), optional :: kind
         integer :: i
 
         allocate (self%sources(0:size(settings)))
+        if (present(kind)) self%sources(0)%kind = kind
         if (present(text)) then
             call self%sources(0)%load_text(path, text, self%error)
         else
@@ -88,10 +136,12 @@ contains
     end subroutine open_sources
 
     !> Refuse what stands at the top level and is none of the tables. `count_tables` looks into those that may come several times.
-    subroutine check_tables(self, tables, arrays, others)
+    subroutine check_tables(self, tables, arrays, others, of)
         class(reader_type), intent(inout), target :: self
         !> The tables of a scene, those that may come several times, and those that some models bring.
         character(len=*), intent(in) :: tables(:), arrays(:), others(:)
+        !> What has them, in messages; a scene where absent.
+        character(len=*), intent(in), optional :: of
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
         integer :: i, j
@@ -111,12 +161,22 @@ contains
                         found%origin, 'write ['//names(j)%key//'] on a line of its own'))
                 else
                     call set_input_error(self%error, self%sources(i)%describe('unknown table or key "'//names(j)%key//'"', &
-                        found%origin, meant(names(j)%key, [tables, arrays, others]))//new_line('a')// &
-                        'the tables of a scene: '//listed([tables, arrays])//'; of a mechanism: '//listed(others))
+                        found%origin, meant(names(j)%key, [tables, arrays, others]))//new_line('a')//tables_there())
                 end if
                 return
             end do
         end do
+    contains
+        !> The tables that there are.
+        function tables_there() result(text)
+            character(len=:), allocatable :: text
+
+            if (present(of)) then
+                text = 'the tables of '//of//': '//listed([tables, arrays])
+            else
+                text = 'the tables of a scene: '//listed([tables, arrays])//'; of a mechanism: '//listed(others)
+            end if
+        end function tables_there
     end subroutine check_tables
 
     !> The calls of `get` that follow are about this table.
@@ -159,7 +219,7 @@ contains
         character(len=key_length), allocatable :: known(:)
         integer :: i, j
 
-        if (self%failed()) return
+        if (self%failed() .or. self%is_brief) return
         known = self%ledger%keys(self%table, self%element)
         do i = first_source(self%sources, self%table), ubound(self%sources, 1)
             table => table_of(self%sources(i), self%table, self%element)
@@ -203,6 +263,7 @@ contains
         character(len=*), intent(in) :: reason
         character(len=key_length) :: given
 
+        if (self%is_brief) return
         call self%ledger%hide(self%table, source, given)
         if (given /= '') call self%refuse(trim(given), reason)
     end subroutine hide
@@ -212,7 +273,7 @@ contains
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: words
 
-        call self%ledger%add(self%table, '', '', words, -1, element=self%element)
+        if (.not. self%is_brief) call self%ledger%add(self%table, '', '', words, -1, element=self%element)
     end subroutine remark
 
     !> Let a key be known to messages although it has no value here.
@@ -220,8 +281,19 @@ contains
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
 
-        call self%ledger%add(self%table, key, '', '', -1, shown=.false., element=self%element)
+        if (.not. self%is_brief) call self%ledger%add(self%table, key, '', '', -1, shown=.false., element=self%element)
     end subroutine propose
+
+    !> Whether a key of the current table is given.
+    logical function gives(self, key)
+        class(reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        class(toml_value), pointer :: found
+        integer :: source
+
+        call self%find(key, found, source)
+        gives = associated(found)
+    end function gives
 
     !> An error about the value of a key, which is shown where it was given.
     subroutine refuse(self, key, problem)
@@ -250,6 +322,7 @@ contains
         type(entries_type), intent(inout) :: entries
         integer :: i
 
+        if (allocated(self%places)) deallocate (self%places)
         allocate (self%places(0))
         do i = 0, ubound(self%sources, 1)
             if (self%failed()) return
@@ -329,7 +402,7 @@ contains
         type(value_type), intent(in) :: value
         character(len=*), intent(in) :: comment
 
-        call self%ledger%add(path_to_toml(table), path_to_toml(key), value_to_toml(value), comment, 0)
+        if (.not. self%is_brief) call self%ledger%add(path_to_toml(table), path_to_toml(key), value_to_toml(value), comment, 0)
     end subroutine show
 
     !> A number.
@@ -354,7 +427,7 @@ contains
             if (problem == '') problem = violated(value, check)
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
-        call self%record(key, to_toml(value), source, unit, help)
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, unit, help)
     end subroutine get_real
 
     !> An integer.
@@ -375,7 +448,7 @@ contains
             if (problem == '') problem = violated(real(value, wp), check)
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
-        call self%record(key, to_toml(value), source, help=help)
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end subroutine get_integer
 
     !> True or false.
@@ -394,7 +467,7 @@ contains
             call convert(self%sources(source), found, value, problem)
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
-        call self%record(key, to_toml(value), source, help=help)
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end subroutine get_logical
 
     !> A text of any length.
@@ -415,7 +488,7 @@ contains
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
         if (.not. allocated(value)) value = ''
-        call self%record(key, to_toml(value), source, help=help)
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end subroutine get_string
 
     !> One of some texts.
@@ -446,7 +519,7 @@ contains
         value = text
         comment = listed(choices)
         if (present(help)) comment = help//': '//comment
-        call self%record(key, to_toml(text), source, help=comment)
+        if (.not. self%is_brief) call self%record(key, to_toml(text), source, help=comment)
     end subroutine get_choice
 
     !> As many numbers as `values` has.
@@ -495,7 +568,7 @@ contains
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
         if (self%failed()) return
-        call self%record(key, to_toml(values), source, unit, help)
+        if (.not. self%is_brief) call self%record(key, to_toml(values), source, unit, help)
     end subroutine get_reals
 
     !> One number for all of something, or one for each in a list.
@@ -565,7 +638,7 @@ contains
             if (problem /= '') call self%refuse_value(key, found, source, problem)
         end if
         if (self%failed()) return
-        call self%record(key, to_toml(values), source, help=help)
+        if (.not. self%is_brief) call self%record(key, to_toml(values), source, help=help)
     end subroutine get_strings
 
     !> The complete scene as TOML, with every key that was asked for.
@@ -619,7 +692,7 @@ contains
             if (comment /= '') comment = comment//', '
             comment = comment//help
         end if
-        call self%ledger%add(self%table, key, value, comment, source, element=self%element)
+        call self%ledger%add(self%table, key, value, comment, source, element=self%element, unit=unit)
     end subroutine record
 
     !> An error about a value, with its line.

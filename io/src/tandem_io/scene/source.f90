@@ -31,6 +31,8 @@ module tandem_io_scene_source
         type(toml_context) :: context
         !> The argument of `--set`; not allocated for a file.
         character(len=:), allocatable :: argument
+        !> What a file is, in messages.
+        character(len=8) :: kind = 'scene'
     contains
         procedure :: load_file
         procedure :: load_text
@@ -48,7 +50,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
 
-        call read_text(path, text, error)
+        call read_text(path, trim(self%kind), text, error)
         if (allocated(error)) return
         call parse_text(text, path, self, error)
     end subroutine load_file
@@ -157,8 +159,9 @@ contains
     end subroutine set_input_error
 
     !> The whole file as text. A pipe of the shell will do (/dev/stdin, /dev/fd/63), so the size is not asked for.
-    subroutine read_text(path, text, error)
-        character(len=*), intent(in) :: path
+    subroutine read_text(path, kind, text, error)
+        !> The path, and what the file is.
+        character(len=*), intent(in) :: path, kind
         character(len=:), allocatable, intent(out) :: text
         type(error_type), allocatable, intent(out) :: error
         character(len=256) :: message
@@ -167,15 +170,15 @@ contains
 
         ! Others may wait for ever for somebody who writes to them.
         if (is_pipe(path) .and. index(path, '/dev/') /= 1 .and. index(path, '/proc/') /= 1) then
-            call set_input_error(error, 'cannot read the scene '//path//': it is a pipe; give a file, or let the shell connect '// &
-                'the pipe to /dev/stdin')
+            call set_input_error(error, 'cannot read the '//kind//' '//path//': it is a pipe; give a file, or let the shell '// &
+                'connect the pipe to /dev/stdin')
             return
         end if
         message = ''
         open (newunit=unit, file=path, status='old', action='read', access='stream', form='unformatted', iostat=stat, &
             iomsg=message)
         if (stat /= 0) then
-            call set_input_error(error, 'cannot read the scene: '//trim(message))
+            call set_input_error(error, 'cannot read the '//kind//': '//trim(message))
             return
         end if
         allocate (character(len=largest + 1) :: text)
@@ -188,26 +191,30 @@ contains
         end do
         close (unit)
         if (stat /= 0 .and. .not. is_iostat_end(stat)) then
-            call set_input_error(error, 'cannot read the scene '//path//': '//trim(message))
+            call set_input_error(error, 'cannot read the '//kind//' '//path//': '//trim(message))
         else
             text = text(:length)
             ! Some editors begin UTF-8 with a mark of the order of bytes, which has none and says nothing.
             if (index(text, byte_order_mark) == 1) text = text(len(byte_order_mark) + 1:)
-            call check_text(path, text, error)
+            call check_text(path, text, error, kind)
         end if
     end subroutine read_text
 
     !> Refuse what cannot be a scene, so that the parser meets UTF-8 of bounded length, depth and number of parts only.
-    subroutine check_text(path, text, error)
+    subroutine check_text(path, text, error, kind)
         !> How messages name the text.
         character(len=*), intent(in) :: path
         character(len=*), intent(in) :: text
         type(error_type), allocatable, intent(out) :: error
-        character(len=:), allocatable :: problem
+        !> What it is, in messages; a scene where absent.
+        character(len=*), intent(in), optional :: kind
+        character(len=:), allocatable :: problem, what
         integer :: i, code, line, bytes, dots, brackets, values, broken
 
+        what = 'scene'
+        if (present(kind)) what = kind
         if (len(text) > largest) then
-            call set_input_error(error, path//' is no scene: it has more than '//to_toml(largest)//' bytes')
+            call set_input_error(error, path//' is no '//what//': it has more than '//to_toml(largest)//' bytes')
             return
         end if
         line = 1
@@ -251,7 +258,7 @@ contains
                 continue
             end select
             if (problem == '') cycle
-            call set_input_error(error, path//' is no scene: line '//to_toml(line)//' '//problem)
+            call set_input_error(error, path//' is no '//what//': line '//to_toml(line)//' '//problem)
             return
         end do
     end subroutine check_text

@@ -8,7 +8,7 @@ module tandem_io_study_files
     implicit none (type, external)
     private
 
-    public :: make_folder, read_whole, write_whole, replace_file
+    public :: make_folder, read_whole, write_whole, replace_file, remove_file
 
     interface
         !> Make a folder; 0 on success.
@@ -27,6 +27,14 @@ module tandem_io_study_files
             character(kind=c_char), intent(in) :: from(*), to(*)
             integer(c_int) :: stat
         end function c_rename
+
+        !> Remove a file; 0 on success.
+        function c_unlink(path) result(stat) bind(c, name='unlink')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: stat
+        end function c_unlink
     end interface
 
 contains
@@ -105,6 +113,13 @@ contains
             call set_error(error, status_output_failed, 'cannot rename '//by//' to '//path)
         end if
     end subroutine replace_file
+
+    !> Remove a file; one that is not there, or cannot be removed, is left so.
+    subroutine remove_file(path)
+        character(len=*), intent(in) :: path
+
+        if (c_unlink(c_text(path)) /= 0) return
+    end subroutine remove_file
 
     !> A text as C has it.
     pure function c_text(text) result(letters)

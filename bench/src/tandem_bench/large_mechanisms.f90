@@ -1,0 +1,1 @@
+../../../test/large_mechanisms.f90

@@ -1,0 +1,69 @@
+! SPDX-License-Identifier: MIT
+!> tandem plot and tandem view: the package for Python draws what is in result files.
+module tandem_cli_pictures
+    use tandem_cli_messages, only: complain, input_wrong
+    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+    implicit none (type, external)
+    private
+
+    public :: call_package
+
+    character(len=*), parameter :: line_end = new_line('a')
+    !> How the package is installed.
+    character(len=*), parameter :: advice = 'in a checkout of tandem, "make python" installs it into an environment of its '// &
+        'own, and "pip install ./python" into yours; TANDEM_PYTHON names the python3 that has it'
+    !> What Python is asked to do: the folder in which it stands is no place for packages.
+    character(len=*), parameter :: code = 'import importlib.util, runpy, sys'//line_end// &
+        'sys.path[:] = [path for path in sys.path if path]'//line_end// &
+        'try:'//line_end// &
+        '    found = importlib.util.find_spec("tandem.__main__")'//line_end// &
+        'except ModuleNotFoundError:'//line_end// &
+        '    found = None'//line_end// &
+        'if found is None:'//line_end// &
+        '    print("tandem: " + sys.argv[1] + " needs the package tandem for Python, which " + sys.executable + " has not;", '''// &
+        advice//''', sep="\n", file=sys.stderr)'//line_end// &
+        '    sys.exit(2)'//line_end// &
+        'runpy.run_module("tandem", run_name="__main__", alter_sys=True)'//line_end
+
+    interface
+        !> Become Python (python.c); the length of a text that says why not.
+        function call_python(code, words, count, text, size) result(length) bind(c, name='tandem_call_python')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: code(*), words(*)
+            integer(c_int), value :: count
+            character(kind=c_char), intent(inout) :: text(*)
+            integer(c_int), value :: size
+            integer(c_int) :: length
+        end function call_python
+    end interface
+
+contains
+
+    !> Hand the words of the command line over to the package. Comes back only where there is no Python.
+    subroutine call_package(code_out)
+        !> Exit code.
+        integer, intent(out) :: code_out
+        character(len=:), allocatable :: words, word
+        character(kind=c_char) :: letters(300)
+        character(len=size(letters)) :: reason
+        integer :: i, length
+
+        words = ''
+        do i = 1, command_argument_count()
+            call get_command_argument(i, length=length)
+            allocate (character(len=length) :: word)
+            if (length > 0) call get_command_argument(i, word)
+            words = words//word//c_null_char
+            deallocate (word)
+        end do
+        reason = ''
+        length = int(call_python(code//c_null_char, words, int(command_argument_count(), c_int), letters, &
+            size(letters, kind=c_int)))
+        do i = 1, length
+            reason(i:i) = letters(i)
+        end do
+        call complain('there is no Python to draw with ('//trim(reason)//')'//line_end//advice)
+        code_out = input_wrong
+    end subroutine call_package
+end module tandem_cli_pictures

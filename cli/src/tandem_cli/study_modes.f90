@@ -1,0 +1,185 @@
+! SPDX-License-Identifier: MIT
+!> tandem study modes: eigenvalues over a value of a scene, and where stability changes.
+module tandem_cli_study_modes
+    use tandem, only: cause_name, error_type, is_input_error, kind_name, of_motion, set_error, to_text, wp
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_io, only: at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: study_modes
+
+    !> Most samples.
+    integer, parameter :: most_samples = 10000
+
+contains
+
+    !> Sample, find the critical values, print.
+    subroutine study_modes(arguments, code)
+        type(arguments_type), intent(in) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(modes_type) :: study
+        type(error_type), allocatable :: error
+        real(wp) :: ends(2)
+        integer :: n, i
+
+        call find_scene(arguments%scene, study%path, error)
+        if (.not. allocated(error)) call read_over(arguments%value_of('--over', ''), study%key, ends, n, error)
+        if (.not. allocated(error)) then
+            study%settings = arguments%settings
+            allocate (study%models, source=arguments%models)
+            allocate (study%points(n))
+            do i = 1, n
+                call study%sample(ends(1) + (ends(2) - ends(1))*(i - 1)/(n - 1), study%points(i), error)
+                if (allocated(error)) exit
+            end do
+        end if
+        if (.not. allocated(error)) call study%find_critical(error)
+        if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call study%write_csv( &
+            arguments%value_of('--output', ''), error)
+        if (allocated(error)) then
+            call complain(in_scene_words(error))
+            code = merge(input_wrong, run_failed, is_input_error(error%stat))
+            return
+        end if
+        if (is_constant(study)) call complain('the eigenvalues do not change with '//study%key//'; is it the key that was meant?')
+        if (arguments%json) then
+            call print_json(study)
+        else
+            call print_loci(study)
+        end if
+        code = done
+    end subroutine study_modes
+
+    !> Whether all samples are the same.
+    pure logical function is_constant(study)
+        type(modes_type), intent(in) :: study
+        integer :: i
+
+        is_constant = .true.
+        do i = 2, size(study%points)
+            if (size(study%points(i)%values) /= size(study%points(1)%values)) then
+                is_constant = .false.
+            else
+                is_constant = is_constant .and. .not. any(abs(study%points(i)%values - study%points(1)%values) > 0.0_wp)
+            end if
+        end do
+    end function is_constant
+
+    !> KEY=a:b:n.
+    subroutine read_over(text, key, ends, n, error)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable, intent(out) :: key
+        real(wp), intent(out) :: ends(2)
+        integer, intent(out) :: n
+        type(error_type), allocatable, intent(out) :: error
+        integer :: equals, first, last, stat
+
+        ends = 0.0_wp
+        n = 0
+        stat = 1
+        equals = index(text, '=')
+        first = index(text, ':')
+        last = index(text, ':', back=.true.)
+        key = text(:max(equals - 1, 0))
+        if (equals > 1 .and. first > equals .and. last > first) then
+            read (text(equals + 1:first - 1), *, iostat=stat) ends(1)
+            if (stat == 0) read (text(first + 1:last - 1), *, iostat=stat) ends(2)
+            if (stat == 0 .and. verify(text(last + 1:), '0123456789') == 0) read (text(last + 1:), *, iostat=stat) n
+        end if
+        if (stat == 0 .and. n >= 2 .and. n <= most_samples .and. all(ieee_is_finite(ends)) .and. ends(2) > ends(1)) return
+        call set_error(error, status_invalid_option, 'tandem study modes needs --over KEY=a:b:n, such as '// &
+            'parameters.speed=0:10:41, not "'//text//'"', 'a is less than b, and n from 2 to '//to_text(most_samples))
+    end subroutine read_over
+
+    !> As lines to read.
+    subroutine print_loci(study)
+        type(modes_type), intent(in) :: study
+        character(len=:), allocatable :: line
+        character(len=24) :: number
+        integer :: i
+
+        call say(padded(study%key, 18)//'  eigenvalues that neither symmetries nor families explain [1/s]')
+        do i = 1, size(study%points)
+            call say(padded(to_text(study%points(i)%value), 18)//values_text(study%points(i)))
+        end do
+        call say('')
+        if (size(study%critical) == 0) call say('no critical value between them')
+        do i = 1, size(study%critical)
+            associate (it => study%critical(i))
+                write (number, '(f0.13)') it%value
+                line = 'critical at '//trim(number)//' +- '//brief(it%uncertainty)
+                if (it%crossing == at_pair) then
+                    line = line//': a pair at +- '//to_text(aimag(it%eigenvalue))//' i (Hopf)'
+                else
+                    line = line//': a real eigenvalue is zero'
+                end if
+                call say(line//', which grows '//trim(merge('beyond', 'before', it%grows_beyond))//' it')
+            end associate
+        end do
+    end subroutine print_loci
+
+    !> The eigenvalues of the motion at one value, one of each pair.
+    function values_text(point) result(text)
+        type(locus_point_type), intent(in) :: point
+        character(len=:), allocatable :: text
+        character(len=16) :: re, im
+        integer :: i
+
+        text = ''
+        do i = 1, size(point%values)
+            if (point%cause(i) /= of_motion .or. aimag(point%values(i)) < 0.0_wp) cycle
+            write (re, '(g0.5)') real(point%values(i), wp)
+            text = text//'  '//trim(adjustl(re))
+            if (.not. aimag(point%values(i)) > 0.0_wp) cycle
+            write (im, '(g0.5)') aimag(point%values(i))
+            text = text//' +- '//trim(adjustl(im))//' i'
+        end do
+        if (trim(kind_name(point%kind)) == 'instant') text = text//'  (not steady)'
+    end function values_text
+
+    !> As one object.
+    subroutine print_json(study)
+        type(modes_type), intent(in) :: study
+        type(json_type) :: json
+        integer :: i, k
+
+        call json%begin_object()
+        call json%add('key', study%key)
+        call json%begin_array('rows')
+        do i = 1, size(study%points)
+            associate (point => study%points(i))
+                call json%begin_object()
+                call json%add('value', point%value)
+                call json%add('kind', kind_name(point%kind))
+                call json%begin_array('eigenvalues')
+                do k = 1, size(point%values)
+                    call json%add('', [real(point%values(k), wp), aimag(point%values(k))])
+                end do
+                call json%end_array()
+                call json%add('causes', cause_name(point%cause))
+                call json%end_object()
+            end associate
+        end do
+        call json%end_array()
+        call json%begin_array('critical')
+        do i = 1, size(study%critical)
+            associate (it => study%critical(i))
+                call json%begin_object()
+                call json%add('value', it%value)
+                call json%add('uncertainty', it%uncertainty)
+                call json%add('crossing', crossing_name(it%crossing))
+                call json%add('eigenvalue', [real(it%eigenvalue, wp), aimag(it%eigenvalue)])
+                call json%add('grows_beyond', it%grows_beyond)
+                call json%end_object()
+            end associate
+        end do
+        call json%end_array()
+        call json%end_object()
+        call say(json%text)
+    end subroutine print_json
+end module tandem_cli_study_modes

@@ -1,0 +1,230 @@
+! SPDX-License-Identifier: MIT
+!> tandem sweep: many cases of a scene, one table.
+module tandem_cli_sweep
+    use tandem, only: error_type, is_input_error, long, to_text
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_interruption, only: caught_signal, watch_signals
+    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
+    use tandem_cli_sweep_progress, only: sweep_progress_type
+    use tandem_cli_sweep_summary, only: print_summary, print_summary_json
+    use tandem_io, only: case_runner_type, cores, csv_path, distribute, is_same_file, plan_type, processes_type, read_sweep, &
+        settings_of, sweep_journal_type, write_table
+    use tandem_status, only: status_interrupted
+    implicit none (type, external)
+    private
+
+    public :: sweep, sweep_setup_type, prepare_sweep, finish_sweep, code_of
+
+    !> What a sweep is from the command line on; whoever distributes the cases does so between `prepare_sweep` and `finish_sweep`.
+    type :: sweep_setup_type
+        type(plan_type) :: plan
+        !> The table, and the cases that are asked for.
+        character(len=:), allocatable :: output
+        integer(long) :: first = 1, last = 0
+        !> Whether these are all, so that the table follows.
+        logical :: is_whole = .true.
+        type(sweep_journal_type) :: journal
+        type(case_runner_type) :: runner
+        type(sweep_progress_type) :: progress
+    end type sweep_setup_type
+
+contains
+
+    !> Run a sweep.
+    subroutine sweep(arguments, code)
+        type(arguments_type), intent(in) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        type(sweep_setup_type), target :: setup
+        type(processes_type) :: team
+        type(error_type), allocatable :: error
+        integer :: jobs
+
+        call prepare_sweep(arguments, setup, error)
+        jobs = cores()
+        if (.not. allocated(error)) call arguments%count_of('--jobs', 4096, jobs, error)
+        if (.not. allocated(error) .and. .not. arguments%merges .and. setup%journal%done <= setup%last - setup%first) then
+            call setup%progress%begin()
+            call team%prepare(setup%runner, int(min(int(jobs, long), setup%last - setup%first + 1 - setup%journal%done)))
+            call distribute(setup%journal, setup%plan%n_outputs(), setup%plan%max_seconds, team, setup%progress, error)
+        end if
+        if (.not. allocated(error)) call finish_sweep(arguments, setup, error)
+        call setup%progress%clear()
+        call setup%journal%close(.false.)
+        code = done
+        if (.not. allocated(error)) return
+        call complain(error%message)
+        code = code_of(error)
+    end subroutine sweep
+
+    !> The exit code of an error.
+    integer function code_of(error) result(code)
+        type(error_type), intent(in) :: error
+
+        code = run_failed
+        if (is_input_error(error%stat)) code = input_wrong
+        if (error%stat == status_interrupted) code = signalled + caught_signal()
+    end function code_of
+
+    !> Read the sweep, open its journal, read its scene.
+    subroutine prepare_sweep(arguments, setup, error)
+        type(arguments_type), intent(in) :: arguments
+        type(sweep_setup_type), intent(inout), target :: setup
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: name
+        logical :: exists, goes_on
+
+        call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
+        if (allocated(error)) return
+        ! Not before, so that a signal ends the program at once while it waits for a file that comes through a pipe.
+        call watch_signals()
+        call find_output(arguments, setup, error)
+        if (allocated(error)) return
+        setup%first = 1
+        setup%last = setup%plan%n_cases()
+        call read_range(arguments, setup, error)
+        if (allocated(error)) return
+        inquire (file=setup%output, exist=exists)
+        ! One that was to be overwritten when the sweep was ended is overwritten now.
+        inquire (file=setup%output//'.journal', exist=goes_on)
+        if (exists .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
+            call refuse(setup%output//' exists; choose another table with --output, or overwrite with --force', error)
+            return
+        end if
+        call setup%runner%prepare(setup%plan, arguments%models, error)
+        if (allocated(error)) return
+        name = setup%output//'.journal'
+        if (.not. setup%is_whole) name = setup%output//'.'//to_text(int(setup%first))//'-'//to_text(int(setup%last))//'.journal'
+        call setup%journal%open(name, settings_of(setup%plan), setup%plan%n_outputs(), setup%first, setup%last, arguments%force, &
+            error)
+        if (allocated(error)) return
+        setup%progress%quiet = arguments%quiet
+        if (setup%journal%resumed > 0) call setup%progress%remark('goes on: '//to_text(int(setup%journal%resumed))// &
+            ' cases are done already')
+        if (arguments%merges) call merge_parts(arguments, setup, error)
+    end subroutine prepare_sweep
+
+    !> Which table is asked for.
+    subroutine find_output(arguments, setup, error)
+        type(arguments_type), intent(in) :: arguments
+        type(sweep_setup_type), intent(inout) :: setup
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: name
+        integer :: last
+
+        name = setup%plan%path(index(setup%plan%path, '/', back=.true.) + 1:)
+        last = index(name, '.toml', back=.true.) - 1
+        if (last < 1) last = len(name)
+        setup%output = arguments%value_of('--output', name(:last)//'.h5')
+        if (is_same_file(setup%output, setup%plan%path) .or. is_same_file(setup%output, setup%plan%scene_path)) then
+            call refuse('the table '//setup%output//' is the sweep or the scene itself; choose another with --output', error)
+        end if
+    end subroutine find_output
+
+    !> --cases a:b
+    subroutine read_range(arguments, setup, error)
+        type(arguments_type), intent(in) :: arguments
+        type(sweep_setup_type), intent(inout) :: setup
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: text
+        integer(long) :: range(2)
+        integer :: colon, stat
+
+        text = arguments%value_of('--cases', '')
+        if (text == '') return
+        setup%is_whole = .false.
+        colon = index(text, ':')
+        stat = 1
+        if (colon > 1 .and. verify(text, ':0123456789') == 0 .and. index(text, ':', back=.true.) == colon) then
+            text(colon:colon) = ' '
+            read (text, *, iostat=stat) range
+            text(colon:colon) = ':'
+        end if
+        if (stat == 0) then
+            if (range(1) < 1 .or. range(1) > range(2)) stat = 1
+        end if
+        if (stat /= 0) then
+            call refuse('tandem sweep needs first:last after --cases, as in --cases 1:250, not "'//text//'"', error)
+        else if (arguments%merges) then
+            call refuse('tandem sweep takes --cases or --merge, not both', error)
+        else if (range(1) > setup%last) then
+            call refuse('tandem sweep --cases '//text//' asks for cases that are not there; there are '// &
+                to_text(int(setup%last)), error)
+        else
+            setup%first = range(1)
+            ! The last task of an array may have fewer.
+            setup%last = min(range(2), setup%last)
+        end if
+    end subroutine read_range
+
+    !> Take over what the tasks of an array have done.
+    subroutine merge_parts(arguments, setup, error)
+        type(arguments_type), intent(in) :: arguments
+        type(sweep_setup_type), intent(inout) :: setup
+        type(error_type), allocatable, intent(out) :: error
+        logical :: is_ours
+        integer :: i
+
+        do i = 2, size(arguments%scenes)
+            call setup%journal%take_from(trim(arguments%scenes(i)), settings_of(setup%plan), is_ours, error)
+            if (allocated(error)) return
+            if (.not. is_ours) then
+                call refuse(trim(arguments%scenes(i))//' holds no cases of this sweep, or cases of another build of tandem', error)
+                return
+            end if
+        end do
+    end subroutine merge_parts
+
+    !> Write the table, where all cases are there, and print what is in it.
+    subroutine finish_sweep(arguments, setup, error)
+        type(arguments_type), intent(in) :: arguments
+        type(sweep_setup_type), intent(inout) :: setup
+        type(error_type), allocatable, intent(out) :: error
+        integer(long) :: missing
+
+        missing = setup%last - setup%first + 1 - setup%journal%done
+        if (.not. setup%is_whole) then
+            call setup%progress%remark(to_text(int(setup%journal%done))//' cases are in '//setup%journal%path//', '// &
+                to_text(int(setup%journal%failed))//' of them failed; when all tasks are done, tandem sweep '// &
+                setup%plan%path//' --output '//setup%output//' --merge '//setup%output//'.*-*.journal makes the table')
+            return
+        end if
+        if (missing > 0) then
+            call refuse(to_text(int(missing))//' of '//to_text(int(setup%last))//' cases are in none of the journals, the '// &
+                'first '//first_missing(setup)//'; run them, or leave out --merge', error)
+            return
+        end if
+        call write_table(setup%output, setup%plan, setup%journal, error)
+        if (allocated(error)) return
+        call setup%journal%close(.true.)
+        call setup%progress%clear()
+        if (arguments%json) then
+            call print_summary_json(setup%output, setup%plan, setup%journal, error)
+        else if (.not. arguments%quiet) then
+            call print_summary(setup%output, setup%plan, setup%journal, error)
+            call say('files: '//setup%output//', '//csv_path(setup%output))
+        end if
+    end subroutine finish_sweep
+
+    !> The first case that is missing.
+    function first_missing(setup) result(text)
+        type(sweep_setup_type), intent(in) :: setup
+        character(len=:), allocatable :: text
+        integer(long) :: case
+
+        do case = setup%first, setup%last - 1
+            if (.not. setup%journal%has(case)) exit
+        end do
+        text = to_text(int(case))
+    end function first_missing
+
+    !> An error of the input.
+    subroutine refuse(message, error)
+        character(len=*), intent(in) :: message
+        type(error_type), allocatable, intent(out) :: error
+
+        allocate (error)
+        error%stat = -1
+        error%message = message
+    end subroutine refuse
+end module tandem_cli_sweep

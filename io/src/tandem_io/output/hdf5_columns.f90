@@ -1,0 +1,76 @@
+! SPDX-License-Identifier: MIT
+!> Datasets whose size is known and whose rows come block by block: tables too large for the memory.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_columns
+    implicit none (type, external)
+
+    interface
+        !> Whether HDF5 notes when an object was made.
+        function h5p_set_obj_track_times(properties, tracks) result(stat) bind(c, name='H5Pset_obj_track_times')
+            use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: properties
+            logical(c_bool), value :: tracks
+            integer(c_int) :: stat
+        end function h5p_set_obj_track_times
+    end interface
+
+contains
+
+    !> Make a dataset of known size and leave it open: (rows), or (rows, width) to C and Python.
+    module subroutine add_column(self, path, width, rows, counts, dataset)
+        use, intrinsic :: iso_c_binding, only: c_bool
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        integer, intent(in) :: width
+        integer(long), intent(in) :: rows
+        logical, intent(in) :: counts
+        integer(hid_t), intent(out) :: dataset
+        integer(hid_t) :: space, properties
+        integer :: stat, rank
+
+        dataset = -1_hid_t
+        if (allocated(self%problem)) return
+        rank = merge(1, 2, width == 0)
+        associate (sizes => [int(width, hsize_t), int(rows, hsize_t)])
+            call h5screate_simple_f(rank, sizes(3 - rank:), space, stat)
+        end associate
+        call self%note(stat, 'make '//path)
+        if (stat /= 0) return
+        call h5pcreate_f(h5p_dataset_create_f, properties, stat)
+        stat = int(h5p_set_obj_track_times(int(properties, c_int64_t), .false._c_bool))
+        call h5dcreate_f(self%file, path, merge(h5t_std_i64le, h5t_ieee_f64le, counts), space, dataset, stat, properties)
+        call self%note(stat, 'make '//path)
+        call h5pclose_f(properties, stat)
+        call h5sclose_f(space, stat)
+    end subroutine add_column
+
+    !> Write some rows of such a dataset.
+    module subroutine fill_column(self, dataset, path, width, before, values)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path
+        integer, intent(in) :: width
+        integer(long), intent(in) :: before
+        real(wp), intent(in), contiguous, target :: values(:, :)
+        integer(hid_t) :: file_space, memory_space
+        type(c_ptr) :: place
+        integer :: stat, rank
+
+        if (allocated(self%problem) .or. size(values) == 0) return
+        call forget_reason()
+        rank = merge(1, 2, width == 0)
+        associate (start => [0_hsize_t, int(before, hsize_t)], &
+            block => [int(width, hsize_t), size(values, 2, kind=hsize_t)], first => 3 - rank)
+            call h5dget_space_f(dataset, file_space, stat)
+            call self%note(stat, 'write '//path)
+            if (stat /= 0) return
+            call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
+            call h5screate_simple_f(rank, block(first:), memory_space, stat)
+        end associate
+        place = c_loc(values)
+        call h5dwrite_f(dataset, h5t_native_double, place, stat, memory_space, file_space)
+        call self%note(stat, 'write '//path)
+        call h5sclose_f(memory_space, stat)
+        call h5sclose_f(file_space, stat)
+    end subroutine fill_column
+end submodule tandem_io_output_hdf5_columns

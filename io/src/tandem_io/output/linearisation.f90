@@ -1,0 +1,90 @@
+! SPDX-License-Identifier: MIT
+!> A linearised system as an HDF5 file: /linearisation with the matrices, the eigenvalues and the modes.
+module tandem_io_output_linearisation
+    use tandem, only: cause_name, error_type, inputs_type, kind_name, linearisation_type, long, model_type, set_error, wp
+    use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_version, only: format_version, tandem_version
+    use tandem_status, only: status_output_failed
+    implicit none (type, external)
+    private
+
+    public :: write_linearisation
+
+    character(len=*), parameter :: group = '/linearisation'
+
+contains
+
+    !> Write the file, over one that is there. Matrices have their rows as readers of rows first see them.
+    subroutine write_linearisation(path, scene, model, it, io, error)
+        character(len=*), intent(in) :: path
+        !> The complete scene as text.
+        character(len=*), intent(in) :: scene
+        class(model_type), intent(in) :: model
+        type(linearisation_type), intent(in) :: it
+        type(inputs_type), intent(in) :: io
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+
+        call file%create(path)
+        call file%attach('/', 'format_version', int(format_version, long))
+        call file%attach('/', 'tandem_version', tandem_version)
+        call file%attach('/', 'study', 'linearisation')
+        call file%attach('/', 'scene', scene)
+        call file%add_group(group)
+        call file%attach(group, 'kind', trim(kind_name(it%kind)))
+        call file%attach(group, 'time', it%t)
+        call file%attach(group, 'residual', it%residual)
+        call file%attach(group, 'n_v', int(it%nv, long))
+        call file%attach(group, 'n_w', int(it%nw, long))
+        call file%put(group//'/a', it%a)
+        call file%put(group//'/b', io%b)
+        call file%put(group//'/c', io%c)
+        call file%put(group//'/d', io%d)
+        call file%put(group//'/v', it%v)
+        call file%put(group//'/g', it%g)
+        call file%put(group//'/w', it%w)
+        call file%attach(group//'/v', 'meaning', 'dq = v dv, dqd = g dv + w dw')
+        call file%put(group//'/q', it%q)
+        call file%put(group//'/qd', it%qd)
+        call put_names(file, model, it, io)
+        call put_modes(file, it)
+        call file%close()
+        if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
+    end subroutine write_linearisation
+
+    !> What the rows and columns are.
+    subroutine put_names(file, model, it, io)
+        type(hdf5_type), intent(inout) :: file
+        class(model_type), intent(in) :: model
+        type(linearisation_type), intent(in) :: it
+        type(inputs_type), intent(in) :: io
+        character(len=64) :: names(size(it%q))
+        integer :: i
+
+        do i = 1, size(names)
+            names(i) = model%coordinate_label(i)
+        end do
+        call file%put(group//'/coordinates', names)
+        call file%put(group//'/inputs', io%inputs)
+        call file%put(group//'/outputs', io%outputs)
+    end subroutine put_names
+
+    !> Eigenvalues [re, im], and what belongs to each; shapes one a row, zero where symmetries and families explain the eigenvalue.
+    subroutine put_modes(file, it)
+        type(hdf5_type), intent(inout) :: file
+        type(linearisation_type), intent(in) :: it
+        integer :: i
+
+        associate (spectrum => it%spectrum, n => size(it%spectrum%values))
+            call file%put(group//'/eigenvalues', reshape([real(spectrum%values, wp), aimag(spectrum%values)], [n, 2]))
+            call file%attach(group//'/eigenvalues', 'unit', '1/s')
+            call file%put(group//'/cause', cause_name(spectrum%cause))
+            call file%put(group//'/error', spectrum%error)
+            call file%put(group//'/frequency', [(spectrum%frequency(i), i=1, n)])
+            call file%attach(group//'/frequency', 'unit', 'Hz')
+            call file%put(group//'/damping_ratio', [(spectrum%damping_ratio(i), i=1, n)])
+            call file%put(group//'/shapes_re', transpose(real(spectrum%shapes, wp)))
+            call file%put(group//'/shapes_im', transpose(aimag(spectrum%shapes)))
+        end associate
+    end subroutine put_modes
+end module tandem_io_output_linearisation

@@ -1,0 +1,74 @@
+! SPDX-License-Identifier: MIT
+!> Reads what [initial] says of where the start settles: at an equilibrium, or in a steady motion; and takes it there.
+module tandem_io_scene_settling
+    use tandem, only: affine_motion_type, assemble, assembly_type, error_type, list_motions, model_type, motion_name_length, &
+        settling_type, wp
+    use tandem_io_scene_reader, only: reader_type
+    implicit none (type, external)
+    private
+
+    public :: read_settling, settle, any_motion
+
+    !> In the place of names: all symmetries.
+    character(len=*), parameter :: any_motion = 'any'
+
+contains
+
+    !> The keys of the table that is open.
+    subroutine read_settling(reader, model, rests, steady)
+        class(reader_type), intent(inout) :: reader
+        !> The model, defined.
+        class(model_type), intent(inout) :: model
+        !> Whether the start is to be an equilibrium; the names of motions along which it is to go on, none for no steady motion.
+        logical, intent(out) :: rests
+        character(len=motion_name_length), allocatable, intent(out) :: steady(:)
+        type(affine_motion_type), allocatable :: motions(:)
+        character(len=motion_name_length), allocatable :: choices(:)
+        integer :: i, last
+
+        rests = .false.
+        allocate (steady(0))
+        if (reader%failed()) return
+        call reader%get('equilibrium', rests, 'true: start at rest in the nearest equilibrium')
+        call list_motions(model, motions)
+        choices = [character(len=motion_name_length) :: any_motion, motions%name]
+        do i = 1, size(motions)
+            last = index(motions(i)%name, '_', back=.true.) - 1
+            if (last < 1) cycle
+            if (any(choices == motions(i)%name(:last))) cycle
+            choices = [character(len=motion_name_length) :: choices, motions(i)%name(:last)]
+        end do
+        call reader%get('steady', steady, choices, 'motions along which the nearest steady motion goes on; ["any"] for all')
+        if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
+    end subroutine read_settling
+
+    !> Take a start where it settles, after it was assembled where that is asked for.
+    subroutine settle(model, rests, steady, t, q, qd, settling, error, assembly)
+        class(model_type), intent(inout), target :: model
+        logical, intent(in) :: rests
+        character(len=*), intent(in) :: steady(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(:), qd(:)
+        !> What was found.
+        type(settling_type), intent(inout) :: settling
+        type(error_type), allocatable, intent(out) :: error
+        type(assembly_type), intent(in), optional :: assembly
+        type(assembly_type) :: request
+
+        if (present(assembly)) then
+            request = assembly
+            call assemble(model, request, t, q, qd, error)
+            if (allocated(error)) return
+        end if
+        if (rests) then
+            call settling%find_equilibrium(model, t, q, error)
+        else if (any(steady == any_motion)) then
+            call settling%find_steady_motion(model, t, q, qd, error)
+        else
+            call settling%find_steady_motion(model, t, q, qd, error, steady)
+        end if
+        if (allocated(error)) return
+        q = settling%q
+        qd = settling%qd
+    end subroutine settle
+end module tandem_io_scene_settling

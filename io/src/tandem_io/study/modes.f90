@@ -1,0 +1,375 @@
+! SPDX-License-Identifier: MIT
+!> Root loci: the eigenvalues of a scene's start over a value of it, and the critical values at which eigenvalues cross the
+!> imaginary axis.
+!>
+!> Between two samples, a real eigenvalue that has passed zero is one where the product of all has changed its sign; a pair that has
+!> passed the axis is matched with the nearest at the other end. Where the number of growing eigenvalues changes in another way, the
+!> interval is halved. What crosses and comes back between two samples is not seen.
+module tandem_io_study_modes
+    use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
+    use tandem_io_scene, only: read_scene, scene_type
+    use tandem_io_scene_registry, only: scene_model_type
+    use tandem_status, only: status_output_failed
+    implicit none (type, external)
+    private
+
+    public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, crossing_name
+
+    !> What crosses the axis: a real eigenvalue at zero, or a pair (Hopf).
+    integer, parameter :: at_zero = 1, at_pair = 2
+    character(len=4), parameter :: crossing_name(2) = [character(len=4) :: 'zero', 'hopf']
+    !> How often an interval is halved at most, and how many points a critical value may take.
+    integer, parameter :: deepest = 8, most_points = 80
+    !> A critical value is known where its bracket is this part of it, or of the interval.
+    real(wp), parameter :: finest = 1.0e-13_wp
+
+    !> The eigenvalues at one value.
+    type :: locus_point_type
+        real(wp) :: value = 0.0_wp
+        !> See `linearisation_type`.
+        integer :: kind = 0
+        !> All eigenvalues, sorted, their causes and errors.
+        complex(wp), allocatable :: values(:)
+        integer, allocatable :: cause(:)
+        real(wp), allocatable :: error(:)
+    end type locus_point_type
+
+    !> A value at which stability changes.
+    type :: critical_type
+        real(wp) :: value = 0.0_wp
+        !> `at_zero` or `at_pair`; the eigenvalue there.
+        integer :: crossing = 0
+        complex(wp) :: eigenvalue = (0.0_wp, 0.0_wp)
+        !> Whether it grows beyond the value, else before it.
+        logical :: grows_beyond = .false.
+        !> Half the width of what is left of the bracket.
+        real(wp) :: uncertainty = 0.0_wp
+    end type critical_type
+
+    type :: modes_type
+        !> The scene's path, the settings of the command line, and the key that is varied.
+        character(len=:), allocatable :: path, key, settings(:)
+        type(scene_model_type), allocatable :: models(:)
+        !> In the order of the values; the critical ones likewise.
+        type(locus_point_type), allocatable :: points(:)
+        type(critical_type), allocatable :: critical(:)
+    contains
+        procedure :: sample
+        procedure :: find_critical
+        procedure :: write_csv
+        procedure, private :: search
+        procedure, private :: find_zero
+        procedure, private :: interpolate
+        procedure, private :: find_pairs
+        procedure, private :: refine_pair
+    end type modes_type
+
+contains
+
+    !> The eigenvalues at a value.
+    subroutine sample(self, value, point, error)
+        class(modes_type), intent(in) :: self
+        real(wp), intent(in) :: value
+        type(locus_point_type), intent(out) :: point
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), allocatable, target :: scene
+        type(simulation_type), allocatable :: simulation
+        type(linearisation_type) :: it
+        character(len=max(len(self%settings), len(self%key) + 25)) :: settings(size(self%settings) + 1)
+        character(len=24) :: number
+
+        allocate (scene, simulation)
+        settings(:size(self%settings)) = self%settings
+        write (number, '(es24.16)') value
+        settings(size(settings)) = self%key//'='//trim(adjustl(number))
+        call read_scene(self%path, settings, scene, error, models=self%models)
+        if (allocated(error)) return
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        if (allocated(error)) return
+        call it%make(scene%model, simulation%state%t, simulation%state%q, simulation%state%qd, error)
+        if (allocated(error)) return
+        point%value = value
+        point%kind = it%kind
+        point%values = it%spectrum%values
+        point%cause = it%spectrum%cause
+        point%error = it%spectrum%error
+    end subroutine sample
+
+    !> All critical values between the samples.
+    subroutine find_critical(self, error)
+        class(modes_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, last, n(size(self%points))
+
+        allocate (self%critical(0))
+        n = [(count(self%points(i)%cause == of_motion), i=1, size(n))]
+        last = 1
+        do i = 2, size(n)
+            ! A sample at a critical value itself, where an eigenvalue counts among the zeros: look from either side.
+            if (i < size(n)) then
+                if (n(i) < min(n(i - 1), n(i + 1))) cycle
+            end if
+            call self%search(self%points(last), self%points(i), 0, error)
+            if (allocated(error)) return
+            last = i
+        end do
+    end subroutine find_critical
+
+    !> The critical values between two points.
+    recursive subroutine search(self, a, b, depth, error)
+        class(modes_type), intent(inout) :: self
+        type(locus_point_type), intent(in) :: a, b
+        integer, intent(in) :: depth
+        type(error_type), allocatable, intent(out) :: error
+        type(locus_point_type) :: middle
+        type(critical_type) :: found(size(a%values) + 1)
+        integer :: n, change
+
+        if (a%kind /= b%kind .and. min(a%kind, b%kind) == 3) return
+        n = 0
+        change = 0
+        if (product_sign(a)*product_sign(b) < 0) then
+            call self%find_zero(a, b, found, n, change, error)
+            if (allocated(error)) return
+        end if
+        call self%find_pairs(a, b, found, n, change, error)
+        if (allocated(error)) return
+        if (change /= growing(b) - growing(a) .and. depth < deepest) then
+            call self%sample((a%value + b%value)/2, middle, error)
+            if (.not. allocated(error)) call self%search(a, middle, depth + 1, error)
+            if (.not. allocated(error)) call self%search(middle, b, depth + 1, error)
+            return
+        end if
+        call sort(found(:n))
+        self%critical = [self%critical, found(:n)]
+    end subroutine search
+
+    !> In the order of their values.
+    pure subroutine sort(found)
+        type(critical_type), intent(inout) :: found(:)
+        type(critical_type) :: swap
+        integer :: i, k
+
+        do i = 1, size(found) - 1
+            k = i - 1 + minloc(found(i:)%value, dim=1)
+            swap = found(i)
+            found(i) = found(k)
+            found(k) = swap
+        end do
+    end subroutine sort
+
+    !> How many eigenvalues grow, beyond their errors.
+    pure integer function growing(point)
+        type(locus_point_type), intent(in) :: point
+
+        growing = count(point%cause == of_motion .and. real(point%values, wp) > 100*point%error)
+    end function growing
+
+    !> The sign of the product of the eigenvalues of the motion.
+    pure integer function product_sign(point)
+        type(locus_point_type), intent(in) :: point
+
+        product_sign = 1 - 2*modulo(count(point%cause == of_motion .and. .not. abs(aimag(point%values)) > 0.0_wp .and. &
+            real(point%values, wp) < 0.0_wp), 2)
+    end function product_sign
+
+    !> The real eigenvalue of the motion next to zero, with the sign of the product of all; zero where it counts among the zeros.
+    pure real(wp) function smallest_of(point, n) result(value)
+        type(locus_point_type), intent(in) :: point
+        !> How many eigenvalues of the motion there are elsewhere.
+        integer, intent(in) :: n
+
+        value = 0.0_wp
+        if (count(point%cause == of_motion) < n) return
+        value = product_sign(point)*minval(abs(point%values), &
+            point%cause == of_motion .and. .not. abs(aimag(point%values)) > 0.0_wp)
+    end function smallest_of
+
+    !> Where a real eigenvalue passes zero.
+    subroutine find_zero(self, a, b, found, n, change, error)
+        class(modes_type), intent(in) :: self
+        type(locus_point_type), intent(in) :: a, b
+        type(critical_type), intent(inout) :: found(:)
+        !> How many were found, and by how much the number of growing eigenvalues changes.
+        integer, intent(inout) :: n, change
+        type(error_type), allocatable, intent(out) :: error
+        type(bracket_type) :: bracket
+        type(locus_point_type) :: point
+        real(wp) :: x, value
+        integer :: i, n_motion, n_real
+
+        n_motion = count(a%cause == of_motion)
+        if (count(b%cause == of_motion) /= n_motion) return
+        bracket%a = a%value
+        bracket%b = b%value
+        bracket%value_a = smallest_of(a, n_motion)
+        bracket%value_b = smallest_of(b, n_motion)
+        do i = 1, most_points
+            if (is_fine(bracket, a, b)) exit
+            x = bracket%next_point()
+            call self%sample(x, point, error)
+            if (allocated(error)) return
+            value = smallest_of(point, n_motion)
+            if (.not. abs(value) > 0.0_wp) exit
+            call bracket%narrow(x, value)
+        end do
+        n = n + 1
+        found(n)%value = (bracket%a + bracket%b)/2
+        found(n)%uncertainty = (bracket%b - bracket%a)/2
+        if (.not. is_fine(bracket, a, b)) call self%interpolate(x, bracket, n_motion, found(n), error)
+        if (allocated(error)) return
+        found(n)%crossing = at_zero
+        ! The number of real ones that grow: to which side it went.
+        n_real = real_growing(b) - real_growing(a)
+        found(n)%grows_beyond = n_real > 0
+        change = change + sign(1, n_real)
+    end subroutine find_zero
+
+    !> Near its zero an eigenvalue counts among the zeros. So the value is interpolated between four points beside it, as a cubic
+    !> function of the eigenvalue; what a quadratic one differs by is its uncertainty.
+    subroutine interpolate(self, x, bracket, n_motion, found, error)
+        class(modes_type), intent(in) :: self
+        !> A value at which it does.
+        real(wp), intent(in) :: x
+        type(bracket_type), intent(in) :: bracket
+        integer, intent(in) :: n_motion
+        type(critical_type), intent(inout) :: found
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
+        type(locus_point_type) :: point
+        real(wp) :: values(4), delta
+        integer :: i
+
+        delta = min(x - bracket%a, bracket%b - x, 1.0e-3_wp*max(abs(bracket%a), abs(bracket%b)))/2
+        found%value = x
+        found%uncertainty = delta
+        do i = 1, 4
+            call self%sample(x + place(i)*delta, point, error)
+            if (allocated(error)) return
+            values(i) = smallest_of(point, n_motion)
+        end do
+        ! So near to an end of the interval that there is no room beside it.
+        if (any(abs(values) <= 0.0_wp) .or. values(2)*values(3) > 0.0_wp) return
+        found%value = x + delta*lagrange(values, place)
+        found%uncertainty = abs(delta)*abs(lagrange(values, place) - lagrange(values(:3), place(:3)))
+    end subroutine interpolate
+
+    !> The polynomial through (values, places) at zero.
+    pure real(wp) function lagrange(values, places) result(place)
+        real(wp), intent(in) :: values(:), places(:)
+        real(wp) :: weight
+        integer :: i, k
+
+        place = 0.0_wp
+        do i = 1, size(values)
+            weight = places(i)
+            do k = 1, size(values)
+                if (k /= i) weight = weight*values(k)/(values(k) - values(i))
+            end do
+            place = place + weight
+        end do
+    end function lagrange
+
+    !> How many real eigenvalues grow.
+    pure integer function real_growing(point)
+        type(locus_point_type), intent(in) :: point
+
+        real_growing = count(point%cause == of_motion .and. .not. abs(aimag(point%values)) > 0.0_wp .and. &
+            real(point%values, wp) > 0.0_wp)
+    end function real_growing
+
+    !> Where pairs pass the imaginary axis.
+    subroutine find_pairs(self, a, b, found, n, change, error)
+        class(modes_type), intent(in) :: self
+        type(locus_point_type), intent(in) :: a, b
+        type(critical_type), intent(inout) :: found(:)
+        integer, intent(inout) :: n, change
+        type(error_type), allocatable, intent(out) :: error
+        logical :: is_free(size(b%values))
+        integer :: i, k
+
+        is_free = b%cause == of_motion .and. aimag(b%values) > 0.0_wp
+        do i = 1, size(a%values)
+            if (a%cause(i) /= of_motion .or. .not. aimag(a%values(i)) > 0.0_wp .or. .not. any(is_free)) cycle
+            k = minloc(abs(b%values - a%values(i)), dim=1, mask=is_free)
+            is_free(k) = .false.
+            if (min(abs(real(a%values(i), wp)) - 100*a%error(i), abs(real(b%values(k), wp)) - 100*b%error(k)) <= 0.0_wp) cycle
+            if ((real(a%values(i), wp) > 0.0_wp) .eqv. (real(b%values(k), wp) > 0.0_wp)) cycle
+            n = n + 1
+            call self%refine_pair(a, b, a%values(i), b%values(k), found(n), error)
+            if (allocated(error)) return
+            change = change + merge(2, -2, found(n)%grows_beyond)
+        end do
+    end subroutine find_pairs
+
+    !> The place where the real part of a pair vanishes, which is followed from both ends.
+    subroutine refine_pair(self, a, b, value_a, value_b, found, error)
+        class(modes_type), intent(in) :: self
+        type(locus_point_type), intent(in) :: a, b
+        complex(wp), intent(in) :: value_a, value_b
+        type(critical_type), intent(inout) :: found
+        type(error_type), allocatable, intent(out) :: error
+        type(bracket_type) :: bracket
+        type(locus_point_type) :: point
+        complex(wp) :: at_a, at_b, expected, value
+        real(wp) :: x
+        integer :: i
+
+        at_a = value_a
+        at_b = value_b
+        value = (at_a + at_b)/2
+        bracket%a = a%value
+        bracket%b = b%value
+        bracket%value_a = real(at_a, wp)
+        bracket%value_b = real(at_b, wp)
+        do i = 1, most_points
+            if (is_fine(bracket, a, b)) exit
+            x = bracket%next_point()
+            call self%sample(x, point, error)
+            if (allocated(error)) return
+            expected = at_a + (x - bracket%a)/(bracket%b - bracket%a)*(at_b - at_a)
+            value = point%values(minloc(abs(point%values - expected), dim=1, mask=point%cause == of_motion))
+            call bracket%narrow(x, real(value, wp))
+            if (bracket%a >= x) at_a = value
+            if (bracket%b <= x) at_b = value
+        end do
+        found%value = (bracket%a + bracket%b)/2
+        found%uncertainty = (bracket%b - bracket%a)/2
+        found%crossing = at_pair
+        found%eigenvalue = cmplx(0.0_wp, abs(aimag(value)), wp)
+        found%grows_beyond = bracket%value_b > 0.0_wp
+    end subroutine refine_pair
+
+    !> Whether a bracket is as narrow as can be.
+    pure logical function is_fine(bracket, a, b)
+        type(bracket_type), intent(in) :: bracket
+        type(locus_point_type), intent(in) :: a, b
+
+        is_fine = abs(bracket%b - bracket%a) <= finest*max(abs(bracket%a), abs(bracket%b), b%value - a%value)
+    end function is_fine
+
+    !> All eigenvalues as lines `value,re,im,cause`.
+    subroutine write_csv(self, file, error)
+        class(modes_type), intent(in) :: self
+        character(len=*), intent(in) :: file
+        type(error_type), allocatable, intent(out) :: error
+        character(len=8), parameter :: cause(3) = [character(len=8) :: 'motion', 'symmetry', 'family']
+        integer :: unit, stat, i, k
+        character(len=200) :: message
+
+        message = ''
+        open (newunit=unit, file=file, action='write', status='replace', iostat=stat, iomsg=message)
+        if (stat == 0) write (unit, '(a)', iostat=stat, iomsg=message) 'value,re,im,cause'
+        do i = 1, size(self%points)
+            do k = 1, size(self%points(i)%values)
+                if (stat /= 0) exit
+                associate (value => self%points(i)%values(k))
+                    write (unit, '(2(es24.16, ","), es24.16, ",", a)', iostat=stat, iomsg=message) self%points(i)%value, &
+                        real(value, wp), aimag(value), trim(cause(self%points(i)%cause(k)))
+                end associate
+            end do
+        end do
+        if (stat == 0) close (unit, iostat=stat, iomsg=message)
+        if (stat /= 0) call set_error(error, status_output_failed, 'cannot write '//file//': '//trim(message))
+    end subroutine write_csv
+end module tandem_io_study_modes

@@ -1,0 +1,175 @@
+! SPDX-License-Identifier: MIT
+!> Runs the cases of a sweep, one after the other. The scene is read from its file once; for each case its values change in what
+!> was read, and the model, the start and the options are made from that anew: so all checks of a scene hold for each case, and no
+!> case knows of those before it.
+module tandem_io_sweep_case
+    use tandem, only: error_type, long, simulation_type, to_text, wp
+    use tandem_io_output_observers, only: observer_list_type
+    use tandem_io_output_trajectory, only: trajectory_type
+    use tandem_io_scene, only: interpret_scene, open_scene, read_scene, scene_type
+    use tandem_io_scene_reader, only: reader_type
+    use tandem_io_scene_registry, only: scene_model_type
+    use tandem_io_sweep_carriers, only: joined, settings_of_case
+    use tandem_io_sweep_plan, only: plan_type
+    use tandem_io_sweep_record, only: message_length, record_type
+    use tandem_io_sweep_recorder, only: recorder_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: case_runner_type
+
+    type :: case_runner_type
+        !> The sweep, the caller's.
+        type(plan_type), pointer :: plan => null()
+        type(scene_model_type), allocatable, private :: models(:)
+        type(reader_type), private :: reader
+        type(recorder_type), private :: recorder
+        real(wp), allocatable, private :: numbers(:)
+        !> The numbers of the last case, of which only those that differ are told to the reader.
+        real(wp), allocatable, private :: last(:)
+    contains
+        procedure :: prepare
+        procedure :: run
+        procedure, private :: read_case
+        procedure, private :: integrate
+    end type case_runner_type
+
+contains
+
+    !> Read the scene.
+    subroutine prepare(self, plan, models, error)
+        class(case_runner_type), intent(inout) :: self
+        !> Must outlive the runner.
+        type(plan_type), intent(in), target :: plan
+        type(scene_model_type), intent(in) :: models(:)
+        type(error_type), allocatable, intent(out) :: error
+
+        self%plan => plan
+        allocate (self%models, source=models)
+        allocate (self%numbers(size(plan%inputs)))
+        allocate (self%last(size(plan%inputs)), source=ieee_value(1.0_wp, ieee_quiet_nan))
+        call open_scene(plan%scene_path, joined(plan%settings, plan%carriers), models, self%reader)
+        if (self%reader%failed()) then
+            call move_alloc(self%reader%error, error)
+            return
+        end if
+        self%reader%is_brief = .true.
+        call self%recorder%initialize(plan%kept)
+    end subroutine prepare
+
+    !> Run a case.
+    subroutine run(self, case, record)
+        class(case_runner_type), intent(inout) :: self
+        !> Its number, from 1.
+        integer(long), intent(in) :: case
+        !> What came of it.
+        type(record_type), intent(inout) :: record
+        type(scene_type), target :: scene
+        type(error_type), allocatable :: error
+        integer(long) :: from, to, rate
+
+        call system_clock(from)
+        self%recorder%values = ieee_value(1.0_wp, ieee_quiet_nan)
+        call self%plan%numbers_of(case, self%numbers)
+        call self%read_case(case, scene, error)
+        if (.not. allocated(error)) call self%integrate(case, scene, error)
+        call system_clock(to, rate)
+        record%case = case
+        record%seconds = real(to - from, wp)/real(rate, wp)
+        record%status = 0
+        record%message = ''
+        record%values = self%recorder%values
+        if (.not. allocated(error)) return
+        record%status = error%stat
+        record%message = on_one_line(error%message)
+        record%values = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine run
+
+    !> Make the scene of a case.
+    subroutine read_case(self, case, scene, error)
+        class(case_runner_type), intent(inout) :: self
+        integer(long), intent(in) :: case
+        type(scene_type), intent(inout) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        type(error_type), allocatable :: same
+        integer :: i
+
+        associate (plan => self%plan)
+            if (plan%folder == '') then
+                do i = 1, size(self%numbers)
+                    if (self%numbers(i) >= self%last(i) .and. self%numbers(i) <= self%last(i)) cycle
+                    call self%reader%change(size(plan%settings) + plan%inputs(i)%setting, plan%inputs(i)%element, &
+                        plan%atom_of(i, self%numbers(i)))
+                end do
+                self%last = self%numbers
+                call interpret_scene(plan%scene_path, self%models, self%reader, scene, error)
+            end if
+            ! Once more from its text: for the message, which is to show the value, and for the complete scene of a trajectory.
+            if (allocated(error) .or. plan%folder /= '') then
+                call read_scene(plan%scene_path, settings_of_case(plan, case), scene, same, models=self%models)
+                if (allocated(same)) call move_alloc(same, error)
+            end if
+            if (plan%max_seconds > 0.0_wp) then
+                if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) then
+                    scene%options%max_seconds = plan%max_seconds
+                end if
+            end if
+        end associate
+    end subroutine read_case
+
+    !> The run.
+    subroutine integrate(self, case, scene, error)
+        class(case_runner_type), intent(inout), target :: self
+        integer(long), intent(in) :: case
+        type(scene_type), intent(inout), target :: scene
+        type(error_type), allocatable, intent(out) :: error
+        type(simulation_type) :: simulation
+        type(trajectory_type), target :: trajectory
+        type(observer_list_type) :: observers
+        type(error_type), allocatable :: output_error
+        character(len=20) :: number
+        integer :: i
+
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        if (allocated(error)) return
+        do i = 1, size(scene%events)
+            call simulation%add_event(scene%events(i))
+        end do
+        if (self%plan%folder == '') then
+            call simulation%integrate(scene%t_end, error, self%recorder)
+            return
+        end if
+        write (number, '(i0.6)') case
+        scene%output%file = self%plan%folder//'/case_'//trim(number)//'.h5'
+        call trajectory%open(scene%output, simulation, error, scene%text, 'case '//trim(number)//' of '//self%plan%path, .true.)
+        if (allocated(error)) return
+        call observers%add(self%recorder)
+        call observers%add(trajectory)
+        call simulation%integrate(scene%t_end, error, observers)
+        call trajectory%close(simulation, error, output_error)
+        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+    end subroutine integrate
+
+    !> A message as a cell of a table.
+    pure function on_one_line(message) result(text)
+        character(len=*), intent(in) :: message
+        character(len=message_length) :: text
+        integer :: i, n
+
+        text = ''
+        n = 0
+        do i = 1, len(message)
+            if (n == len(text)) exit
+            ! Blanks at the beginning of a line only move its marks.
+            if (message(i:i) == new_line('a') .or. message(i:i) == ' ') then
+                if (n > 0) then
+                    if (text(n:n) /= ' ') n = n + 1
+                end if
+                cycle
+            end if
+            n = n + 1
+            text(n:n) = message(i:i)
+        end do
+    end function on_one_line
+end module tandem_io_sweep_case

@@ -1,0 +1,257 @@
+! SPDX-License-Identifier: MIT
+!> What is kept of a case: a quantity of the motion, and what is taken of it.
+module tandem_io_sweep_kept
+    use tandem, only: figure_reader_type, label_length, long, model_type, statistics_type, tell_figures, to_text, wp
+    use tandem_io_scene, only: scene_type
+    use tandem_io_scene_text, only: listed, nearest_name
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: kept_type, take_names, take_default, take_end, take_start, take_min, take_max, take_time_of_min, take_time_of_max
+    public :: take_mean, take_first, take_last, take_count, take_times, find_figure
+    public :: of_q, of_qd, of_qdd, of_lambda, of_kinetic, of_potential, of_energy, of_error, of_step, of_sensor, of_event, of_figure
+
+    !> What is taken of a quantity, in the order of their names.
+    integer, parameter :: take_default = 0, take_end = 1, take_start = 2, take_min = 3, take_max = 4, take_time_of_min = 5, &
+        take_time_of_max = 6, take_mean = 7, take_first = 8, take_last = 9, take_count = 10, take_times = 11
+    character(len=12), parameter :: take_names(11) = [character(len=12) :: 'end', 'start', 'min', 'max', 'time_of_min', &
+        'time_of_max', 'mean', 'first', 'last', 'count', 'times']
+
+    !> What a quantity is.
+    integer, parameter :: of_q = 1, of_qd = 2, of_qdd = 3, of_lambda = 4, of_kinetic = 5, of_potential = 6, of_energy = 7, &
+        of_error = 8, of_step = 9, of_sensor = 10, of_event = 11, of_figure = 12
+
+    !> The quantities without an index.
+    character(len=18), parameter :: words(7) = [character(len=18) :: 'kinetic_energy', 'potential_energy', 'energy', &
+        'position_error', 'velocity_error', 'acceleration_error', 'step']
+    integer, parameter :: word_kind(7) = [of_kinetic, of_potential, of_energy, of_error, of_error, of_error, of_step]
+    integer, parameter :: word_index(7) = [1, 1, 1, 1, 2, 3, 1]
+    character(len=4), parameter :: word_unit(7) = [character(len=4) :: 'J', 'J', 'J', '1', '1', '1', 's']
+
+    !> One entry of `[[keep]]`.
+    type :: kept_type
+        !> Its name in the table, its quantity as it was written, and its unit.
+        character(len=64) :: name = ''
+        character(len=:), allocatable :: quantity
+        character(len=label_length) :: unit = ''
+        !> One of the kinds above, and which of them.
+        integer :: kind = of_q, index = 1
+        integer :: take = take_default
+        !> Times at which the quantity is taken; not allocated where it is not.
+        real(wp), allocatable :: times(:)
+        !> The figure's name.
+        character(len=:), allocatable :: figure
+    contains
+        procedure :: width
+        procedure :: resolve
+        procedure, private :: find_indexed
+        procedure, private :: find_sensor
+    end type kept_type
+
+    !> Looks for one figure of a run.
+    type, extends(figure_reader_type) :: finder_type
+        character(len=:), allocatable :: name
+        real(wp) :: number = 0.0_wp
+        logical :: is_found = .false.
+        !> All names, for messages.
+        character(len=:), allocatable :: names
+    contains
+        procedure :: count => take_count_of
+        procedure :: value => take_value_of
+    end type finder_type
+
+contains
+
+    !> How many numbers it gives.
+    pure integer function width(self)
+        class(kept_type), intent(in) :: self
+
+        width = 1
+        if (allocated(self%times)) width = size(self%times)
+    end function width
+
+    !> Find what the quantity is in a scene.
+    subroutine resolve(self, scene, problem)
+        class(kept_type), intent(inout) :: self
+        type(scene_type), intent(in) :: scene
+        !> Why there is no such quantity; empty where there is.
+        character(len=:), allocatable, intent(out) :: problem
+        type(statistics_type) :: statistics
+        character(len=:), allocatable :: wanted
+        real(wp) :: number
+        integer :: i, colon
+
+        problem = ''
+        colon = index(self%quantity, ':')
+        wanted = trim(adjustl(self%quantity(colon + 1:)))
+        select case (self%quantity(:max(0, colon - 1)))
+        case ('q')
+            call self%find_indexed(scene%model, of_q, wanted, problem)
+        case ('qd')
+            call self%find_indexed(scene%model, of_qd, wanted, problem)
+        case ('qdd')
+            call self%find_indexed(scene%model, of_qdd, wanted, problem)
+        case ('lambda')
+            call self%find_indexed(scene%model, of_lambda, wanted, problem)
+        case ('sensor')
+            call self%find_sensor(scene%model, wanted, problem)
+        case ('event')
+            self%kind = of_event
+            self%unit = 's'
+            self%index = findloc(scene%events%name == wanted, .true., dim=1)
+            if (self%index == 0) problem = 'names no event of the scene; there are '//listed(scene%events%name)
+        case ('figure')
+            self%kind = of_figure
+            self%figure = wanted
+            call find_figure(statistics, wanted, number, problem)
+        case ('')
+            i = findloc(words == wanted, .true., dim=1)
+            if (i == 0) then
+                call self%find_indexed(scene%model, of_q, wanted, problem)
+                if (problem /= '') problem = problem//'; or '//listed(words)// &
+                    ', q:, qd:, qdd:, lambda:, sensor:, event: or figure: with a name behind it'
+            else
+                self%kind = word_kind(i)
+                self%index = word_index(i)
+                self%unit = word_unit(i)
+            end if
+        case default
+            problem = 'begins with none of q:, qd:, qdd:, lambda:, sensor:, event:, figure:'
+        end select
+        if (problem /= '') return
+        if (any(self%kind == [of_potential, of_energy]) .and. .not. associated(scene%model%potential_energy)) then
+            problem = 'asks for the potential energy, which the model does not have'
+        end if
+        if (self%take == take_default) then
+            self%take = take_end
+            if (self%kind == of_event) self%take = take_first
+        end if
+        if (self%kind == of_event .neqv. any(self%take == [take_first, take_last, take_count])) then
+            problem = 'cannot have take = "'//trim(take_names(self%take))//'"; an event has first, last or count, others do not'
+        else if (self%kind == of_figure .and. self%take /= take_end) then
+            problem = 'is a figure of the whole run: leave out take'
+        end if
+        if (self%take == take_time_of_min .or. self%take == take_time_of_max) self%unit = 's'
+        if (self%take == take_count) self%unit = '1'
+    end subroutine resolve
+
+    !> A coordinate or a constraint row by its name or its number.
+    subroutine find_indexed(self, model, kind, wanted, problem)
+        class(kept_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        integer, intent(in) :: kind
+        character(len=*), intent(in) :: wanted
+        character(len=:), allocatable, intent(inout) :: problem
+        character(len=label_length), allocatable :: names(:)
+        integer :: i, n
+
+        n = model%n
+        if (kind == of_lambda) n = model%n_constraints()
+        allocate (names(n))
+        do i = 1, n
+            if (kind == of_lambda) then
+                names(i) = model%row_name(i)
+            else
+                names(i) = 'q'//to_text(i)
+                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
+            end if
+        end do
+        self%kind = kind
+        self%index = findloc(names == wanted, .true., dim=1)
+        if (self%index == 0) then
+            problem = '"'//wanted//'" names no '//trim(merge('constraint', 'coordinate', kind == of_lambda))//'; there are '// &
+                listed(names(:min(n, 30)))
+            if (nearest_name(wanted, names) /= '') problem = problem//'; did you mean "'//nearest_name(wanted, names)//'"?'
+            return
+        end if
+        if (kind == of_lambda) then
+            if (allocated(model%multiplier_unit)) self%unit = model%multiplier_unit(self%index)
+        else if (allocated(model%coordinate_unit)) then
+            self%unit = model%coordinate_unit(self%index)
+            if (kind /= of_q) self%unit = trim(self%unit)//trim(merge('/s  ', '/s^2', kind == of_qd))
+        end if
+    end subroutine find_indexed
+
+    !> A number of a sensor, `NAME/WHAT` or `NAME/WHAT[i]`.
+    subroutine find_sensor(self, model, wanted, problem)
+        class(kept_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        character(len=*), intent(in) :: wanted
+        character(len=:), allocatable, intent(inout) :: problem
+        character(len=:), allocatable :: path
+        integer :: i, bracket, element, before, stat
+
+        self%kind = of_sensor
+        self%index = 0
+        problem = 'needs a model with sensors'
+        if (.not. allocated(model%quantities)) return
+        path = wanted
+        element = 0
+        bracket = index(wanted, '[')
+        if (bracket > 0) then
+            path = wanted(:bracket - 1)
+            read (wanted(bracket + 1:max(bracket + 1, len(wanted) - 1)), *, iostat=stat) element
+            if (stat /= 0) element = -1
+        end if
+        before = 0
+        do i = 1, size(model%quantities)
+            associate (quantity => model%quantities(i))
+                if (quantity%path == path) then
+                    problem = '"'//path//'" is a single number; write it without [ ]'
+                    if (quantity%width > 0) problem = '"'//path//'" has '//to_text(quantity%width)// &
+                        ' numbers; write which, as in '//path//'[1]'
+                    if (element < min(1, quantity%width) .or. element > quantity%width) return
+                    self%index = before + max(1, element)
+                    self%unit = quantity%unit
+                    problem = ''
+                    return
+                end if
+                before = before + max(1, quantity%width)
+            end associate
+        end do
+        problem = 'names nothing that a sensor tells; there are '//listed(model%quantities(:min(30, size(model%quantities)))%path)
+        if (nearest_name(path, model%quantities%path) /= '') problem = problem//'; did you mean "'// &
+            nearest_name(path, model%quantities%path)//'"?'
+    end subroutine find_sensor
+
+    !> A figure of a run by its name.
+    subroutine find_figure(statistics, name, number, problem)
+        type(statistics_type), intent(in) :: statistics
+        character(len=*), intent(in) :: name
+        !> NaN where there is none.
+        real(wp), intent(out) :: number
+        character(len=:), allocatable, intent(out) :: problem
+        type(finder_type) :: finder
+
+        finder%name = name
+        finder%names = ''
+        call tell_figures(statistics, finder)
+        problem = ''
+        number = finder%number
+        if (finder%is_found) return
+        number = ieee_value(1.0_wp, ieee_quiet_nan)
+        problem = 'names no figure of a run; there are '//finder%names(3:)
+    end subroutine find_figure
+
+    !> A counter.
+    subroutine take_count_of(self, name, number)
+        class(finder_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer(long), intent(in) :: number
+
+        call self%value(name, real(number, wp))
+    end subroutine take_count_of
+
+    !> A number.
+    subroutine take_value_of(self, name, number)
+        class(finder_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: number
+
+        self%names = self%names//', '//name
+        if (name /= self%name) return
+        self%number = number
+        self%is_found = .true.
+    end subroutine take_value_of
+end module tandem_io_sweep_kept

@@ -1,0 +1,248 @@
+! SPDX-License-Identifier: MIT
+!> A sweep as its file describes it: a scene, what is varied and how, what is kept. Which values a case has follows from its number
+!> alone.
+!>
+!> Cases are counted from 1. The rows of a file of cases run slowest, then the lists, the first of them slowest, then the draws:
+!> all places of a grid see the same draws, so that they compare.
+module tandem_io_sweep_plan
+    use tandem, only: atom_type, is_number, long, wp
+    use tandem_io_sweep_kept, only: kept_type
+    use tandem_io_sweep_quantile, only: normal_quantile
+    use tandem_io_sweep_random, only: permuted, random_number_at, random_words, stream_draw, stream_shift, stream_stratum
+    use tandem_io_sweep_sobol, only: sobol_type
+    implicit none (type, external)
+    private
+
+    public :: plan_type, input_type, is_listed, is_from_file, is_uniform, is_log_uniform, is_normal, points_names, name_length
+    public :: random_points, latin_points, sobol_points
+
+    !> Length of the names of inputs.
+    integer, parameter :: name_length = 96
+    !> Where the values of an input come from.
+    integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5
+    !> How draws fill their space.
+    character(len=6), parameter :: points_names(3) = [character(len=6) :: 'random', 'latin', 'sobol']
+    integer, parameter :: random_points = 1, latin_points = 2, sobol_points = 3
+
+    !> Something that differs from case to case.
+    type :: input_type
+        !> The key of the scene, `table.key`, and the element of its list, 0 where the key is all of it.
+        character(len=:), allocatable :: path
+        integer :: element = 0
+        !> Its name in the table, and its unit.
+        character(len=name_length) :: name = ''
+        character(len=32) :: unit = ''
+        !> One of the kinds above.
+        integer :: kind = is_listed
+        !> The values of a list or of a file's column.
+        type(atom_type), allocatable :: values(:)
+        !> Ends of an interval, or mean and standard deviation.
+        real(wp) :: a = 0.0_wp, b = 1.0_wp
+        !> Its number among those that are drawn, and of the setting that gives it to the scene.
+        integer :: column = 0, setting = 0
+        !> Whether its values are no numbers; their places in the list stand for them then.
+        logical :: holds_texts = .false.
+    contains
+        procedure :: is_drawn
+        procedure :: drawn
+        procedure :: typical
+    end type input_type
+
+    type :: plan_type
+        !> Path and text of the sweep's file, and path of the scene.
+        character(len=:), allocatable :: path, text, scene_path
+        !> What the scene is given besides, as on the command line.
+        character(len=:), allocatable :: settings(:)
+        !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
+        character(len=:), allocatable :: carriers(:)
+        !> The scene with every default, for the table.
+        character(len=:), allocatable :: scene_text
+        type(input_type), allocatable :: inputs(:)
+        type(kept_type), allocatable :: kept(:)
+        !> Draws at each place of the grid, how they fill their space, and the seed.
+        integer :: draws = 1, points = random_points, seed = 1
+        !> Whether Sobol' points are shifted at random, and whether lists run side by side.
+        logical :: is_shifted = .true., is_side_by_side = .false.
+        !> Whether draws are arranged for Sobol' indices: blocks of two points A and B, and of A with one coordinate of B each.
+        logical :: is_for_indices = .false.
+        !> Most seconds of a case, 0 for no limit.
+        real(wp) :: max_seconds = 0.0_wp
+        !> A folder for whole trajectories; empty where none are kept.
+        character(len=:), allocatable :: folder
+        !> The checksum of the file of cases; blank where there is none.
+        character(len=16) :: file_sum = ''
+        !> Rows of the file of cases, places of the grid, draws at each of them.
+        integer(long) :: n_rows = 1, n_places = 1, n_draws = 1
+        integer :: n_drawn = 0
+        type(sobol_type), private :: sobol
+    contains
+        procedure :: complete
+        procedure :: n_cases
+        procedure :: n_outputs
+        procedure :: numbers_of
+        procedure :: atom_of
+        procedure, private :: place_between
+    end type plan_type
+
+contains
+
+    !> Whether an input is drawn at random.
+    pure logical function is_drawn(self)
+        class(input_type), intent(in) :: self
+
+        is_drawn = self%kind >= is_uniform
+    end function is_drawn
+
+    !> The value at a place between 0 and 1.
+    pure real(wp) function drawn(self, u) result(value)
+        class(input_type), intent(in) :: self
+        real(wp), intent(in) :: u
+
+        select case (self%kind)
+        case (is_uniform)
+            value = self%a + (self%b - self%a)*u
+        case (is_log_uniform)
+            value = exp(log(self%a) + (log(self%b) - log(self%a))*u)
+        case default
+            value = self%a + self%b*normal_quantile(u)
+        end select
+    end function drawn
+
+    !> A value that stands for all: the first of a list, the middle of what is drawn.
+    pure function typical(self) result(atom)
+        class(input_type), intent(in) :: self
+        type(atom_type) :: atom
+
+        if (self%is_drawn()) then
+            atom%number = self%drawn(0.5_wp)
+        else
+            atom = self%values(1)
+        end if
+    end function typical
+
+    !> Count the cases, once the inputs are there.
+    subroutine complete(self)
+        class(plan_type), intent(inout) :: self
+        integer :: i
+
+        self%n_drawn = 0
+        self%n_rows = 1
+        self%n_places = 1
+        do i = 1, size(self%inputs)
+            associate (input => self%inputs(i))
+                if (allocated(input%values)) input%holds_texts = any(input%values%kind /= is_number)
+                if (input%is_drawn()) then
+                    self%n_drawn = self%n_drawn + 1
+                    input%column = self%n_drawn
+                else if (input%kind == is_from_file) then
+                    self%n_rows = size(input%values)
+                else if (self%is_side_by_side) then
+                    self%n_places = size(input%values)
+                else
+                    self%n_places = self%n_places*size(input%values)
+                end if
+            end associate
+        end do
+        self%n_draws = self%draws
+        if (self%is_for_indices) self%n_draws = self%n_draws*(self%n_drawn + 2)
+        if (self%points == sobol_points) call self%sobol%prepare(merge(2, 1, self%is_for_indices)*self%n_drawn)
+    end subroutine complete
+
+    !> How many cases there are.
+    pure integer(long) function n_cases(self)
+        class(plan_type), intent(in) :: self
+
+        n_cases = self%n_rows*self%n_places*self%n_draws
+    end function n_cases
+
+    !> How many numbers each case gives.
+    pure integer function n_outputs(self)
+        class(plan_type), intent(in) :: self
+        integer :: i
+
+        n_outputs = 0
+        do i = 1, size(self%kept)
+            n_outputs = n_outputs + self%kept(i)%width()
+        end do
+    end function n_outputs
+
+    !> The inputs of a case as numbers; of a list of texts, their places in it.
+    pure subroutine numbers_of(self, case, numbers)
+        class(plan_type), intent(in) :: self
+        !> From 1 to `n_cases`.
+        integer(long), intent(in) :: case
+        real(wp), intent(out) :: numbers(:)
+        integer(long) :: draw, place, row
+        integer :: i, chosen
+
+        draw = mod(case - 1, self%n_draws)
+        place = mod((case - 1)/self%n_draws, self%n_places)
+        row = (case - 1)/self%n_draws/self%n_places
+        ! The last list runs fastest.
+        do i = size(self%inputs), 1, -1
+            associate (input => self%inputs(i))
+                if (input%is_drawn()) then
+                    numbers(i) = input%drawn(self%place_between(draw, input%column))
+                    cycle
+                else if (input%kind == is_from_file) then
+                    chosen = int(row) + 1
+                else if (self%is_side_by_side) then
+                    chosen = int(place) + 1
+                else
+                    chosen = int(mod(place, size(input%values, kind=long))) + 1
+                    place = place/size(input%values)
+                end if
+                if (input%holds_texts) then
+                    numbers(i) = real(chosen, wp)
+                else
+                    numbers(i) = input%values(chosen)%number
+                end if
+            end associate
+        end do
+    end subroutine numbers_of
+
+    !> The value that a number of `numbers_of` stands for.
+    pure function atom_of(self, i, number) result(atom)
+        class(plan_type), intent(in) :: self
+        !> The input.
+        integer, intent(in) :: i
+        real(wp), intent(in) :: number
+        type(atom_type) :: atom
+
+        if (self%inputs(i)%holds_texts) then
+            atom = self%inputs(i)%values(nint(number))
+        else
+            atom%number = number
+        end if
+    end function atom_of
+
+    !> Where a draw lies between 0 and 1 in a column.
+    pure real(wp) function place_between(self, draw, column) result(u)
+        class(plan_type), intent(in) :: self
+        !> From 0 on.
+        integer(long), intent(in) :: draw
+        integer, intent(in) :: column
+        integer(long) :: point, words(4)
+        integer :: from, part
+
+        point = draw
+        from = column
+        if (self%is_for_indices) then
+            point = draw/(self%n_drawn + 2)
+            part = int(mod(draw, int(self%n_drawn + 2, long)))
+            ! Part 0 is A, part 1 is B, part j + 1 is A with coordinate j of B.
+            if (part == 1 .or. part == column + 1) from = column + self%n_drawn
+        end if
+        select case (self%points)
+        case (sobol_points)
+            words = 0
+            if (self%is_shifted) words = random_words(self%seed, 0_long, from, stream_shift)
+            u = (real(ieor(self%sobol%point(point, from), words(1)), wp) + 0.5_wp)*2.0_wp**(-32)
+        case (latin_points)
+            u = (real(permuted(self%seed, point, int(self%draws, long), from), wp) + &
+                random_number_at(self%seed, point, from, stream_stratum))/real(self%draws, wp)
+        case default
+            u = random_number_at(self%seed, point, from, stream_draw)
+        end select
+    end function place_between
+end module tandem_io_sweep_plan

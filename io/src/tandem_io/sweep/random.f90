@@ -1,0 +1,106 @@
+! SPDX-License-Identifier: MIT
+!> Random numbers that have no state: each follows from a seed and from its place, so that case k is the same wherever and after
+!> whatever it runs.
+!>
+!> The generator is Philox4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, Parallel random numbers: as easy as 1, 2, 3,
+!> SC 2011, doi 10.1145/2063384.2063405. Words of 32 bits stand in integers of 64, where their products are put together from
+!> halves that do not overflow.
+module tandem_io_sweep_random
+    use tandem, only: long, wp
+    implicit none (type, external)
+    private
+
+    public :: philox, random_words, random_number_at, permuted, stream_draw, stream_order, stream_stratum, stream_shift
+
+    !> What numbers are for; the same place gives other numbers in another stream.
+    integer, parameter :: stream_draw = 1, stream_order = 2, stream_stratum = 3, stream_shift = 4
+
+    integer(long), parameter :: mask = 2_long**32 - 1, half = 2_long**16 - 1
+
+contains
+
+    !> Four words of 32 bits, from a place of four and a key of two.
+    pure function philox(place, key) result(words)
+        integer(long), intent(in) :: place(4), key(2)
+        integer(long) :: words(4)
+        integer(long), parameter :: multiplier(2) = [int(z'D2511F53', long), int(z'CD9E8D57', long)]
+        integer(long), parameter :: weyl(2) = [int(z'9E3779B9', long), int(z'BB67AE85', long)]
+        integer, parameter :: rounds = 10
+        integer(long) :: keys(2), high(2), low(2)
+        integer :: i
+
+        words = place
+        keys = key
+        do i = 1, rounds
+            call multiply(multiplier(1), words(1), high(1), low(1))
+            call multiply(multiplier(2), words(3), high(2), low(2))
+            words = [ieor(ieor(high(2), words(2)), keys(1)), low(2), ieor(ieor(high(1), words(4)), keys(2)), low(1)]
+            keys = iand(keys + weyl, mask)
+        end do
+    end function philox
+
+    !> The halves of a product of two words of 32 bits.
+    pure subroutine multiply(a, b, high, low)
+        integer(long), intent(in) :: a, b
+        integer(long), intent(out) :: high, low
+        integer(long) :: lower, upper
+
+        lower = a*iand(b, half)
+        upper = a*ishft(b, -16)
+        lower = lower + ishft(iand(upper, half), 16)
+        low = iand(lower, mask)
+        high = ishft(upper, -16) + ishft(lower, -32)
+    end subroutine multiply
+
+    !> Four words of 32 bits for a case and a column.
+    pure function random_words(seed, case, column, stream) result(words)
+        integer, intent(in) :: seed
+        integer(long), intent(in) :: case
+        integer, intent(in) :: column, stream
+        integer(long) :: words(4)
+
+        words = philox([iand(case, mask), iand(ishft(case, -32), mask), int(column, long), int(stream, long)], &
+            [iand(int(seed, long), mask), 0_long])
+    end function random_words
+
+    !> A number between 0 and 1, both excluded: the middle of one of 2^52 equal parts.
+    pure real(wp) function random_number_at(seed, case, column, stream) result(number)
+        integer, intent(in) :: seed
+        integer(long), intent(in) :: case
+        integer, intent(in) :: column, stream
+        integer(long) :: words(4)
+
+        words = random_words(seed, case, column, stream)
+        number = (real(ior(ishft(words(1), 20), ishft(words(2), -12)), wp) + 0.5_wp)*2.0_wp**(-52)
+    end function random_number_at
+
+    !> Where a permutation of 0 ... n - 1 takes `i`: a Feistel network of six rounds on the next power of four, again until the
+    !> result is below n, which takes less than four tries on average. Nothing has to be stored, and each place is known alone.
+    pure integer(long) function permuted(seed, i, n, column) result(place)
+        integer, intent(in) :: seed
+        integer(long), intent(in) :: i, n
+        !> Each column has a permutation of its own.
+        integer, intent(in) :: column
+        integer, parameter :: rounds = 6
+        integer(long) :: left, right, next, words(4)
+        integer :: bits, round
+
+        bits = 1
+        do while (ishft(1_long, 2*bits) < n)
+            bits = bits + 1
+        end do
+        place = i
+        do
+            left = ishft(place, -bits)
+            right = iand(place, ishft(1_long, bits) - 1)
+            do round = 1, rounds
+                words = random_words(seed, ior(right, ishft(int(round, long), 40)), column, stream_order)
+                next = ieor(left, iand(words(1), ishft(1_long, bits) - 1))
+                left = right
+                right = next
+            end do
+            place = ior(ishft(left, bits), right)
+            if (place < n) return
+        end do
+    end function permuted
+end module tandem_io_sweep_random

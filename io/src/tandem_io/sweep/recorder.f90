@@ -1,0 +1,314 @@
+! SPDX-License-Identifier: MIT
+!> The observer of a case: takes what is to be kept while the motion goes by. Nothing is looked at that nobody asks for.
+module tandem_io_sweep_recorder
+    use tandem, only: at_end, at_event, at_start, error_type, observer_type, set_error, simulation_type, to_text, wp
+    use tandem_io_sweep_kept, only: find_figure, kept_type, of_energy, of_error, of_event, of_figure, of_kinetic, of_lambda, &
+        of_potential, of_q, of_qd, of_qdd, of_sensor, take_count, take_end, take_first, take_last, take_max, take_mean, &
+        take_min, take_start, take_time_of_max, take_time_of_min, take_times
+    use tandem_status, only: status_callback_failed
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+    private
+
+    public :: recorder_type
+
+    type, extends(observer_type) :: recorder_type
+        !> What is kept, and the numbers that were taken, one after the other; NaN where there are none.
+        type(kept_type), allocatable :: kept(:)
+        real(wp), allocatable :: values(:)
+        !> Where the numbers of each begin, how many times of it have passed, and its value at the last look.
+        integer, allocatable, private :: first(:), passed(:)
+        real(wp), allocatable, private :: last(:), extreme(:)
+        real(wp), private :: t_start = 0.0_wp, t_last = 0.0_wp
+        !> Whether steps are looked at, and times between them.
+        logical, private :: looks_at_steps = .false., looks_between = .false.
+        !> What the sensors and the multipliers are at the current look.
+        real(wp), allocatable, private :: sensors(:), lambda(:)
+        logical, private :: needs_sensors = .false., needs_lambda = .false.
+    contains
+        procedure :: initialize
+        procedure :: observe
+        procedure, private :: begin
+        procedure, private :: take_step
+        procedure, private :: take_between
+        procedure, private :: finish
+        procedure, private :: look
+        procedure, private :: value_now
+    end type recorder_type
+
+contains
+
+    !> Prepare for any number of cases.
+    subroutine initialize(self, kept)
+        class(recorder_type), intent(inout) :: self
+        !> Resolved.
+        type(kept_type), intent(in) :: kept(:)
+        integer :: i, n
+
+        allocate (self%kept, source=kept)
+        allocate (self%first(size(kept)), self%passed(size(kept)), self%last(size(kept)), self%extreme(size(kept)))
+        n = 0
+        do i = 1, size(kept)
+            self%first(i) = n + 1
+            n = n + kept(i)%width()
+        end do
+        allocate (self%values(n))
+        self%needs_sensors = any(kept%kind == of_sensor)
+        self%needs_lambda = any(kept%kind == of_lambda)
+        self%looks_at_steps = any(kept%take >= take_min .and. kept%take <= take_mean)
+        self%looks_between = any(kept%take == take_times)
+    end subroutine initialize
+
+    !> Look at the motion.
+    subroutine observe(self, simulation, occasion, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> `at_start`, `at_step`, `at_event` or `at_end`.
+        integer, intent(in) :: occasion
+        type(error_type), allocatable, intent(out) :: error
+
+        select case (occasion)
+        case (at_start)
+            call self%begin(simulation, error)
+        case (at_end)
+            call self%finish(simulation, error)
+        case default
+            if (self%looks_between) call self%take_between(simulation, occasion == at_event, error)
+            if (self%looks_at_steps) then
+                if (.not. allocated(error)) call self%take_step(simulation, error)
+            else if (simulation%model%measures_every_step .and. self%needs_sensors) then
+                ! Turns are counted from step to step.
+                if (.not. allocated(error)) call self%look(simulation, error)
+            end if
+        end select
+    end subroutine observe
+
+    !> The start.
+    subroutine begin(self, simulation, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i, stat
+
+        if (.not. allocated(self%lambda)) then
+            allocate (self%lambda(simulation%model%n_constraints()))
+            i = 0
+            if (allocated(simulation%model%quantities)) i = sum(max(1, simulation%model%quantities%width))
+            allocate (self%sensors(i))
+        end if
+        self%values = ieee_value(1.0_wp, ieee_quiet_nan)
+        self%passed = 0
+        self%t_start = simulation%state%t
+        self%t_last = self%t_start
+        call self%look(simulation, error)
+        if (allocated(error)) return
+        stat = 0
+        do i = 1, size(self%kept)
+            associate (kept => self%kept(i))
+                if (any(kept%kind == [of_event, of_figure]) .or. kept%take == take_end) cycle
+                self%last(i) = self%value_now(simulation, i, stat)
+                self%extreme(i) = self%last(i)
+                select case (kept%take)
+                case (take_start, take_min, take_max)
+                    self%values(self%first(i)) = self%last(i)
+                case (take_time_of_min, take_time_of_max)
+                    self%values(self%first(i)) = self%t_start
+                case (take_mean)
+                    self%values(self%first(i)) = 0.0_wp
+                case (take_times)
+                    do while (self%passed(i) < size(kept%times))
+                        if (kept%times(self%passed(i) + 1) > self%t_start) exit
+                        self%passed(i) = self%passed(i) + 1
+                        if (.not. kept%times(self%passed(i)) < self%t_start) then
+                            self%values(self%first(i) + self%passed(i) - 1) = self%last(i)
+                        end if
+                    end do
+                case default
+                    continue
+                end select
+            end associate
+        end do
+        call refuse(stat, simulation, error)
+    end subroutine begin
+
+    !> Extremes and means, at the end of a step.
+    subroutine take_step(self, simulation, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: value
+        integer :: i, stat
+
+        call self%look(simulation, error)
+        if (allocated(error)) return
+        stat = 0
+        associate (t => simulation%state%t)
+            do i = 1, size(self%kept)
+                if (self%kept(i)%take < take_min .or. self%kept(i)%take > take_mean) cycle
+                value = self%value_now(simulation, i, stat)
+                associate (place => self%values(self%first(i)))
+                    select case (self%kept(i)%take)
+                    case (take_min, take_time_of_min)
+                        if (value < self%extreme(i)) then
+                            self%extreme(i) = value
+                            place = merge(value, t, self%kept(i)%take == take_min)
+                        end if
+                    case (take_max, take_time_of_max)
+                        if (value > self%extreme(i)) then
+                            self%extreme(i) = value
+                            place = merge(value, t, self%kept(i)%take == take_max)
+                        end if
+                    case default
+                        ! The integral so far, by trapezoids.
+                        place = place + 0.5_wp*(t - self%t_last)*(self%last(i) + value)
+                    end select
+                end associate
+                self%last(i) = value
+            end do
+            self%t_last = t
+        end associate
+        call refuse(stat, simulation, error)
+    end subroutine take_step
+
+    !> Values at times that the last step has passed, by dense output.
+    subroutine take_between(self, simulation, is_before_event, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        !> Whether the end of the step is left for later, when an event has changed it.
+        logical, intent(in) :: is_before_event
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: end_of_step, t
+        integer :: i, stat
+
+        end_of_step = simulation%state%t
+        stat = 0
+        do i = 1, size(self%kept)
+            if (self%kept(i)%take /= take_times) cycle
+            associate (times => self%kept(i)%times)
+                do while (self%passed(i) < size(times))
+                    t = times(self%passed(i) + 1)
+                    if (t > end_of_step .or. (is_before_event .and. .not. t < end_of_step)) exit
+                    call simulation%look_at(t, error)
+                    if (.not. allocated(error)) call self%look(simulation, error)
+                    if (.not. allocated(error)) then
+                        self%passed(i) = self%passed(i) + 1
+                        self%values(self%first(i) + self%passed(i) - 1) = self%value_now(simulation, i, stat)
+                    end if
+                    call simulation%look_back()
+                    if (allocated(error)) return
+                end do
+            end associate
+        end do
+        call refuse(stat, simulation, error)
+    end subroutine take_between
+
+    !> The end: what is only taken there.
+    subroutine finish(self, simulation, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: problem
+        integer :: i, stat
+
+        call self%look(simulation, error)
+        if (allocated(error)) return
+        stat = 0
+        do i = 1, size(self%kept)
+            associate (kept => self%kept(i), place => self%values(self%first(i)))
+                if (kept%kind == of_figure) then
+                    call find_figure(simulation%statistics(), kept%figure, place, problem)
+                else if (kept%kind == of_event) then
+                    call take_event(simulation, kept, place)
+                else if (kept%take == take_end) then
+                    place = self%value_now(simulation, i, stat)
+                else if (kept%take == take_mean) then
+                    place = place/(simulation%state%t - self%t_start)
+                end if
+            end associate
+        end do
+        call refuse(stat, simulation, error)
+    end subroutine finish
+
+    !> When an event came, or how often.
+    subroutine take_event(simulation, kept, value)
+        class(simulation_type), intent(in) :: simulation
+        type(kept_type), intent(in) :: kept
+        !> As it was where the event never came.
+        real(wp), intent(inout) :: value
+        integer :: i, n
+
+        n = 0
+        do i = 1, simulation%n_events
+            if (simulation%events(i)%number /= kept%index) cycle
+            n = n + 1
+            if (kept%take == take_last .or. (kept%take == take_first .and. n == 1)) value = simulation%events(i)%t
+        end do
+        if (kept%take == take_count) value = real(n, wp)
+    end subroutine take_event
+
+    !> Let the model tell what several quantities share at the current state.
+    subroutine look(self, simulation, error)
+        class(recorder_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        stat = 0
+        associate (state => simulation%state)
+            if (self%needs_sensors) call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%sensors, stat)
+        end associate
+        if (self%needs_lambda) call simulation%multipliers(self%lambda)
+        call refuse(stat, simulation, error)
+    end subroutine look
+
+    !> The value of a quantity at the current state.
+    real(wp) function value_now(self, simulation, i, stat) result(value)
+        class(recorder_type), intent(in) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer, intent(in) :: i
+        !> Not zero where it could not be evaluated; else as it was.
+        integer, intent(inout) :: stat
+        real(wp) :: other
+        integer :: problem
+
+        problem = 0
+        value = 0.0_wp
+        associate (index => self%kept(i)%index)
+            select case (self%kept(i)%kind)
+            case (of_q)
+                value = simulation%state%q(index)
+            case (of_qd)
+                value = simulation%state%qd(index)
+            case (of_qdd)
+                value = simulation%state%qdd(index)
+            case (of_lambda)
+                value = self%lambda(index)
+            case (of_kinetic)
+                call simulation%kinetic_energy(value, problem)
+            case (of_potential)
+                call simulation%potential_energy(value, problem)
+            case (of_energy)
+                call simulation%kinetic_energy(value, problem)
+                if (problem == 0) call simulation%potential_energy(other, problem)
+                if (problem == 0) value = value + other
+            case (of_error)
+                value = simulation%errors(index)
+            case (of_sensor)
+                value = self%sensors(index)
+            case default
+                value = simulation%last_step
+            end select
+        end associate
+        if (problem /= 0) stat = problem
+    end function value_now
+
+    !> An error where something could not be evaluated.
+    subroutine refuse(stat, simulation, error)
+        integer, intent(in) :: stat
+        class(simulation_type), intent(in) :: simulation
+        type(error_type), allocatable, intent(out) :: error
+
+        if (stat /= 0) call set_error(error, status_callback_failed, 'a quantity that is kept could not be evaluated at t = '// &
+            to_text(simulation%state%t))
+    end subroutine refuse
+end module tandem_io_sweep_recorder

@@ -1,0 +1,95 @@
+! SPDX-License-Identifier: MIT
+!> Who runs the cases of a sweep: workers that take ranges of cases and hand back their records in order. What they are, processes
+!> of this machine or ranks of MPI, is the business of the types that extend this.
+module tandem_io_sweep_team
+    use tandem, only: error_type, long, wp
+    implicit none (type, external)
+    private
+
+    public :: team_type, event_type, nothing, a_record, a_loss
+
+    !> What a worker tells.
+    integer, parameter :: nothing = 0, a_record = 1, a_loss = 2
+
+    !> Something that a worker has told.
+    type :: event_type
+        !> One of the above.
+        integer :: kind = nothing
+        !> Who.
+        integer :: worker = 0
+        !> The record; of a loss, the first word is the signal that ended the worker.
+        integer(long), allocatable :: words(:)
+        integer :: n = 0
+    end type event_type
+
+    type, abstract :: team_type
+    contains
+        procedure(size_interface), deferred :: size
+        procedure(start_interface), deferred :: start
+        procedure(give_interface), deferred :: give
+        procedure(next_interface), deferred :: next
+        procedure(end_interface), deferred :: end_worker
+        procedure(dismiss_interface), deferred :: dismiss
+        procedure :: delay
+    end type team_type
+
+    abstract interface
+        !> How many workers there are.
+        integer function size_interface(self)
+            import :: team_type
+            implicit none (type, external)
+            class(team_type), intent(in) :: self
+        end function size_interface
+
+        !> Start a worker, which is not there yet or was lost.
+        subroutine start_interface(self, worker, error)
+            import :: team_type, error_type
+            implicit none (type, external)
+            class(team_type), intent(inout) :: self
+            integer, intent(in) :: worker
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine start_interface
+
+        !> Give a worker cases after those that it has.
+        subroutine give_interface(self, worker, first, last)
+            import :: long, team_type
+            implicit none (type, external)
+            class(team_type), intent(inout) :: self
+            integer, intent(in) :: worker
+            integer(long), intent(in) :: first, last
+        end subroutine give_interface
+
+        !> The next thing that a worker has told, waiting for it so many milliseconds at most.
+        subroutine next_interface(self, milliseconds, event)
+            import :: event_type, team_type
+            implicit none (type, external)
+            class(team_type), intent(inout) :: self
+            integer, intent(in) :: milliseconds
+            type(event_type), intent(inout) :: event
+        end subroutine next_interface
+
+        !> End a worker that does not return. What it has told before is lost or not.
+        subroutine end_interface(self, worker)
+            import :: team_type
+            implicit none (type, external)
+            class(team_type), intent(inout) :: self
+            integer, intent(in) :: worker
+        end subroutine end_interface
+
+        !> Send all workers home.
+        subroutine dismiss_interface(self)
+            import :: team_type
+            implicit none (type, external)
+            class(team_type), intent(inout) :: self
+        end subroutine dismiss_interface
+    end interface
+
+contains
+
+    !> Seconds that may pass until something that a worker tells is heard; 0 unless overridden.
+    pure real(wp) function delay(self)
+        class(team_type), intent(in) :: self
+
+        delay = 0.0_wp
+    end function delay
+end module tandem_io_sweep_team

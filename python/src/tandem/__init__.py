@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""tandem: dynamics of multibody systems with holonomic and nonholonomic constraints.
+
+    import tandem
+    solution = tandem.solve(model, (0, 10), q, qd)      # equations of one's own, as functions of NumPy arrays
+    result = tandem.Mechanism.from_toml("four_bar.toml").run()      # bodies and joints
+    tandem.plot.overview(result).savefig("four_bar.pdf")
+    tandem.view(result, "four_bar.html")                # a page that plays the motion
+"""
+
+from importlib import metadata as _metadata
+
+from .errors import InvalidInput, NotEvaluable, ProgramError, RunFailed, TandemError
+from .mechanism import Mechanism
+from .model import FORCE, GAMMA, JACOBIAN, MASS, NU, PHI, Model, numba_signature
+from .problem import Event, assemble, check
+from .program import program_path, run_program, run_scene
+from .result import Result, read
+from .simulation import Occurrence, RunError, Simulation, State
+from .solve import Solution, solve
+
+try:
+    __version__ = _metadata.version("tandem")
+except _metadata.PackageNotFoundError:
+    __version__ = "unknown"
+
+__all__ = [
+    "FORCE", "GAMMA", "JACOBIAN", "MASS", "NU", "PHI", "Event", "InvalidInput", "Mechanism", "Model", "NotEvaluable", "Occurrence",
+    "ProgramError", "Result", "RunError", "RunFailed", "Simulation", "Solution", "State", "TandemError", "assemble", "check",
+    "numba_signature", "plot", "program_path", "read", "run_program", "run_scene", "solve", "view",
+]
+
+
+def __getattr__(name):
+    # Pictures and pages need packages that a run does not: they are loaded where they are asked for.
+    import importlib
+
+    if name == "plot":
+        return importlib.import_module(".plot", __name__)
+    if name == "view":
+        return importlib.import_module(".viewer", __name__).view
+    raise AttributeError(f"module 'tandem' has no attribute {name!r}")

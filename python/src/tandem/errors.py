@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: MIT
+"""How a call can end: every status of the library as an exception that a Python user expects."""
+
+from __future__ import annotations
+
+#: Names of the statuses by their codes, as doc/statuses.md lists them.
+STATUSES = {
+    0: "ok", -1: "invalid_option", -2: "invalid_model", -3: "inconsistent_start", -4: "rank_deficient", -5: "singular_mass",
+    -6: "callback_failed", -7: "not_evaluable", -8: "not_finite", -9: "position_diverged", -10: "chart_left",
+    -11: "constraints_not_held", -12: "step_underflow", -13: "step_limit", -14: "output_failed", -15: "newton_failed",
+    -16: "inconsistent_rows", -17: "event_limit", -18: "work_limit", -19: "invalid_checkpoint", -20: "interrupted",
+}
+
+
+class TandemError(RuntimeError):
+    """A call that failed.
+
+    `status` is the name of how it ended, `code` its number, `str(error)` says what is wrong and what to do. After a run of `solve`
+    that failed on its way, `solution` holds what was reached until then.
+    """
+
+    def __init__(self, message: str, code: int = 0, status: str | None = None):
+        super().__init__(message)
+        self.code = code
+        self.status = status or STATUSES.get(code, str(code))
+        self.solution = None
+
+
+class InvalidInput(TandemError, ValueError):
+    """Options, a model, a start or a checkpoint that cannot be."""
+
+
+class RunFailed(TandemError):
+    """A run that could not go on. The state is that of the last accepted step."""
+
+
+class ProgramError(TandemError):
+    """The program `tandem` is missing, or has refused what it was asked for; `code` is its exit code."""
+
+
+class NotEvaluable(Exception):
+    """Raise this in a function of a model where it has no value at this point, so that a smaller step is worth a try."""
+
+
+def error_of(code: int, message: str) -> TandemError:
+    """The exception for a status of the library."""
+    kind = InvalidInput if code in (-1, -2, -3, -16, -19) else RunFailed
+    return kind(message, code)

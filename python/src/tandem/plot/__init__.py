@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: MIT
+"""Pictures of motions: of results of the program, of their files, and of solutions of `tandem.solve`; one or several, which are
+compared. Each function gives a figure of matplotlib; `save` writes it as PNG, SVG or PDF.
+
+    tandem.plot.overview("rolling_disk.h5")
+    tandem.plot.coordinates(["a.h5", "b.h5"], ["rod.x", "d(rod.x)", "tip position y"])
+"""
+
+from .data import names_of
+from .pictures import coordinates, energies, errors, overview, phase, reactions, sensors, tracks
+from .style import COLOURS, save
+
+__all__ = ["COLOURS", "coordinates", "energies", "errors", "names_of", "overview", "phase", "reactions", "save", "sensors", "tracks"]

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: MIT
+"""Draws what is in result files; several files are compared.
+
+    tandem plot run.h5                                        an overview, run.png
+    tandem plot run.h5 --output run.pdf --kind tracks --plane xz
+    tandem plot a.h5 b.h5 --kind coordinates --names "rod.x,d(rod.x),tip position y"
+"""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+
+def add_arguments(parser) -> None:
+    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase"
+    parser.add_argument("files", nargs="+", metavar="FILE")
+    parser.add_argument("--output", metavar="PATH", help="the picture: .png, .svg or .pdf (the name of the first file, .png)")
+    parser.add_argument("--kind", default="overview", metavar="KIND", help=kinds)
+    parser.add_argument("--names", metavar="A,B...", help="what is drawn: coordinates, d(coordinate), sensors, points")
+    parser.add_argument("--plane", metavar="XY", help="of tracks: two of x, y and z")
+    parser.add_argument("--title", metavar="TEXT")
+
+
+def run(given) -> int:
+    from .data import motions_of
+    from .pictures import KINDS
+    from .style import save
+
+    if given.kind not in KINDS:
+        raise ValueError(f"there is no kind {given.kind!r} of pictures; there are {', '.join(KINDS)}")
+    draw = KINDS[given.kind]
+    known = inspect.signature(draw).parameters
+    options = {"names": given.names.split(",") if given.names else None, "plane": given.plane, "title": given.title}
+    unused = [name for name, value in options.items() if value is not None and name not in known]
+    if unused:
+        raise ValueError(f"--{unused[0]} is not for the kind {given.kind}")
+    picture = given.output or f"{Path(given.files[0]).stem}.png"
+    results = motions_of(given.files)
+    one = len(results) == 1 or given.kind == "errors"
+    figure = draw(results[0] if one else results, **{name: value for name, value in options.items() if value is not None})
+    save(figure, picture)
+    print(picture)
+    return 0

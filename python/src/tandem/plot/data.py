@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""What pictures are of: results of the program, files of them, and solutions of `tandem.solve`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..result import Result, Series, read
+
+EULER = re.compile(r"(^|\.)e[0-3]$")
+
+
+def motion_of(given: Any) -> Result:
+    """A result: itself, read from its file, or a solution as one."""
+    if isinstance(given, Result):
+        return given
+    if isinstance(given, (str, Path)):
+        return read(given)
+    if hasattr(given, "t") and hasattr(given, "names"):
+        return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, report=given.statistics, status=given.status,
+                      message=given.message, scene={"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}})
+    raise TypeError(f"a picture is of a result, its file, or a solution, not of {type(given).__name__}")
+
+
+def motions_of(given: Any) -> list[Result]:
+    return [motion_of(one) for one in (given if isinstance(given, (list, tuple)) else [given])]
+
+
+def places(result: Result) -> dict[str, tuple[np.ndarray, str]]:
+    """Points whose track can be drawn: {name: (places (nt, 2 or 3), unit)}; of sensors, else of bodies, else the first coordinates."""
+    found = {name: (all_["position"].values, all_["position"].unit) for name, all_ in result.sensors.items() if "position" in all_}
+    if found:
+        return found
+    for pattern, order in ((r"^(?P<body>.+)\.(?P<axis>[xyz])$", "xyz"), (r"^(?P<body>r)(?P<axis>[xyz])$", "xyz"),
+                           (r"^(?P<axis>[xyz])(?P<body>\d*)$", "xyz")):
+        bodies: dict[str, dict[str, str]] = {}
+        for name in result.names:
+            if match := re.match(pattern, name):
+                bodies.setdefault(match["body"], {})[match["axis"]] = name
+        for body, axes in bodies.items():
+            if "x" in axes and "y" in axes:
+                names = [axes[axis] for axis in order if axis in axes]
+                found[body if body and body != "r" else "track"] = result.columns(*names), result.unit(names[0])
+        if found:
+            return found
+    if len(result.names) >= 2:
+        first, second = result.names[:2]
+        return {f"{second} over {first}": (result.columns(first, second), result.unit(first))}
+    return {}
+
+
+def scalars(result: Result) -> dict[str, Series]:
+    """Sensors that show one number: {"name what": series}."""
+    return {f"{name} {what}": one for name, all_ in result.sensors.items() for what, one in all_.items() if one.values.ndim == 1}
+
+
+def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
+    """A series by its name: a coordinate, `d(coordinate)` its rate, a diagnostic, `sensor what` or `sensor what axis`, of /joints and
+    /bodies too."""
+    if name in result.names:
+        return result[name], result.unit(name)
+    if match := re.fullmatch(r"d\((.+)\)", name):
+        if match[1] in result.names and result.qd is not None:
+            return result.qd[:, result.names.index(match[1])], rate_unit(result.unit(match[1]))
+    if name in result.diagnostics:
+        return result.diagnostics[name].values, result.diagnostics[name].unit
+    words = name.split()
+    for all_ in (result.sensors, *result.groups.values()):
+        if len(words) in (2, 3) and words[0] in all_ and words[1] in all_[words[0]]:
+            one = all_[words[0]][words[1]]
+            if one.values.ndim == 1:
+                return one.values, one.unit
+            columns = list(one.names or "xyz"[:one.values.shape[1]])
+            if len(words) == 2:
+                return np.linalg.norm(one.values, axis=1), one.unit
+            if words[2] in columns:
+                return one.values[:, columns.index(words[2])], one.unit
+    raise KeyError(f"there is no series {name!r}; there are {', '.join(names_of(result))}")
+
+
+def names_of(result: Result) -> list[str]:
+    """All names that `series_named` knows, of vectors their components too."""
+    names = [*result.names, *(f"d({name})" for name in result.names if result.qd is not None), *result.diagnostics]
+    for all_ in (result.sensors, *result.groups.values()):
+        for name, whats in all_.items():
+            for what, one in whats.items():
+                names.append(f"{name} {what}")
+                if one.values.ndim > 1:
+                    names += [f"{name} {what} {axis}" for axis in one.names or "xyz"[:one.values.shape[1]]]
+    return names
+
+
+def rate_unit(unit: str) -> str:
+    return "1/s" if unit in ("", "1") else f"{unit}/s"
+
+
+def chosen(result: Result, most: int = 4) -> list[str]:
+    """What is worth a look where nobody says: sensors that show a number, else the coordinates that move most, and no Euler
+    parameters."""
+    if sensors := list(scalars(result)):
+        return sensors[:most]
+    names = [name for name in result.names if not EULER.search(name)] or result.names
+    moved = [(-np.ptp(result[name]), i, name) for i, name in enumerate(names)]
+    best = sorted(moved)[:most]
+    return [name for _, _, name in sorted(best, key=lambda row: row[1])]

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: MIT
+"""A problem of the library: its handle, with the model's functions, options and events given to it."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import signal
+import threading
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .callbacks import Guard, address_of
+from .errors import InvalidInput, error_of
+from .library import library
+from .model import TERMS, Model, constant
+
+INTEGERS = {"max_steps", "max_evaluations", "max_events", "iteration_limit", "constant_mass"}
+TEXTS = {"stepper", "chart", "refresh", "basis", "projection", "velocity_metric"}
+LISTS = {"rtol_q", "rtol_qd", "atol_q", "atol_qd", "fixed_q", "fixed_qd", "weight_q", "weight_qd", "coordinate_scale", "breakpoints",
+         "nu_jumps", "mass_blocks"}
+SETTERS = {"t q": "set_position_function", "q": "set_position_function", "t q qd": "set_motion_function",
+           "q qd": "set_motion_function"}
+
+
+@dataclass
+class Event:
+    """What a run watches: where a function of (t, q, qd), or an entry of "q", "qd" or "lambda", passes through a value.
+
+    `direction`: 1 where it rises, -1 where it falls, 0 for both. `stops`: the run ends there; else it is recorded. A plain
+    function with the attributes `terminal` and `direction`, as SciPy has them, will do too."""
+
+    function: Callable | None = None
+    name: str = ""
+    quantity: str = "q"
+    index: int = 0
+    value: float = 0.0
+    direction: int = 0
+    stops: bool = False
+
+    @classmethod
+    def of(cls, given: Any) -> Event:
+        """An event as given: itself, a function, or a dictionary of its fields."""
+        if isinstance(given, cls):
+            return given
+        if isinstance(given, Mapping):
+            return cls(**given)
+        if callable(given) or address_of(given) is not None:
+            return cls(given, getattr(given, "__name__", "").replace("<lambda>", ""), direction=int(np.sign(getattr(given, "direction", 0))),
+                       stops=bool(getattr(given, "terminal", False)))
+        raise TypeError(f"an event is a function of (t, q, qd) or a tandem.Event, not {given!r}")
+
+
+def as_state(name: str, values: Any, n: int) -> np.ndarray:
+    """Coordinates or velocities as the library takes them: a copy, of whatever kind and order the numbers were."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"{name} holds {array.dtype} numbers: it must hold real ones")
+    if array.shape != (n,):
+        raise ValueError(f"{name} has the shape {array.shape}: the model has {n} coordinates, so it must be ({n},)")
+    return np.array(array, dtype=np.float64)
+
+
+def pointer(array: np.ndarray | None) -> int | None:
+    return None if array is None else array.ctypes.data
+
+
+class Problem:
+    """A model in the hands of the library. Not for two threads at the same time."""
+
+    def __init__(self, model: Model, options: Mapping[str, Any] | None = None, events: Sequence[Any] | Callable | None = None):
+        model.check_sizes()
+        self.model = model
+        self.n = int(model.n)
+        self.rows = int(model.n_holonomic + model.n_nonholonomic)
+        self._library = library()
+        self._guard = Guard(self.n)
+        handle = self._library.tandem_new(self.n, int(model.n_holonomic), int(model.n_nonholonomic), model.user_data)
+        if not handle:
+            raise MemoryError("there is no memory for a problem of tandem")
+        self._handle = handle
+        self._finalizer = weakref.finalize(self, self._library.tandem_free, handle)
+        # A size that cannot be is told now, not at the start.
+        message = self.message
+        if not message.startswith("ok"):
+            raise InvalidInput(message, -2)
+        self._give_model()
+        for name, value in (options or {}).items():
+            self.set_option(name, value)
+        self.events: list[Event] = []
+        if events is not None:
+            for event in [events] if callable(events) or isinstance(events, (Event, Mapping)) else events:
+                self._add_event(Event.of(event))
+
+    # --- calls ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def message(self) -> str:
+        """What the last call had to say."""
+        return self._library.tandem_message(self._handle).decode(errors="replace")
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """A function of the library: the exception of a callback comes first, then that of its status."""
+        code = getattr(self._library, f"tandem_{name}")(self._handle, *arguments)
+        if self._guard.raised:
+            first = self._guard.raised[0]
+            self._guard.raised.clear()
+            raise first
+        if code:
+            raise error_of(code, self.message)
+
+    @contextlib.contextmanager
+    def interruptible(self):
+        """Ctrl-C ends a call in which functions of Python run, also where the signal comes just outside of them."""
+        usual = (self._guard.has_python and threading.current_thread() is threading.main_thread()
+                 and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        if not usual:
+            yield
+            return
+        signals, codes = self._guard.signals, self._guard.codes
+        signals.clear()
+
+        def interrupt(number, frame):
+            signals.append(number)
+            # In the frame that the library calls, an exception would be lost: the next function raises it.
+            if frame is None or frame.f_code not in codes:
+                raise KeyboardInterrupt
+
+        signal.signal(signal.SIGINT, interrupt)
+        try:
+            yield
+            if signals:
+                raise KeyboardInterrupt
+        except Exception:
+            if signals:
+                raise KeyboardInterrupt from None
+            raise
+        finally:
+            signals.clear()
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    # --- the model -----------------------------------------------------------------------------------------------------
+
+    def _give_model(self) -> None:
+        model, guard = self.model, self._guard
+        settings = {name: getattr(model, name) for name in ("coordinate_scale", "breakpoints", "nu_jumps", "mass_blocks")}
+        is_constant = bool(model.constant_mass)
+        for name, value in model.terms().items():
+            words, shape_words = TERMS[name]
+            shape = model.shape_of(shape_words)
+            if 0 in shape:
+                continue
+            timeless, motion = not words.startswith("t"), len(words.split()) - words.startswith("t") == 2
+            if not callable(value) and address_of(value) is None:
+                value = constant(name, value, timeless, motion)
+                is_constant = is_constant or name == "mass_matrix"
+            entries = {"x": self.n, "y": self.rows, "qd": self.n}.get(words.split()[-1], self.n)
+            address = guard.address(name, value, shape, motion, timeless, entries)
+            self.call(SETTERS.get(words, "set_direction_function"), name.encode(), address)
+        if model.evaluate is not None:
+            provides = int(model.provides)
+            address = guard.evaluate(model.evaluate, int(model.n_holonomic), int(model.n_nonholonomic), provides)
+            self.call("set_evaluate", address, provides)
+        if is_constant:
+            self.set_option("constant_mass", 1)
+        for name, value in settings.items():
+            if value is not None:
+                self.set_option(name, value)
+        for row, name in enumerate(model.constraints or ()):
+            self.call("set_row_name", row, str(name).encode())
+
+    def set_option(self, name: str, value: Any) -> None:
+        """An option by its name in doc/options.md; lists are arrays, and rtol and atol may be lists too."""
+        if value is None:
+            return
+        if name in LISTS or (name in ("rtol", "atol") and np.ndim(value)):
+            array = np.ascontiguousarray(np.asarray(value, dtype=np.float64).reshape(-1))
+            for each in [name] if name in LISTS else [f"{name}_q", f"{name}_qd"]:
+                self.call("set_vector", each.encode(), array.size, pointer(array))
+        elif name in TEXTS or isinstance(value, str):
+            self.call("set_text", name.encode(), str(value).encode())
+        elif name in INTEGERS:
+            if int(value) != value:
+                raise TypeError(f"the option {name} is {value!r}: it must be a whole number")
+            self.call("set_integer", name.encode(), int(value))
+        else:
+            self.call("set_real", name.encode(), float(value))
+
+    def _add_event(self, event: Event) -> None:
+        number = len(self.events)
+        name = event.name or f"event {number + 1}"
+        if name in (other.name for other in self.events):
+            name = f"{name} {number + 1}"
+        event = Event(**{**event.__dict__, "name": name})
+        if event.function is not None:
+            address = self._guard.address(f"event {name!r}", event.function, (), True, False)
+            self.call("add_event_function", name.encode(), address, event.direction, int(event.stops))
+        else:
+            self.call("add_event", name.encode(), event.quantity.encode(), event.index, float(event.value), event.direction,
+                      int(event.stops))
+        self.events.append(event)
+
+    # --- what needs no run ---------------------------------------------------------------------------------------------
+
+    def check(self, q: Any, qd: Any, t: float = 0.0) -> None:
+        """Compare the functions of the model with differences of each other."""
+        q, qd = as_state("q", q, self.n), as_state("qd", qd, self.n)
+        with self.interruptible():
+            self.call("check", float(t), pointer(q), pointer(qd))
+
+    def assemble(self, q: Any, qd: Any, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest state that satisfies the constraints."""
+        q, qd = as_state("q", q, self.n), as_state("qd", qd, self.n)
+        with self.interruptible():
+            self.call("assemble", float(t), pointer(q), pointer(qd))
+        return q, qd
+
+    def number(self, name: str, kind: type = ctypes.c_int, *arguments: Any):
+        """A number that a function of the library gives by its last argument."""
+        value = kind()
+        self.call(name, *arguments, ctypes.byref(value))
+        return value.value
+
+
+def check(model: Model, q: Any, qd: Any, t: float = 0.0) -> None:
+    """Compare every function of a model with differences of another one at ten random states near (t, q, qd).
+
+    Raises `InvalidInput`, which names the function, the entry and both values, where one is wrong. A wrong sign in
+    `constraint_acceleration` lets a run end well with a wrong motion: check each new model."""
+    Problem(model).check(q, qd, t)
+
+
+def assemble(model: Model, q: Any, qd: Any, t: float = 0.0, **options: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The state nearest to (q, qd) that satisfies the constraints at t. Options: `fixed_q`, `fixed_qd`, `weight_q`, `weight_qd`
+    (lists), `largest_move_q`, `largest_move_qd`, `velocity_metric`; doc/linking.md says what they mean."""
+    return Problem(model, options).assemble(q, qd, t)

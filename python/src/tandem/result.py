@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: MIT
+"""Result files of the program: all that doc/output.md lists, as arrays."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Series:
+    """A dataset with its unit and its meaning; (nt) or (nt, k), then with the names of its columns."""
+
+    values: np.ndarray
+    unit: str = ""
+    meaning: str = ""
+    names: tuple[str, ...] = ()
+
+    def __array__(self, dtype=None, copy=None):
+        return self.values.astype(dtype) if dtype else self.values
+
+
+def text(value: Any) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+@dataclass
+class Result:
+    """A run of the program `tandem`.
+
+    `time` (nt), `q`, `qd`, `qdd` (nt, n) and `multipliers`, as far as the scene asked for them; `names` and `units` of the
+    coordinates; `result["rod.x"]` is a series by name. `sensors["tip"]["position"]`, `diagnostics["step"]`, `groups` (what is below
+    /bodies and /joints) are `Series`; `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` where it was read.
+    """
+
+    time: np.ndarray
+    names: list[str]
+    units: list[str]
+    q: np.ndarray
+    qd: np.ndarray | None = None
+    qdd: np.ndarray | None = None
+    multipliers: np.ndarray | None = None
+    constraints: list[str] = field(default_factory=list)
+    diagnostics: dict[str, Series] = field(default_factory=dict)
+    sensors: dict[str, dict[str, Series]] = field(default_factory=dict)
+    groups: dict[str, dict[str, dict[str, Series]]] = field(default_factory=dict)
+    events: dict[str, np.ndarray] = field(default_factory=dict)
+    report: dict[str, Any] = field(default_factory=dict)
+    scene: dict[str, Any] = field(default_factory=dict)
+    scene_text: str = ""
+    status: str = ""
+    message: str = ""
+    path: str = ""
+
+    @property
+    def t(self) -> np.ndarray:
+        return self.time
+
+    @property
+    def name(self) -> str:
+        """What the scene is called."""
+        return self.scene.get("scene", {}).get("name") or Path(self.path or "result").stem
+
+    @property
+    def model(self) -> str:
+        return self.scene.get("scene", {}).get("model", "")
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The series of a coordinate by its name."""
+        try:
+            return self.q[:, self.names.index(name)]
+        except ValueError:
+            raise KeyError(f"there is no coordinate {name!r}; there are {', '.join(self.names)}") from None
+
+    def unit(self, name: str) -> str:
+        return self.units[self.names.index(name)]
+
+    def columns(self, *names: str) -> np.ndarray:
+        return np.stack([self[name] for name in names], axis=1)
+
+    def to_xarray(self, group: str = "trajectory"):
+        """An xarray dataset: "trajectory" (q, qd, qdd over time and coordinate), "sensors", or "diagnostics"."""
+        from .xarrays import motion_dataset
+
+        if group == "trajectory":
+            values = {name: array for name, array in (("q", self.q), ("qd", self.qd), ("qdd", self.qdd)) if array is not None}
+            return motion_dataset(self.time, values, self.names, self.units, {"status": self.status, "scene": self.scene_text})
+        import xarray
+
+        series = {"diagnostics": self.diagnostics,
+                  "sensors": {f"{name}_{what}": one for name, all_ in self.sensors.items() for what, one in all_.items()}}[group]
+        made = {}
+        for name, one in series.items():
+            dimensions = ("time", *([f"axis{one.values.shape[1]}"] if one.values.ndim > 1 else []))
+            made[name] = (dimensions, one.values, {"units": one.unit, "meaning": one.meaning})
+        return xarray.Dataset(made, coords={"time": ("time", self.time, {"units": "s"})}, attrs={"status": self.status})
+
+    def plot(self, *arguments: Any, **options: Any):
+        """A figure of the motion, see `tandem.plot`."""
+        from .plot import overview
+
+        return overview(self, *arguments, **options)
+
+    def view(self, path: str | Path | None = None, **options: Any):
+        """A page that plays the motion, see `tandem.view`."""
+        from .viewer import view
+
+        return view(self, path, **options)
+
+    def _repr_html_(self) -> str:
+        from .show import result_html
+
+        return result_html(self)
+
+    def __repr__(self) -> str:
+        until = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no rows"
+        return f"<tandem.Result {self.name}: {self.status}, {until}, {self.time.size} rows of {len(self.names)} coordinates>"
+
+
+def read(path: str | Path) -> Result:
+    """Read a result file of `tandem run`, also of a run that goes on or was killed: all rows that are whole."""
+    import h5py
+
+    with h5py.File(path) as file:
+        if "study" in file.attrs or "trajectory" not in file:
+            raise ValueError(f"{path} is no result of tandem run: it has no /trajectory")
+        trajectory = file["trajectory"]
+        if "q" not in trajectory:
+            raise ValueError(f"{path} holds no coordinates: the scene's [output] fields must have \"q\"")
+        attributes = trajectory["q"].attrs
+        nt = min(len(data) for data in trajectory.values() if is_series(data, trajectory))
+
+        def rows(name):
+            return trajectory[name][:nt] if name in trajectory else None
+
+        def group(path):
+            return {name: series(data, nt) for name, data in file[path].items() if is_series(data, file[path])} if path in file else {}
+
+        scene_text = text(file.attrs.get("scene", ""))
+        found = Result(
+            time=trajectory["time"][:nt], names=[text(name) for name in attributes["names"]],
+            units=[text(unit) for unit in attributes["units"]], q=rows("q"), qd=rows("qd"), qdd=rows("qdd"), multipliers=rows("lambda"),
+            diagnostics=group("diagnostics"), scene_text=scene_text, scene=tomllib.loads(scene_text) if scene_text else {},
+            status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
+        if "lambda" in trajectory:
+            found.constraints = [text(name) for name in trajectory["lambda"].attrs.get("names", ())]
+        found.sensors = {name: group(f"sensors/{name}") for name in file.get("sensors", {})}
+        for kind in ("bodies", "joints", "wheels"):
+            if kind in file:
+                found.groups[kind] = {name: group(f"{kind}/{name}") for name in file[kind]}
+        if "report" in file:
+            found.report = {name: plain(value) for name, value in file["report"].attrs.items()}
+        if "events" in file:
+            found.events = {name: data.asstr()[:] if data.dtype.kind == "O" else data[:] for name, data in file["events"].items()
+                            if name != "coordinate"}
+            if "name" in found.events:
+                found.events["name"] = np.array([text(name) for name in found.events["name"]])
+        return found
+
+
+def is_series(data, group) -> bool:
+    """Whether a dataset has a row for each time."""
+    names = {"time"}
+    return hasattr(data, "shape") and data.dtype.kind in "fi" and data.ndim > 0 and data.name.split("/")[-1] not in names
+
+
+def series(data, nt: int) -> Series:
+    attributes = data.attrs
+    return Series(data[:nt], text(attributes.get("unit", "")), text(attributes.get("meaning", "")),
+                  tuple(text(name) for name in attributes.get("names", ())))
+
+
+def plain(value: Any) -> Any:
+    """A number, text or list of Python."""
+    if isinstance(value, np.ndarray):
+        return [text(item) if isinstance(item, bytes) else item for item in value.tolist()]
+    return value.item() if hasattr(value, "item") else text(value)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: MIT
+"""Pages that play a motion in a browser, and glTF files of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..plot.data import motion_of
+from .draw import draw
+from .drawing import Body, Drawing, Piece, Spring, Track
+
+
+class Page:
+    """A page in memory, which shows itself in a notebook."""
+
+    def __init__(self, text: str, path: Path | None = None):
+        self.text, self.path = text, path
+
+    def save(self, path: str | Path) -> Page:
+        """Write it to a file."""
+        self.path = Path(path)
+        self.path.write_text(self.text, encoding="utf-8")
+        return self
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f'<iframe srcdoc="{html.escape(self.text)}" style="width:100%;height:520px;border:0"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"<tandem page, {len(self.text)/1e6:.2f} MB{f', {self.path}' if self.path else ''}>"
+
+
+def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None = None, per_second: float = 60.0,
+         names: list[str] | None = None, look: Callable | None = None) -> Page:
+    """A page that plays a motion: a result, its file, or a solution; written to `path`, and the motion as glTF to `glb`.
+
+    `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, of the
+    coordinates by name at the times of the frames.
+    """
+    from .gltf import write_glb
+    from .html import page
+
+    drawing = draw(motion_of(given), per_second=per_second, names=names, look=look)
+    made = Page(page(drawing))
+    if path is not None:
+        made.save(path)
+    if glb is not None:
+        write_glb(drawing, glb)
+    return made
+
+
+__all__ = ["Body", "Drawing", "Page", "Piece", "Spring", "Track", "draw", "view"]

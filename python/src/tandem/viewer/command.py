@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""Writes a page that plays the motion of a result file in any browser, without a network; and a .glb, glTF 2.0 with animated nodes,
+for Blender and other viewers.
+
+    tandem view run.h5                              run.html and run.glb
+    tandem view run.h5 --output motion.html         only the page; a name that ends in .glb: only that
+    tandem view run.h5 --names "tip position y"     what can be plotted beside the motion
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("--output", metavar="PATH", help=".html or .glb; both by default, named as the file")
+    parser.add_argument("--names", metavar="A,B...", help="series that can be plotted: coordinates, d(coordinate), sensors")
+    parser.add_argument("--frames", metavar="N", type=float, default=60.0, help="frames a second (60)")
+
+
+def run(given) -> int:
+    from ..plot.data import motion_of
+    from .draw import draw
+    from .gltf import write_glb
+    from .html import page
+
+    if not 0 < given.frames <= 1000:
+        raise ValueError("--frames: more than 0 and at most 1000 a second")
+    outputs = [Path(given.output)] if given.output else [Path(f"{Path(given.file).stem}{ending}") for ending in (".html", ".glb")]
+    for path in outputs:
+        if path.suffix.lower() not in (".html", ".glb"):
+            raise ValueError(f"{path}: a page ends in .html, a glTF file in .glb")
+    drawing = draw(motion_of(given.file), per_second=given.frames, names=given.names.split(",") if given.names else None)
+    for path in outputs:
+        if path.suffix.lower() == ".html":
+            path.write_text(page(drawing), encoding="utf-8")
+        else:
+            write_glb(drawing, path)
+        print(path)
+    return 0

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""From a result to its drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..plot.data import chosen, scalars, series_named
+from .drawing import Curve, Drawing
+from .mechanisms import draw_mechanism
+from .motion import frame_times, interpolated, resampled
+from .shipped import DRAW, draw_by_names
+
+#: About so many numbers may be in a page; where there are more, there are fewer frames a second.
+MOST_NUMBERS = 6_000_000
+
+
+def draw(result, *, per_second: float = 60.0, names: list[str] | None = None, look: Callable | None = None) -> Drawing:
+    """The drawing of a result (`tandem.Result`, or a solution as one), `per_second` frames a second of the motion, `names` as curves
+    beside it. `look(result, times, values)` makes the drawing of a model of your own."""
+    if result.time.size == 0:
+        raise ValueError("there is no motion to show: the result has no rows")
+    if not (np.isfinite(result.q).all() and np.isfinite(result.time).all()):
+        raise ValueError("there is no motion to show: some rows are no numbers")
+    numbers = 7*max(1, len(result.names)//7 if result.model != "mechanism" else sum(name.endswith(".x") for name in result.names))
+    times = frame_times(result.time[0], result.time[-1], per_second, most=max(600, MOST_NUMBERS//numbers))
+    values = resampled(result, times)
+    if look is not None:
+        drawing = look(result, times, values)
+    elif result.model == "mechanism":
+        drawing = draw_mechanism(result, times, values)
+    elif result.model in DRAW:
+        drawing = DRAW[result.model](result, times, values)
+    else:
+        drawing = draw_by_names(result, times, values)
+        if drawing is None:
+            raise ValueError(f"nothing is known of the looks of the model {result.model or 'of this file'}: no coordinate is called x "
+                             "and y, or NAME.x and NAME.y; in Python, tandem.view(result, look=...) takes a drawing of your own")
+    drawing.about = about(result)
+    drawing.curves = curves(result, times, names)
+    return drawing
+
+
+def about(result) -> str:
+    solver = result.scene.get("solver", {})
+    parts = [result.scene.get("scene", {}).get("description", ""), solver.get("stepper", ""),
+             result.status if result.status not in ("complete", "ok", "") else ""]
+    return ", ".join(part for part in parts if part)
+
+
+def curves(result, times: np.ndarray, names: list[str] | None) -> list[Curve]:
+    """What can be plotted beside the motion: what is named, else sensors and what moves most."""
+    wanted = names or [*list(scalars(result))[:12], *vectors(result)[:12], *[name for name in chosen_coordinates(result)]]
+    found = []
+    for name in dict.fromkeys(wanted):
+        values, unit = series_named(result, name)
+        if np.isfinite(values).all():
+            found.append(Curve(name, unit, at_frames(result, name, values, times)))
+    return found
+
+
+def vectors(result) -> list[str]:
+    """Components of sensors that show vectors."""
+    return [f"{name} {what} {axis}" for name, all_ in result.sensors.items() for what, one in all_.items() if one.values.ndim == 2
+            for axis in one.names or "xyz"[:one.values.shape[1]]]
+
+
+def chosen_coordinates(result) -> list[str]:
+    bare = type(result)(result.time, result.names, result.units, result.q)
+    return chosen(bare, 6)
+
+
+def at_frames(result, name: str, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """A series at the frames; a coordinate by its velocities too."""
+    if name in result.names and result.qd is not None:
+        j = result.names.index(name)
+        qdd = None if result.qdd is None else result.qdd[:, j:j + 1]
+        return interpolated(result.time, result.q[:, j:j + 1], result.qd[:, j:j + 1], qdd, times)[:, 0]
+    return np.interp(times, result.time, values)
+
+

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: MIT
+"""A drawing as a glTF 2.0 file (.glb): a node for each body with its poses as an animation, meshes of the unit shapes, tracks as lines.
+
+glTF's y axis points up: a root node turns the world's `up` onto it. Rotations are 16-bit integers, which are right to 3e-5 rad."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from .drawing import Drawing
+from .rotations import carrying, conjugate, normalised
+
+FLOAT, SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5122, 5123, 5125
+VERTICES, INDICES = 34962, 34963
+#: More frames than these a track is a line of every second place, and so on.
+MOST_POINTS = 1000
+
+
+def mesh_of(shape: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places, normals, triangles of a unit shape."""
+    if shape == "box":
+        places, normals, triangles = [], [], []
+        for axis in range(3):
+            for sign in (-1, 1):
+                normal = np.zeros(3)
+                normal[axis] = sign
+                u, v = np.zeros(3), np.zeros(3)
+                u[(axis + 1) % 3], v[(axis + 2) % 3] = 1, sign
+                k = len(places)
+                places += [0.5*(normal + a*u + b*v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+                normals += [normal]*4
+                triangles += [[k, k + 1, k + 2], [k, k + 2, k + 3]]
+        return np.array(places), np.array(normals), np.array(triangles)
+    if shape == "cylinder":
+        return revolved([(0, -0.5, 0, -1), (1, -0.5, 0, -1), (1, -0.5, 1, 0), (1, 0.5, 1, 0), (1, 0.5, 0, 1), (0, 0.5, 0, 1)], 24, (0, 2, 4))
+    if shape == "sphere":
+        angles = np.linspace(-np.pi/2, np.pi/2, 13)
+        return revolved([(np.cos(a), np.sin(a), np.cos(a), np.sin(a)) for a in angles], 24, range(12))
+    angles = np.linspace(-np.pi, np.pi, 9)
+    return revolved([(1 + 0.05*np.cos(a), 0.05*np.sin(a), np.cos(a), np.sin(a)) for a in angles], 40, range(8))
+
+
+def revolved(profile, count: int, spans) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A profile (r, z, normal in r, normal in z) turned about z; its spans become faces."""
+    angles = np.linspace(0, 2*np.pi, count + 1)
+    c, s = np.cos(angles), np.sin(angles)
+    places, normals, triangles = [], [], []
+    for r, z, nr, nz in profile:
+        places.append(np.stack([r*c, r*s, np.full(count + 1, z)], axis=1))
+        normals.append(np.stack([nr*c, nr*s, np.full(count + 1, nz)], axis=1))
+    for i in spans:
+        for k in range(count):
+            a, b = i*(count + 1) + k, (i + 1)*(count + 1) + k
+            # Triangles without an area, at a pole, are left out.
+            if profile[i][0] > 1e-12:
+                triangles.append([a, a + 1, b + 1])
+            if profile[i + 1][0] > 1e-12:
+                triangles.append([a, b + 1, b])
+    return np.concatenate(places), normalised_rows(np.concatenate(normals)), np.array(triangles)
+
+
+def normalised_rows(vectors: np.ndarray) -> np.ndarray:
+    return vectors/np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+class Writer:
+    """Collects buffers, accessors and the objects that name them."""
+
+    def __init__(self):
+        self.data = bytearray()
+        self.views, self.accessors, self.meshes, self.materials = [], [], [], []
+        self.known: dict = {}
+
+    def accessor(self, values: np.ndarray, kind: int, type_: str, target: int | None = None, *, bounds: bool = False,
+                 is_normalised: bool = False) -> int:
+        """Numbers as an accessor with a view of its own; its number."""
+        numbers = {FLOAT: np.float32, SHORT: np.int16, UNSIGNED_SHORT: np.uint16, UNSIGNED_INT: np.uint32}[kind]
+        array = np.ascontiguousarray(values, dtype=numbers)
+        self.data += b"\0"*(-len(self.data) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
+        if target:
+            view["target"] = target
+        self.views.append(view)
+        self.data += array.tobytes()
+        made = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array), "type": type_}
+        if is_normalised:
+            made["normalized"] = True
+        if bounds:
+            rows = array.reshape(len(array), -1)
+            made |= {"min": [float(x) for x in rows.min(axis=0)], "max": [float(x) for x in rows.max(axis=0)]}
+        self.accessors.append(made)
+        return len(self.accessors) - 1
+
+    def material(self, colour: str, is_line: bool = False) -> int:
+        key = ("material", colour, is_line)
+        if key not in self.known:
+            srgb = np.array([int(colour[i:i + 2], 16)/255 for i in (1, 3, 5)])
+            linear = np.where(srgb <= 0.04045, srgb/12.92, ((srgb + 0.055)/1.055)**2.4)
+            self.materials.append({"name": colour, "pbrMetallicRoughness": {
+                "baseColorFactor": [*map(float, linear.round(5)), 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.6}})
+            self.known[key] = len(self.materials) - 1
+        return self.known[key]
+
+    def mesh(self, shape: str, colour: str) -> int:
+        """A unit shape of a colour; shapes share their buffers."""
+        key = ("mesh", shape, colour)
+        if key not in self.known:
+            if shape not in self.known:
+                places, normals, triangles = mesh_of(shape)
+                self.known[shape] = (self.accessor(places, FLOAT, "VEC3", VERTICES, bounds=True),
+                                     self.accessor(normals, FLOAT, "VEC3", VERTICES),
+                                     self.accessor(triangles.reshape(-1), UNSIGNED_SHORT, "SCALAR", INDICES))
+            place, normal, index = self.known[shape]
+            self.meshes.append({"name": f"{shape} {colour}", "primitives": [
+                {"attributes": {"POSITION": place, "NORMAL": normal}, "indices": index, "material": self.material(colour)}]})
+            self.known[key] = len(self.meshes) - 1
+        return self.known[key]
+
+    def line(self, name: str, places: np.ndarray, colour: str) -> int:
+        place = self.accessor(places, FLOAT, "VEC3", VERTICES, bounds=True)
+        self.meshes.append({"name": name, "primitives": [
+            {"attributes": {"POSITION": place}, "mode": 3, "material": self.material(colour)}]})
+        return len(self.meshes) - 1
+
+
+def gltf_turn(p) -> list[float]:
+    """A rotation in glTF's order x, y, z, w."""
+    p = normalised(p)
+    return [float(p[1]), float(p[2]), float(p[3]), float(p[0])]
+
+
+def glb(drawing: Drawing) -> bytes:
+    """The file as bytes."""
+    writer = Writer()
+    nodes: list[dict] = [{"name": drawing.name or "motion", "children": [],
+                          "rotation": gltf_turn(conjugate(carrying(drawing.up, (0.0, 1.0, 0.0))))}]
+    samplers, targets = [], []
+    times = drawing.times - drawing.times[0]
+    clock = writer.accessor(times, FLOAT, "SCALAR", bounds=True) if drawing.bodies and len(times) > 1 else None
+
+    def animate(node: int, path: str, values: int) -> None:
+        samplers.append({"input": clock, "output": values, "interpolation": "LINEAR"})
+        targets.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+    for body in drawing.bodies:
+        node = len(nodes)
+        nodes[0]["children"].append(node)
+        own = {"name": body.name, "translation": [float(x) for x in body.place[0]], "rotation": gltf_turn(body.turn[0])}
+        nodes.append(own)
+        children = []
+        for piece in body.pieces:
+            children.append(len(nodes))
+            nodes.append({"mesh": writer.mesh(piece.shape, piece.colour), "translation": [float(x) for x in piece.at],
+                          "rotation": gltf_turn(piece.turn), "scale": [float(x) for x in piece.size]})
+        if children:
+            own["children"] = children
+        if clock is None:
+            continue
+        if np.ptp(body.place, axis=0).max() > 0:
+            animate(node, "translation", writer.accessor(body.place, FLOAT, "VEC3"))
+        if np.ptp(body.turn, axis=0).max() > 0:
+            turns = np.rint(normalised(body.turn)[:, [1, 2, 3, 0]]*32767)
+            animate(node, "rotation", writer.accessor(turns, SHORT, "VEC4", is_normalised=True))
+    for track in drawing.tracks:
+        places = track.places[np.isfinite(track.places).all(axis=1)]
+        places = places[::max(1, -(-len(places)//MOST_POINTS))]
+        if len(places) > 1:
+            nodes[0]["children"].append(len(nodes))
+            nodes.append({"name": f"track of {track.name}", "mesh": writer.line(f"track of {track.name}", places, track.colour)})
+    if not nodes[0]["children"]:
+        del nodes[0]["children"]
+    content = {"asset": {"version": "2.0", "generator": "tandem"}, "scene": 0, "scenes": [{"name": drawing.name or "motion", "nodes": [0]}],
+               "nodes": nodes}
+    for name, values in (("meshes", writer.meshes), ("materials", writer.materials), ("accessors", writer.accessors),
+                         ("bufferViews", writer.views)):
+        if values:
+            content[name] = values
+    if samplers:
+        content["animations"] = [{"name": "motion", "samplers": samplers, "channels": targets}]
+    if writer.data:
+        writer.data += b"\0"*(-len(writer.data) % 4)
+        content["buffers"] = [{"byteLength": len(writer.data)}]
+    text = json.dumps(content, separators=(",", ":")).encode()
+    text += b" "*(-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    if writer.data:
+        chunks += struct.pack("<I4s", len(writer.data), b"BIN\0") + bytes(writer.data)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def write_glb(drawing: Drawing, path: str | Path) -> None:
+    Path(path).write_bytes(glb(drawing))

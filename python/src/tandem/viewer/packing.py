@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""Numbers of a motion in few bytes, which a page unpacks by what every browser has (gzip).
+
+Each channel is rounded to whole multiples of a step, a ten-millionth of what is seen, so far below a pixel. Of smooth motions the
+third differences of these are small; their bytes, the lowest of all first, are compressed well."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+
+import numpy as np
+
+#: A channel has so many steps at most, and third differences of them fit into 32 bits.
+MOST_STEPS = 2**26
+
+
+def packed(channels: np.ndarray, steps: np.ndarray) -> str:
+    """Channels (nc, nf) in multiples of their steps (nc) as text; not numbers are the smallest integer's neighbour."""
+    whole = np.rint(channels/steps[:, None]).astype(np.int64)
+    if np.abs(whole).max(initial=0) > MOST_STEPS:
+        raise ValueError("the steps are too small for the numbers")
+    third = np.diff(whole, n=3, axis=1, prepend=np.zeros((len(whole), 3), dtype=np.int64))
+    zigzag = ((third << 1) ^ (third >> 63)).astype(np.uint32)
+    planes = zigzag.reshape(-1).view(np.uint8).reshape(-1, 4).T
+    return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
+
+
+def unpacked(text: str, steps: np.ndarray, nf: int) -> np.ndarray:
+    """What `packed` has made, as the page does."""
+    planes = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8).reshape(4, -1)
+    zigzag = np.ascontiguousarray(planes.T).view(np.uint32).reshape(len(steps), nf).astype(np.int64)
+    third = (zigzag >> 1) ^ -(zigzag & 1)
+    return np.cumsum(np.cumsum(np.cumsum(third, axis=1), axis=1), axis=1)*steps[:, None]
+
+
+def steps_of(channels: np.ndarray, least: float) -> np.ndarray:
+    """A step for each channel: 2^-23 of its largest value, and no less than `least`."""
+    size = np.abs(channels).max(axis=1, initial=0)
+    return np.maximum(np.maximum(size/2**23, least), 1e-300)
+
+
+def squeezed(data: bytes) -> str:
+    """Bytes as compressed text."""
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

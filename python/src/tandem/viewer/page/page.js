@@ -1,0 +1,397 @@
+// SPDX-License-Identifier: MIT
+// Plays a motion: bodies by instances of four unit shapes, springs, tracks that grow, arrows, a plot with a cursor.
+import * as THREE from "three";
+import { OrbitControls } from "orbit";
+
+const element = id => document.getElementById(id);
+
+/** The channels of the motion: rounded to steps, their third differences as planes of bytes (packing.py). */
+function unpack(buffer, steps, frames) {
+    const planes = new Uint8Array(buffer), count = steps.length * frames, channels = [];
+    for (let c = 0; c < steps.length; c++) {
+        const channel = new Float32Array(frames);
+        let third, second = 0, first = 0, value = 0;
+        for (let f = 0, i = c * frames; f < frames; f++, i++) {
+            const zigzag = (planes[i] | planes[count + i] << 8 | planes[2 * count + i] << 16 | planes[3 * count + i] << 24) >>> 0;
+            third = (zigzag >>> 1) ^ -(zigzag & 1);
+            second = second + third | 0;
+            first = first + second | 0;
+            value = value + first | 0;
+            channel[f] = value * steps[c];
+        }
+        channels.push(channel);
+    }
+    return channels;
+}
+
+/** A coil along z from 0 to 1, of radius 1 across. */
+function coil() {
+    const points = [], turns = 8;
+    for (let i = 0; i <= 24 * turns; i++) {
+        const part = i / (24 * turns), angle = 2 * Math.PI * turns * part, out = Math.min(1, 12 * part, 12 * (1 - part));
+        points.push(new THREE.Vector3(out * Math.cos(angle), out * Math.sin(angle), part));
+    }
+    return new THREE.BufferGeometry().setFromPoints(points);
+}
+
+const SHAPES = {
+    box: () => new THREE.BoxGeometry(1, 1, 1),
+    cylinder: () => new THREE.CylinderGeometry(1, 1, 1, 28).rotateX(Math.PI / 2),
+    sphere: () => new THREE.SphereGeometry(1, 28, 18),
+    rim: () => new THREE.TorusGeometry(1, 0.05, 10, 56),
+};
+
+/** All pieces of one shape are drawn at once: each has its body, and its matrix in the axes of that. */
+function makeInstances(scene, bodies, nodes) {
+    const found = {}, colour = new THREE.Color();
+    bodies.forEach((body, i) => body.pieces.forEach(piece => (found[piece[0]] ??= []).push([nodes[i], piece])));
+    return Object.entries(found).map(([shape, pieces]) => {
+        const material = new THREE.MeshLambertMaterial();
+        const mesh = new THREE.InstancedMesh(SHAPES[shape](), material, pieces.length);
+        mesh.frustumCulled = false;
+        const locals = pieces.map(([node, [, size, tint, at, turn]], i) => {
+            mesh.setColorAt(i, colour.set(tint));
+            return [node, new THREE.Matrix4().compose(new THREE.Vector3(...at),
+                new THREE.Quaternion(turn[1], turn[2], turn[3], turn[0]), new THREE.Vector3(...size))];
+        });
+        scene.add(mesh);
+        return { mesh, locals };
+    });
+}
+
+/** A track has so many pieces at most: a line is costly where there is no graphics card. */
+const MOST_PIECES = 900;
+
+function makeLine(scene, track, channels, from, frames) {
+    const every = Math.ceil(frames / MOST_PIECES), count = Math.ceil((frames - 1) / every) + 1;
+    const places = new Float32Array(3 * count + 3), whole = new Float32Array(3 * frames);
+    for (let f = 0; f < frames; f++) for (let k = 0; k < 3; k++) whole[3 * f + k] = channels[from + k][f];
+    for (let i = 0; i < count; i++) places.set(whole.subarray(3 * Math.min(frames - 1, i * every), 3 * Math.min(frames - 1, i * every) + 3), 3 * i);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: track.colour }));
+    line.frustumCulled = false;
+    scene.add(line);
+    const marker = new THREE.Mesh(new THREE.SphereGeometry(1, 12, 8), new THREE.MeshBasicMaterial({ color: track.colour }));
+    marker.scale.setScalar(track.marker);
+    scene.add(marker);
+    /** The track up to a frame: whole pieces, and one to where it is now. */
+    const grow = frame => {
+        const here = 3 * frame, full = Math.floor(frame / every);
+        marker.position.set(whole[here], whole[here + 1], whole[here + 2]);
+        // The piece that ended at the last frame gets its own end back.
+        const f = Math.min(frames - 1, drawn * every);
+        if (drawn <= count) places.set(whole.subarray(3 * f, 3 * f + 3), 3 * drawn);
+        drawn = full + 1;
+        places.set(whole.subarray(here, here + 3), 3 * drawn);
+        geometry.attributes.position.needsUpdate = true;
+        geometry.setDrawRange(0, full + 2);
+    };
+    let drawn = 0;
+    return { line, marker, grow };
+}
+
+function makeArrow(scene, arrow) {
+    const group = new THREE.Group(), material = new THREE.MeshLambertMaterial({ color: arrow.colour });
+    const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.02, 0.02, 1, 10).translate(0, 0.5, 0), material);
+    const head = new THREE.Mesh(new THREE.ConeGeometry(0.06, 0.18, 14).translate(0, 1, 0), material);
+    group.add(shaft, head);
+    scene.add(group);
+    return group;
+}
+
+function makeGround(scene, drawing, size) {
+    const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = 60;
+    const plate = new THREE.Mesh(new THREE.CircleGeometry(cell * cells, 64),
+        new THREE.MeshBasicMaterial({ color: 0xe8ecef, depthWrite: false, side: THREE.DoubleSide }));
+    // Short pieces: some renderers drop a line that begins far behind the camera.
+    const places = [];
+    for (let i = -cells; i <= cells; i++) for (let j = -cells; j < cells; j += 5) {
+        places.push(i * cell, j * cell, 0, i * cell, (j + 5) * cell, 0, j * cell, i * cell, 0, (j + 5) * cell, i * cell, 0);
+    }
+    const grid = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xc6ccd2 }));
+    grid.geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+    // The ground is drawn first and hides nothing, so that its lines and tracks on it are seen.
+    plate.renderOrder = -2;
+    grid.renderOrder = -1;
+    grid.material.depthWrite = false;
+    group.add(plate, grid);
+    group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...drawing.normal));
+    group.position.set(...drawing.ground);
+    scene.fog = new THREE.Fog(0xf4f6f8, 4 * size, Math.max(12 * size, 0.9 * cell * cells));
+    scene.add(group);
+    const origin = group.position.clone(), along = new THREE.Vector3(), back = group.quaternion.clone().invert();
+    /** The grid goes with the camera's target by whole cells, so that it seems without end. */
+    return target => {
+        along.copy(target).sub(origin).applyQuaternion(back);
+        along.set(cell * Math.round(along.x / cell), cell * Math.round(along.y / cell), 0).applyQuaternion(group.quaternion);
+        group.position.copy(origin).add(along);
+    };
+}
+
+/** The plot: a curve, its least and largest value, and a cursor at the time. */
+function makePlot(canvas, times, curves, channels, seek) {
+    const context = canvas.getContext("2d"), last = times.count - 1;
+    let chosen = 0;
+    const number = value => Number(value.toPrecision(4)).toString();
+    const curve = document.createElement("canvas");
+    let of = "";
+    /** The curve itself, drawn once: a frame then copies it and adds the cursor. */
+    const drawCurve = (width, height, ratio, x, y, values) => {
+        const key = `${chosen} ${width} ${height} ${ratio}`;
+        if (of === key) return;
+        of = key;
+        curve.width = canvas.width = Math.round(width * ratio);
+        curve.height = canvas.height = Math.round(height * ratio);
+        const pen = curve.getContext("2d"), { low, high } = curves[chosen];
+        pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+        pen.fillStyle = "#fff";
+        pen.fillRect(0, 0, width, height);
+        pen.strokeStyle = "#dadce0";
+        pen.strokeRect(6, 18, width - 12, height - 38);
+        pen.beginPath();
+        const by = Math.max(1, Math.floor(times.count / (2 * width)));
+        for (let f = 0; f < times.count; f += by) f ? pen.lineTo(x(f), y(values[f])) : pen.moveTo(x(f), y(values[f]));
+        pen.lineTo(x(last), y(values[last]));
+        pen.strokeStyle = "#0072b2";
+        pen.lineWidth = 1.4;
+        pen.stroke();
+        pen.font = "12px system-ui, sans-serif";
+        pen.fillStyle = "#5f6368";
+        pen.fillText(`${number(low)} to ${number(high)}`, 7, 13);
+        pen.fillText(`${number(times.first)} s`, 7, height - 6);
+        pen.textAlign = "right";
+        pen.fillText(`${number(times.first + times.step * last)} s`, width - 7, height - 6);
+    };
+    const draw = frame => {
+        const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+        if (!width) return;
+        const values = channels[curves[chosen].channel], { low, high } = curves[chosen];
+        const x = f => 6 + (last ? (width - 12) * f / last : 0), y = v => height - 20 - (height - 38) * (v - low) / (high - low);
+        drawCurve(width, height, ratio, x, y, values);
+        context.setTransform(1, 0, 0, 1, 0, 0);
+        context.drawImage(curve, 0, 0);
+        context.setTransform(ratio, 0, 0, ratio, 0, 0);
+        const near = Math.round(frame);
+        context.fillStyle = "#d55e00";
+        context.fillRect(x(frame) - 0.6, 18, 1.2, height - 38);
+        context.beginPath();
+        context.arc(x(near), y(values[near]), 3.5, 0, 7);
+        context.fill();
+        context.font = "12px system-ui, sans-serif";
+        context.textAlign = "right";
+        context.fillText(`${number(values[near])} ${curves[chosen].unit}`, width - 7, 13);
+    };
+    const at = event => {
+        const box = canvas.getBoundingClientRect();
+        seek(last * Math.min(1, Math.max(0, (event.clientX - box.left - 6) / (box.width - 12))));
+    };
+    canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); at(event); });
+    canvas.addEventListener("pointermove", event => { if (event.buttons) at(event); });
+    return { draw, choose: i => { chosen = i; } };
+}
+
+/** Whether there is no graphics card: then edges are left as they are. */
+function drawnBySoftware() {
+    const context = document.createElement("canvas").getContext("webgl2");
+    const about = context?.getExtension("WEBGL_debug_renderer_info");
+    return about ? /swiftshader|llvmpipe|software|basic render/i.test(context.getParameter(about.UNMASKED_RENDERER_WEBGL)) : false;
+}
+
+export async function show(drawing, buffer) {
+    const { times, bodies } = drawing, frames = times.count, last = frames - 1;
+    const channels = unpack(buffer, drawing.steps, frames);
+    const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: !drawnBySoftware() });
+    const scene = new THREE.Scene();
+    scene.background = new THREE.Color(0xf4f6f8);
+    scene.add(new THREE.HemisphereLight(0xffffff, 0xb8c0c8, 2.0));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.8), up = new THREE.Vector3(...drawing.up), size = drawing.size;
+    scene.add(sun, sun.target);
+    const camera = new THREE.PerspectiveCamera(40, 1, size / 200, size * 400);
+    camera.up.copy(drawing.flat ? new THREE.Vector3(...drawing.up) : up);
+    const controls = new OrbitControls(camera, renderer.domElement);
+    controls.enableDamping = false;
+
+    const nodes = bodies.map(body => {
+        const node = new THREE.Object3D();
+        node.name = body.name;
+        scene.add(node);
+        return node;
+    });
+    const byName = Object.fromEntries(nodes.map(node => [node.name, node]));
+    const instances = makeInstances(scene, bodies, nodes);
+    let channel = 7 * bodies.length;
+    const lines = drawing.tracks.map(track => { const made = makeLine(scene, track, channels, channel, frames); channel += 3; return made; });
+    const arrows = drawing.arrows.map(arrow => { const made = { group: makeArrow(scene, arrow), from: channel, arrow }; channel += 6; return made; });
+    const coilGeometry = coil();
+    const springs = drawing.springs.map(spring => {
+        const line = new THREE.Line(coilGeometry, new THREE.LineBasicMaterial({ color: 0x3c4043 }));
+        line.frustumCulled = false;
+        scene.add(line);
+        return { line, spring, ends: spring.places.map(place => new THREE.Vector3(...place)) };
+    });
+    const moveGround = drawing.ground ? makeGround(scene, drawing, size) : () => {};
+
+    const state = { frame: 0, playing: false, speed: 1, follow: drawing.follow, drawn: 0 };
+    const before = new THREE.Quaternion(), after = new THREE.Quaternion(), matrix = new THREE.Matrix4();
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1), y = new THREE.Vector3(0, 1, 0);
+
+    /** Put everything where it is at a frame, which may lie between two. */
+    function pose(frame) {
+        const f = Math.min(Math.floor(frame), Math.max(0, last - 1)), s = last ? frame - f : 0, g = Math.min(f + 1, last);
+        nodes.forEach((node, i) => {
+            const c = 7 * i, mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
+            node.position.set(mix(0), mix(1), mix(2));
+            before.set(channels[c + 4][f], channels[c + 5][f], channels[c + 6][f], channels[c + 3][f]).normalize();
+            after.set(channels[c + 4][g], channels[c + 5][g], channels[c + 6][g], channels[c + 3][g]).normalize();
+            node.quaternion.slerpQuaternions(before, after, s);
+            node.updateMatrixWorld();
+        });
+        for (const { mesh, locals } of instances) {
+            locals.forEach(([node, local], i) => mesh.setMatrixAt(i, matrix.multiplyMatrices(node.matrixWorld, local)));
+            mesh.instanceMatrix.needsUpdate = true;
+        }
+        for (const { line, spring, ends } of springs) {
+            const [p, q] = ends.map((end, k) => { const to = k ? b : a; to.copy(end); return spring.bodies[k] ? to.applyMatrix4(byName[spring.bodies[k]].matrixWorld) : to; });
+            line.position.copy(p);
+            const length = Math.max(p.distanceTo(q), 1e-9 * size);
+            line.quaternion.setFromUnitVectors(z, q.sub(p).normalize());
+            line.scale.set(spring.radius, spring.radius, length);
+        }
+        const near = Math.round(frame);
+        for (const { grow } of lines) grow(near);
+        for (const { group, from, arrow } of arrows) {
+            const at = k => channels[from + k][near];
+            group.position.set(at(0), at(1), at(2));
+            b.set(at(3), at(4), at(5));
+            const length = b.length() * arrow.scale;
+            group.visible = element("arrows").checked && length > 1e-3 * size;
+            if (group.visible) { group.scale.setScalar(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
+        }
+    }
+
+    const centre = new THREE.Vector3(), old = new THREE.Vector3();
+    function followed(into) {
+        if (state.follow === "*") {
+            into.set(0, 0, 0);
+            const seen = nodes.filter((_, i) => !bodies[i].still);
+            (seen.length ? seen : nodes).forEach(node => into.addScaledVector(node.position, 1 / (seen.length || nodes.length)));
+        } else if (byName[state.follow]) into.copy(byName[state.follow].position);
+        else return false;
+        return true;
+    }
+
+    function reset() {
+        pose(state.frame);
+        const target = new THREE.Vector3(...drawing.centre);
+        if (followed(centre)) target.copy(centre).addScaledVector(up, 0.1 * size);
+        controls.target.copy(target);
+        const aspect = Math.min(1, camera.aspect * 0.8);
+        camera.position.copy(target).addScaledVector(a.set(...drawing.eye).normalize(), drawing.distance / aspect);
+        controls.update();
+    }
+
+    const plot = drawing.curves.length
+        ? makePlot(element("plot"), times, drawing.curves, channels, frame => { state.playing = false; set(frame); }) : null;
+    if (plot) {
+        drawing.curves.forEach((curve, i) => { curve.channel = channel + i; element("curve").add(new Option(curve.unit ? `${curve.name} [${curve.unit}]` : curve.name, i)); });
+        element("chart").hidden = false;
+        element("curve").addEventListener("change", event => { plot.choose(+event.target.value); draw(); });
+    }
+
+    function draw() {
+        sun.position.copy(controls.target).addScaledVector(up, 5 * size).add(a.set(2 * size, -3 * size, 2 * size));
+        sun.target.position.copy(controls.target);
+        moveGround(controls.target);
+        renderer.render(scene, camera);
+        state.drawn++;
+        const t = times.first + times.step * state.frame;
+        element("time").value = state.frame;
+        element("clock").textContent = `${t.toFixed(3)} s of ${(times.first + times.step * last).toPrecision(4)} s`;
+        element("play").textContent = state.playing ? "\u23f8" : "\u25b6";
+        plot?.draw(state.frame);
+    }
+
+    /** Go to a frame, the camera along with what it follows. */
+    function set(frame) {
+        const follows = followed(old);
+        state.frame = Math.min(last, Math.max(0, frame));
+        pose(state.frame);
+        if (follows && followed(centre)) {
+            centre.sub(old);
+            controls.target.add(centre);
+            camera.position.add(centre);
+        }
+        draw();
+    }
+
+    let then = 0, slow = 0;
+    function tick(now) {
+        // Where frames take long, there are fewer pixels.
+        slow = state.playing && now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
+        if (slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
+        if (state.playing) {
+            const ahead = Math.min(0.25, (now - then) / 1000) * state.speed / times.step;
+            let frame = state.frame + ahead;
+            if (frame >= last) {
+                if (element("loop").checked && last) frame = 0; else { frame = last; state.playing = false; }
+            }
+            set(frame);
+        }
+        then = now;
+        requestAnimationFrame(tick);
+    }
+
+    function resize() {
+        renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+        renderer.setSize(window.innerWidth, window.innerHeight, false);
+        camera.aspect = window.innerWidth / window.innerHeight;
+        camera.updateProjectionMatrix();
+        draw();
+    }
+
+    const play = () => { if (!state.playing && state.frame >= last) set(0); state.playing = !state.playing; draw(); };
+    element("time").max = last;
+    element("time").addEventListener("input", event => { state.playing = false; set(+event.target.value); });
+    element("play").addEventListener("click", play);
+    element("start").addEventListener("click", () => set(0));
+    element("speed").addEventListener("change", event => { state.speed = +event.target.value; });
+    bodies.forEach(body => element("follow").add(new Option(body.name, body.name)));
+    element("follow").value = state.follow;
+    element("follow").addEventListener("change", event => { state.follow = event.target.value; if (followed(centre)) { a.copy(centre).sub(controls.target); controls.target.add(a); camera.position.add(a); } controls.update(); draw(); });
+    element("reset").addEventListener("click", () => { reset(); draw(); });
+    element("tracks").addEventListener("change", event => { lines.forEach(({ line, marker }) => { line.visible = marker.visible = event.target.checked; }); draw(); });
+    if (arrows.length) element("arrows-label").hidden = false;
+    element("arrows").addEventListener("change", () => set(state.frame));
+    if (drawing.speed !== 1) {
+        const choice = [...element("speed").options].find(option => +option.value === drawing.speed);
+        if (choice) { choice.selected = true; state.speed = drawing.speed; }
+    }
+    controls.addEventListener("change", () => { if (!state.playing) draw(); });
+    window.addEventListener("resize", resize);
+    window.addEventListener("keydown", event => {
+        if (event.target.matches("select, input[type=checkbox], button") && event.key === " ") return;
+        const moves = { ArrowRight: 1, ArrowLeft: -1, PageDown: 60, PageUp: -60 };
+        if (event.key === " ") play();
+        else if (event.key === "Home") set(0);
+        else if (event.key === "End") set(last);
+        else if (event.key in moves && !event.target.matches("select")) { state.playing = false; set(Math.round(state.frame) + moves[event.key]); }
+        else return;
+        event.preventDefault();
+    });
+    camera.aspect = window.innerWidth / window.innerHeight;
+    reset();
+    resize();
+    set(0);
+    requestAnimationFrame(now => { then = now; tick(now); });
+    if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches && !location.hash.includes("still")) { state.playing = true; draw(); }
+
+    /** For scripts and tests. */
+    return {
+        drawing, state, scene, camera, controls, renderer, channels,
+        setTime: t => set((t - times.first) / times.step),
+        time: () => times.first + times.step * state.frame,
+        play: () => { if (!state.playing) play(); }, pause: () => { state.playing = false; draw(); },
+        pose: name => ({ position: byName[name].getWorldPosition(new THREE.Vector3()).toArray(), quaternion: byName[name].getWorldQuaternion(new THREE.Quaternion()).toArray() }),
+    };
+}

@@ -1,0 +1,291 @@
+! SPDX-License-Identifier: MIT
+!> A model at one point (t, q, qd), as the analysis looks at it: its terms and their gradients, orthonormal bases V of null(Phi_q)
+!> and W of null(C), and the right inverse R of C by singular values, for which redundant rows are no case of their own.
+!>
+!> All of it is in scaled coordinates q / scale, so that the bases do not depend on units. Costs n^3: for set-up, not for steps.
+module tandem_analysis_point
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_linalg_cholesky, only: cholesky_type
+    use tandem_linalg_singular, only: singular_type
+    use tandem_model, only: model_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_differences, only: differences_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_status, only: status_not_finite, status_ok, status_position_diverged, status_singular_mass
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: point_type
+
+    type :: point_type
+        !> Sizes: coordinates, rows of Phi, rows of C, and the dimensions of null(Phi_q) and of null(C).
+        integer :: n = 0, nh = 0, m = 0, nv = 0, nw = 0
+        real(wp) :: t = 0.0_wp
+        !> The point in the model's own coordinates (n), and the multipliers of least norm (m).
+        real(wp), allocatable :: q(:), qd(:), qdd(:), lambda(:)
+        !> What a coordinate is divided by (n).
+        real(wp), allocatable :: scale(:)
+        !> Phi (nh), nu and gamma (m); C (m, n), M (n, n) and the forces (n) in scaled coordinates.
+        real(wp), allocatable :: phi(:), nu(:), gamma(:), jacobian(:, :), mass(:, :), force(:)
+        !> The five gradients in scaled coordinates, see `tandem_model_derivatives`.
+        real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :), dynamics_q(:, :), dynamics_qd(:, :)
+        !> V (n, nv) and W (n, nw), orthonormal in scaled coordinates.
+        real(wp), allocatable :: v(:, :), w(:, :)
+        !> Whether all gradients are the model's own; differences have fewer digits.
+        logical :: has_gradients = .false.
+        class(model_type), pointer :: model => null()
+        type(counts_type) :: counts
+        type(evaluator_type), private :: evaluator
+        type(differences_type), private :: differences
+        type(derivatives_type), private :: derivatives
+        type(singular_type), private :: of_phi, of_c
+        type(cholesky_type), private :: reduced_mass
+        !> 1 over the length of each row of C.
+        real(wp), allocatable, private :: row_scale(:)
+    contains
+        procedure :: initialize
+        procedure :: evaluate
+        procedure :: make_bases
+        procedure :: solve_dynamics
+        procedure :: vary_acceleration
+        procedure :: differentiate
+        procedure :: apply_right_inverse
+        procedure :: apply_position_inverse
+        procedure :: restore_position
+        procedure :: set_acceleration
+        procedure :: describe
+    end type point_type
+
+contains
+
+    !> Attach a model that `check_model` has accepted.
+    subroutine initialize(self, model)
+        class(point_type), intent(inout) :: self
+        !> It must outlive the point.
+        class(model_type), intent(inout), target :: model
+
+        self%model => model
+        self%n = model%n
+        self%nh = model%n_holonomic
+        self%m = model%n_constraints()
+        self%scale = spread(1.0_wp, 1, self%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%q = spread(0.0_wp, 1, self%n)
+        self%qd = self%q
+        self%qdd = self%q
+        self%lambda = spread(0.0_wp, 1, self%m)
+        self%row_scale = self%lambda
+        call self%evaluator%initialize(model)
+        call self%differences%initialize(model, self%scale)
+        self%differences%is_central = .true.
+        call self%derivatives%allocate(self%n, self%m)
+        call self%of_phi%allocate(self%nh, self%n)
+        call self%of_c%allocate(self%m, self%n)
+        self%has_gradients = self%differences%has_all_derivatives()
+    end subroutine initialize
+
+    !> The terms at a point.
+    subroutine evaluate(self, t, q, qd, stat)
+        class(point_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: i, j
+
+        self%t = t
+        self%q = q
+        self%qd = qd
+        call self%evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, self%q, self%qd, &
+            self%counts, stat)
+        if (stat /= status_ok) return
+        associate (terms => self%evaluator%terms, s => self%scale)
+            self%phi = terms%phi
+            self%nu = terms%nu
+            self%gamma = terms%gamma
+            if (iand(self%evaluator%has, need_gamma) == 0 .and. self%m > 0) then
+                call self%differences%evaluate_gamma(t, self%q, self%qd, self%gamma, self%counts, stat)
+                if (stat /= status_ok) return
+            end if
+            self%jacobian = terms%jacobian
+            self%mass = terms%mass
+            do j = 1, self%n
+                self%jacobian(:, j) = self%jacobian(:, j)*s(j)
+                self%mass(:, j) = self%mass(:, j)*(s*s(j))
+            end do
+            self%force = terms%force*s
+        end associate
+        do i = 1, self%m
+            self%row_scale(i) = norm2(self%jacobian(i, :))
+            self%row_scale(i) = merge(1/self%row_scale(i), 1.0_wp, self%row_scale(i) > 0.0_wp)
+        end do
+        if (.not. (all(ieee_is_finite(self%jacobian)) .and. all(ieee_is_finite(self%mass)) .and. &
+            all(ieee_is_finite(self%force)) .and. all(ieee_is_finite(self%gamma)) .and. all(ieee_is_finite(self%phi)) .and. &
+            all(ieee_is_finite(self%nu)))) stat = status_not_finite
+    end subroutine evaluate
+
+    !> V, W, and what R and the multipliers need.
+    subroutine make_bases(self)
+        class(point_type), intent(inout) :: self
+        real(wp), allocatable :: rows(:, :)
+        integer :: i
+
+        allocate (rows, source=self%jacobian)
+        do i = 1, self%m
+            rows(i, :) = self%row_scale(i)*rows(i, :)
+        end do
+        call self%of_phi%factor(rows(:self%nh, :))
+        call self%of_phi%get_null_basis(self%v)
+        call self%of_c%factor(rows)
+        call self%of_c%get_null_basis(self%w)
+        self%nv = size(self%v, 2)
+        self%nw = size(self%w, 2)
+    end subroutine make_bases
+
+    !> x (n, k) = R b for b (m, k): the displacements of least norm for which the rows of C change by b.
+    subroutine apply_right_inverse(self, b, x)
+        class(point_type), intent(in) :: self
+        real(wp), intent(in) :: b(:, :)
+        real(wp), intent(out) :: x(:, :)
+        integer :: j
+
+        do j = 1, size(b, 2)
+            call self%of_c%solve(self%row_scale*b(:, j), x(:, j))
+        end do
+    end subroutine apply_right_inverse
+
+    !> x (n) = Phi_q^+ b for b (nh).
+    subroutine apply_position_inverse(self, b, x)
+        class(point_type), intent(in) :: self
+        real(wp), intent(in) :: b(:)
+        real(wp), intent(out) :: x(:)
+
+        call self%of_phi%solve(self%row_scale(:self%nh)*b, x)
+    end subroutine apply_position_inverse
+
+    !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are those there.
+    subroutine restore_position(self, t, qd, q, stat)
+        class(point_type), intent(inout) :: self
+        real(wp), intent(in) :: t, qd(:)
+        real(wp), intent(inout) :: q(:)
+        integer, intent(out) :: stat
+        integer, parameter :: limit = 30
+        real(wp) :: correction(self%n), most
+        integer :: i
+
+        most = 10*(1 + maxval(abs(q/self%scale)))
+        do i = 1, limit
+            call self%evaluate(t, q, qd, stat)
+            if (stat /= status_ok) return
+            call self%make_bases()
+            call self%apply_position_inverse(-self%phi, correction)
+            if (maxval(abs(correction)) <= 1.0e-13_wp*(1 + maxval(abs(q/self%scale)))) return
+            if (maxval(abs(correction)) > most) exit
+            q = q + self%scale*correction
+        end do
+        stat = status_position_diverged
+    end subroutine restore_position
+
+    !> Take an acceleration (n) as given, and the multipliers that go with it best.
+    subroutine set_acceleration(self, qdd)
+        class(point_type), intent(inout) :: self
+        real(wp), intent(in) :: qdd(:)
+        real(wp) :: y(self%m)
+
+        self%qdd = qdd
+        call self%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+        self%lambda = self%row_scale*y
+    end subroutine set_acceleration
+
+    !> qdd and lambda: W'M qdd = W'(S + Q_A), C qdd = -gamma.
+    subroutine solve_dynamics(self, stat)
+        class(point_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        real(wp) :: x(self%n, 1), w(self%nw)
+
+        call self%reduced_mass%allocate(self%nw)
+        call self%reduced_mass%factor(matmul(transpose(self%w), matmul(self%mass, self%w)), stat)
+        if (stat /= 0) then
+            stat = status_singular_mass
+            return
+        end if
+        call self%apply_right_inverse(reshape(-self%gamma, [self%m, 1]), x)
+        w = matmul(transpose(self%w), self%force - matmul(self%mass, x(:, 1)))
+        call self%reduced_mass%solve(w)
+        x(:, 1) = x(:, 1) + matmul(self%w, w)
+        call self%set_acceleration(self%scale*x(:, 1))
+    end subroutine solve_dynamics
+
+    !> How qdd (n, k) changes with the coordinates and velocities (n, k), all in scaled coordinates; after `solve_dynamics` and
+    !> `differentiate`.
+    subroutine vary_acceleration(self, dq, dqd, dqdd, acceleration, dynamics)
+        class(point_type), intent(in) :: self
+        real(wp), intent(in) :: dq(:, :), dqd(:, :)
+        real(wp), intent(out) :: dqdd(:, :)
+        !> What else is added to C qdd + gamma (m) and to M qdd - S - Q_A (n), k = 1.
+        real(wp), intent(in), optional :: acceleration(:), dynamics(:)
+        real(wp) :: rows(self%m, size(dq, 2)), force(self%nw, size(dq, 2))
+        integer :: j
+
+        ! C dqdd = -(acc_q dq + acc_qd dqd), and what is left of W'M dqdd = -W'(dyn_q dq + dyn_qd dqd).
+        rows = -matmul(self%acceleration_q, dq) - matmul(self%acceleration_qd, dqd)
+        if (present(acceleration)) rows(:, 1) = rows(:, 1) - acceleration
+        call self%apply_right_inverse(rows, dqdd)
+        force = -matmul(transpose(self%w), matmul(self%dynamics_q, dq) + matmul(self%dynamics_qd, dqd) + matmul(self%mass, dqdd))
+        if (present(dynamics)) force(:, 1) = force(:, 1) - matmul(dynamics, self%w)
+        do j = 1, size(dq, 2)
+            call self%reduced_mass%solve(force(:, j))
+        end do
+        dqdd = dqdd + matmul(self%w, force)
+    end subroutine vary_acceleration
+
+    !> The gradients at the point, for the qdd and lambda that it holds.
+    subroutine differentiate(self, stat)
+        class(point_type), intent(inout) :: self
+        !> A status code.
+        integer, intent(out) :: stat
+
+        call self%differences%evaluate_derivatives(self%t, self%q, self%qd, self%qdd, self%lambda, self%derivatives, self%counts, &
+            stat)
+        if (stat /= status_ok) return
+        associate (d => self%derivatives)
+            self%velocity_q = scaled(d%velocity_q, .false.)
+            self%acceleration_q = scaled(d%acceleration_q, .false.)
+            self%acceleration_qd = scaled(d%acceleration_qd, .false.)
+            self%dynamics_q = scaled(d%dynamics_q, .true.)
+            self%dynamics_qd = scaled(d%dynamics_qd, .true.)
+        end associate
+        if (.not. (all(ieee_is_finite(self%velocity_q)) .and. all(ieee_is_finite(self%acceleration_q)) .and. &
+            all(ieee_is_finite(self%acceleration_qd)) .and. all(ieee_is_finite(self%dynamics_q)) .and. &
+            all(ieee_is_finite(self%dynamics_qd)))) stat = status_not_finite
+
+    contains
+
+        pure function scaled(a, rows_too) result(b)
+            real(wp), intent(in) :: a(:, :)
+            logical, intent(in) :: rows_too
+            real(wp) :: b(size(a, 1), size(a, 2))
+            integer :: j
+
+            do j = 1, size(a, 2)
+                b(:, j) = a(:, j)*self%scale(j)
+                if (rows_too) b(:, j) = b(:, j)*self%scale
+            end do
+        end function scaled
+    end subroutine differentiate
+
+    !> A status in words.
+    subroutine describe(self, stat, where, error)
+        class(point_type), intent(in) :: self
+        integer, intent(in) :: stat
+        !> Where the point is.
+        character(len=*), intent(in) :: where
+        type(error_type), allocatable, intent(out) :: error
+
+        if (stat == status_ok) return
+        call set_error(error, stat, 'the model "'//self%model%name//'" '//where)
+    end subroutine describe
+end module tandem_analysis_point

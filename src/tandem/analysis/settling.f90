@@ -1,0 +1,378 @@
+! SPDX-License-Identifier: MIT
+!> Equilibria and steady motions near a state: where a mechanism rests, or goes on for ever as it is.
+!>
+!> A steady motion goes along fields X of symmetries at constant rates, an equilibrium along none. Unknowns are the coordinates, and
+!> rates where they are not held:
+!>
+!>   Phi(q) = 0,   C X q = nu,   W' (M L X q - S - Q_A) = 0.
+!>
+!> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
+!> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
+!> Where it ends nowhere, an equilibrium is sought by going along the forces, in steps over the absolute curvatures of the
+!> potential, which finds a stable one from afar; then Newton's iteration again. All of it is bounded work.
+module tandem_analysis_settling
+    use tandem_analysis_point, only: point_type
+    use tandem_analysis_symmetry, only: symmetry_type
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_linalg_lu, only: lu_type
+    use tandem_linalg_singular, only: decompose_symmetric, singular_type
+    use tandem_model, only: model_type
+    use tandem_model_check, only: check_model
+    use tandem_status, only: status_no_equilibrium, status_ok
+    implicit none (type, external)
+    private
+
+    public :: settling_type
+
+    type :: settling_type
+        !> Where it settles (n), and the rates of the fields of `symmetry` along which it goes on.
+        real(wp), allocatable :: q(:), qd(:), rates(:)
+        type(symmetry_type) :: symmetry
+        !> Newton's iterations, and steps along the forces.
+        integer :: iterations = 0, relaxations = 0
+        !> Dimension of the family: how many directions lead to others like it, at least.
+        integer :: n_free = 0
+        !> How far the coordinates have moved at most, in scaled coordinates.
+        real(wp) :: moved = 0.0_wp
+    contains
+        procedure :: find_equilibrium
+        procedure :: find_steady_motion
+        procedure, private :: iterate
+        procedure, private :: relax
+        procedure, private :: form
+        procedure, private :: look
+        procedure, private :: refuse
+    end type settling_type
+
+    !> Most iterations, and steps along the forces.
+    integer, parameter :: most_iterations = 60, most_relaxations = 400
+    !> The longest step, in scaled coordinates.
+    real(wp), parameter :: longest = 0.5_wp
+    !> Forces are in balance where what is left is this of their terms.
+    real(wp), parameter :: balance_bound = 1.0e-9_wp
+
+contains
+
+    !> The equilibrium near q. Errors: no_equilibrium, invalid_model, and what evaluating the model may give.
+    subroutine find_equilibrium(self, model, t, q, error)
+        class(settling_type), intent(out) :: self
+        class(model_type), intent(inout), target :: model
+        !> Time, at which functions of it stand still, and coordinates (n), which need not satisfy the constraints.
+        real(wp), intent(in) :: t, q(:)
+        type(error_type), allocatable, intent(out) :: error
+        type(point_type), allocatable :: point
+        integer :: stat
+
+        call check_model(model, error)
+        if (allocated(error)) return
+        allocate (point)
+        call point%initialize(model)
+        call no_fields(self, model%n)
+        self%q = q
+        call self%iterate(point, t, .false., stat)
+        if (stat == status_no_equilibrium) then
+            self%q = q
+            call self%relax(point, t, stat)
+            if (stat == status_ok) call self%iterate(point, t, .false., stat)
+        end if
+        if (stat /= status_ok) then
+            call self%refuse(point, stat, 'equilibrium', error)
+            return
+        end if
+        self%moved = maxval(abs((self%q - q)/point%scale))
+    end subroutine find_equilibrium
+
+    !> The steady motion near (q, qd), along all symmetries or along fields that are named. Their rates stay those of qd, if that
+    !> can be; else they change too.
+    subroutine find_steady_motion(self, model, t, q, qd, error, names)
+        class(settling_type), intent(out) :: self
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), intent(in), optional :: names(:)
+        type(point_type), allocatable :: point
+        real(wp), allocatable :: rates(:)
+        integer :: stat, k
+
+        call check_model(model, error)
+        if (allocated(error)) return
+        allocate (point)
+        call point%initialize(model)
+        call self%symmetry%find(point, t, q, qd, stat, names)
+        if (present(names)) then
+            do k = 1, size(names)
+                if (self%symmetry%knows(names(k))) cycle
+                call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" cannot be moved along "'// &
+                    trim(names(k))//'"', 'name one of '//self%symmetry%all_names(point%model))
+                return
+            end do
+        end if
+        if (stat == status_ok .and. .not. allocated(self%symmetry%rates_of_time)) then
+            call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" depends on the time in a way that no '// &
+                'symmetry makes up for', 'let its functions of time stand still')
+            return
+        end if
+        if (stat == status_ok) then
+            call start_rates(self%symmetry, point, q, qd, rates)
+            self%q = q
+            self%rates = rates
+            call self%iterate(point, t, .false., stat)
+            if (stat == status_no_equilibrium) then
+                self%q = q
+                self%rates = rates
+                call self%iterate(point, t, .true., stat)
+            end if
+        end if
+        if (stat /= status_ok) then
+            call self%refuse(point, stat, 'steady motion', error)
+            return
+        end if
+        self%moved = maxval(abs((self%q - q)/point%scale))
+    end subroutine find_steady_motion
+
+    !> No symmetries: nothing goes on.
+    subroutine no_fields(self, n)
+        class(settling_type), intent(inout) :: self
+        integer, intent(in) :: n
+
+        allocate (self%symmetry%motions(0), self%symmetry%rates(0, 0))
+        self%rates = [real(wp) ::]
+        self%qd = spread(0.0_wp, 1, n)
+    end subroutine no_fields
+
+    !> The rates of symmetries that come nearest to qd.
+    subroutine start_rates(symmetry, point, q, qd, rates)
+        type(symmetry_type), intent(in) :: symmetry
+        type(point_type), intent(in) :: point
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), allocatable, intent(out) :: rates(:)
+        type(singular_type) :: svd
+        real(wp) :: columns(point%n, size(symmetry%rates, 2)), c(size(symmetry%rates, 2))
+        integer :: k
+
+        rates = symmetry%rates_of_time
+        if (size(c) == 0) return
+        do k = 1, size(c)
+            columns(:, k) = symmetry%field(symmetry%rates(:, k), q)/point%scale
+        end do
+        call svd%allocate(point%n, size(c))
+        call svd%factor(columns)
+        call svd%solve((qd - symmetry%field(rates, q))/point%scale, c)
+        rates = rates + matmul(symmetry%rates, c)
+    end subroutine start_rates
+
+    !> Newton's iteration.
+    subroutine iterate(self, point, t, frees_rates, stat)
+        class(settling_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t
+        !> Whether the rates change with the coordinates.
+        logical, intent(in) :: frees_rates
+        !> A status code; no_equilibrium where the iteration ends nowhere.
+        integer, intent(out) :: stat
+        type(singular_type) :: svd
+        real(wp), allocatable :: residual(:), jacobian(:, :), step(:), next(:), q(:), rates(:), w(:, :)
+        real(wp) :: factor, unit, left, size_of_q
+        logical :: is_last
+        integer :: k, tries, i
+
+        is_last = .false.
+        k = merge(size(self%symmetry%rates, 2), 0, frees_rates)
+        allocate (step(point%n + k), next(point%n + k))
+        do i = 1, most_iterations
+            self%iterations = self%iterations + 1
+            call self%look(point, t, stat)
+            if (stat /= status_ok) return
+            call self%form(point, k, residual, jacobian, unit, left, stat)
+            if (stat /= status_ok) return
+            call svd%allocate(size(residual), size(step))
+            call svd%factor(jacobian)
+            self%n_free = size(step) - svd%rank
+            call svd%solve(-residual, step)
+            size_of_q = 1 + maxval(abs(self%q/point%scale))
+            if (maxval(abs(step)) <= 1.0e-14_wp*size_of_q .or. (is_last .and. maxval(abs(step)) <= 1.0e-10_wp*size_of_q)) then
+                ! What corrections cannot change must be nothing as well.
+                if (.not. left <= balance_bound) stat = status_no_equilibrium
+                return
+            end if
+            q = self%q
+            w = point%w
+            rates = self%rates
+            factor = min(1.0_wp, longest/maxval(abs(step(:point%n))))
+            do tries = 1, 30
+                self%q = q + factor*point%scale*step(:point%n)
+                if (k > 0) self%rates = rates + factor*matmul(self%symmetry%rates, step(point%n + 1:))
+                call self%look(point, t, stat)
+                if (stat == status_ok) then
+                    call residual_of(self, point, unit, residual, w)
+                    call svd%solve(-residual, next)
+                    if (norm2(next) <= (1 - factor/4)*norm2(step)) exit
+                    ! Rounding, when the correction before was small already: nothing gets better.
+                    is_last = maxval(abs(step)) <= 1.0e-10_wp*size_of_q
+                    if (is_last) exit
+                end if
+                factor = factor/2
+            end do
+            if (tries > 30) exit
+        end do
+        stat = status_no_equilibrium
+    end subroutine iterate
+
+    !> Evaluate the model in the motion of the current coordinates and rates.
+    subroutine look(self, point, t, stat)
+        class(settling_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t
+        integer, intent(out) :: stat
+
+        self%qd = self%symmetry%field(self%rates, self%q)
+        call point%evaluate(t, self%q, self%qd, stat)
+        if (stat /= status_ok) return
+        call point%make_bases()
+        call point%set_acceleration(self%symmetry%turned(self%rates, self%qd))
+    end subroutine look
+
+    !> The residual; forces over `unit`. Those at another point are seen along the basis W of the old one: along the basis Z of
+    !> null(C) there for which W'Z = I, as the derivatives take it.
+    subroutine residual_of(self, point, unit, residual, w)
+        class(settling_type), intent(in) :: self
+        type(point_type), intent(in) :: point
+        real(wp), intent(in) :: unit
+        real(wp), allocatable, intent(inout) :: residual(:)
+        !> W of the old point (n, nw).
+        real(wp), intent(in), optional :: w(:, :)
+        type(lu_type) :: lu
+        real(wp) :: forces(point%nw)
+        integer :: stat
+
+        forces = matmul(transpose(point%w), matmul(point%mass, point%qdd/point%scale) - point%force)/unit
+        if (present(w)) then
+            if (size(w, 2) /= point%nw) then
+                ! Another rank: no step that could be compared.
+                residual = spread(huge(1.0_wp)**0.25_wp, 1, size(residual))
+                return
+            end if
+            call lu%allocate(point%nw)
+            call lu%factor(matmul(transpose(point%w), w), stat)
+            if (stat == 0) call lu%solve(forces)
+        end if
+        residual = [point%phi, matmul(point%jacobian, self%qd/point%scale) - point%nu, forces]
+    end subroutine residual_of
+
+    !> The residual and its derivatives with respect to scaled coordinates and the rates of k symmetries.
+    subroutine form(self, point, k, residual, jacobian, unit, left, stat)
+        class(settling_type), intent(in) :: self
+        type(point_type), intent(inout) :: point
+        integer, intent(in) :: k
+        real(wp), allocatable, intent(inout) :: residual(:), jacobian(:, :)
+        !> What forces are divided by, and the largest residual over the size of its terms.
+        real(wp), intent(out) :: unit, left
+        integer, intent(out) :: stat
+        real(wp), allocatable :: l(:, :), gradient(:, :)
+        real(wp), dimension(point%n) :: x, y, sizes
+        integer :: i, n, nh, m
+
+        unit = 1.0_wp
+        left = huge(left)
+        call point%differentiate(stat)
+        if (stat /= status_ok) return
+        n = point%n
+        nh = point%nh
+        m = point%m
+        l = self%symmetry%matrix(self%rates, n)
+        do i = 1, n
+            l(:, i) = l(:, i)*point%scale(i)/point%scale
+        end do
+        gradient = point%dynamics_q + matmul(point%dynamics_qd, l) + matmul(point%mass, matmul(l, l))
+        unit = max(norm2(matmul(transpose(point%w), gradient)), norm2(point%force), tiny(1.0_wp))
+        call residual_of(self, point, unit, residual)
+        if (allocated(jacobian)) deallocate (jacobian)
+        allocate (jacobian(nh + m + point%nw, n + k))
+        jacobian(:nh, :n) = point%jacobian(:nh, :)
+        jacobian(:nh, n + 1:) = 0.0_wp
+        jacobian(nh + 1:nh + m, :n) = point%velocity_q + matmul(point%jacobian, l)
+        jacobian(nh + m + 1:, :n) = matmul(transpose(point%w), gradient)/unit
+        do i = 1, k
+            associate (rates => self%symmetry%rates(:, i))
+                x = self%symmetry%field(rates, self%q)
+                y = (self%symmetry%turned(rates, self%qd) + self%symmetry%turned(self%rates, x))/point%scale
+                x = x/point%scale
+            end associate
+            jacobian(nh + 1:nh + m, n + i) = matmul(point%jacobian, x)
+            jacobian(nh + m + 1:, n + i) = matmul(transpose(point%w), matmul(point%dynamics_qd, x) + matmul(point%mass, y))/unit
+        end do
+        ! Errors of the coordinates of 1e-9 would leave as much.
+        sizes = abs(point%force) + matmul(abs(point%mass), abs(point%qdd/point%scale)) + &
+            matmul(abs(gradient), spread(1.0_wp, 1, n))*(1 + maxval(abs(self%q/point%scale)))
+        left = maxval([0.0_wp, abs(residual(:nh + m)), &
+            abs(residual(nh + m + 1:))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
+    end subroutine form
+
+    !> Go along the forces to a place where they are nearly in balance.
+    subroutine relax(self, point, t, stat)
+        class(settling_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t
+        integer, intent(out) :: stat
+        real(wp), allocatable :: force(:), stiffness(:, :), values(:), step(:), w(:, :), q(:)
+        real(wp) :: radius, length, before
+        integer :: i
+
+        radius = longest/4
+        call point%restore_position(t, self%qd, self%q, stat)
+        do i = 1, most_relaxations
+            if (stat /= status_ok) exit
+            self%relaxations = self%relaxations + 1
+            call self%look(point, t, stat)
+            if (stat == status_ok) call point%differentiate(stat)
+            if (stat /= status_ok) exit
+            w = point%w
+            force = matmul(transpose(w), point%force)
+            stiffness = matmul(transpose(w), matmul(point%dynamics_q, w))
+            stiffness = (stiffness + transpose(stiffness))/2
+            values = force
+            call decompose_symmetric(stiffness, values)
+            ! Over the absolute curvature: downhill along every direction, and never further than the radius.
+            step = matmul(force, stiffness)
+            values = max(abs(values), norm2(step)/radius)
+            if (.not. maxval([values, 0.0_wp]) > 0.0_wp) return
+            step = matmul(stiffness, step/values)
+            length = norm2(step)
+            if (length <= 1.0e-7_wp) return
+            before = dot_product(force, step)
+            q = self%q
+            do
+                self%q = q + point%scale*matmul(w, step)
+                call point%restore_position(t, self%qd, self%q, stat)
+                if (stat == status_ok) then
+                    ! Forces that push back harder than they pulled: too far.
+                    if (dot_product(point%force, matmul(w, step)) >= -0.5_wp*before) exit
+                end if
+                step = step/2
+                if (norm2(step) <= 1.0e-9_wp*length) exit
+            end do
+            radius = min(longest, 1.5_wp*max(norm2(step), 1.0e-3_wp))
+        end do
+        if (stat == status_ok) stat = status_no_equilibrium
+    end subroutine relax
+
+    !> Say that there is none.
+    subroutine refuse(self, point, stat, what, error)
+        class(settling_type), intent(in) :: self
+        type(point_type), intent(in) :: point
+        integer, intent(in) :: stat
+        character(len=*), intent(in) :: what
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: reason
+
+        if (stat /= status_no_equilibrium) then
+            call point%describe(stat, 'cannot be evaluated on the way to its '//what, error)
+            return
+        end if
+        reason = ''
+        if (any(abs(point%nu) > 0.0_wp)) reason = '; its constraints move it, so that it cannot rest'
+        call set_error(error, stat, 'no '//what//' of the model "'//point%model%name//'" was found in '// &
+            to_text(self%iterations)//' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)
+    end subroutine refuse
+end module tandem_analysis_settling

@@ -1,0 +1,356 @@
+! SPDX-License-Identifier: MIT
+!> The eigenvalues of a linearised system, with those taken off and named that follow from symmetries and families.
+!>
+!> Directions in which symmetries move the state span an invariant space, on which the matrix is what the group makes of it: zeros,
+!> and in a turning frame the rates of the turn. Zeros that are left come in families: other steady motions or equilibria lie beside
+!> this one, as nonholonomic rows always leave some. Both are split off by orthogonal transformations of the balanced matrix before
+!> the eigenvalues are computed, so that Jordan blocks cost them no digits.
+module tandem_analysis_spectrum
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_linalg_complex_lu, only: complex_lu_type
+    use tandem_linalg_eigenvalues, only: find_eigenvalues, split_zeros
+    use tandem_linalg_singular, only: singular_type
+    use tandem_status, only: status_not_finite
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
+    public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
+
+    !> Where an eigenvalue comes from.
+    integer, parameter :: of_motion = 1, of_symmetry = 2, of_family = 3
+    character(len=8), parameter :: cause_name(3) = [character(len=8) :: 'motion', 'symmetry', 'family']
+
+    !> What the linear equations say: all else decays; it neither grows nor decays within rounding, and terms of higher order
+    !> decide; it grows.
+    integer, parameter :: is_asymptotically_stable = 1, is_marginal = 2, is_unstable = 3
+    character(len=8), parameter :: stability_name(3) = [character(len=8) :: 'stable', 'marginal', 'unstable']
+
+    type :: spectrum_type
+        !> Eigenvalues, sorted by their real parts, then by their imaginary parts.
+        complex(wp), allocatable :: values(:)
+        !> `of_motion`, `of_symmetry` or `of_family`.
+        integer, allocatable :: cause(:)
+        !> The error that rounding of the matrix may leave; of zeros that were split off, what a Jordan block of their size would
+        !> make of it.
+        real(wp), allocatable :: error(:)
+        !> Eigenvectors in (v, w) of the eigenvalues of the motion, others zero (nv + nw, nv + nw).
+        complex(wp), allocatable :: vectors(:, :)
+        !> The same as motions of the coordinates and velocities (n, nv + nw): the largest entry of the coordinates is 1.
+        complex(wp), allocatable :: shapes(:, :), rates(:, :)
+        !> The number of zeros; entry j the number of their Jordan blocks of size j or more.
+        integer :: n_zeros = 0
+        integer, allocatable :: blocks(:)
+    contains
+        procedure :: find
+        procedure :: make_shapes
+        procedure :: frequency
+        procedure :: natural_frequency
+        procedure :: damping_ratio
+        procedure :: stability
+        procedure, private :: set_zeros
+        procedure, private :: set_vectors
+        procedure, private :: sort
+    end type spectrum_type
+
+contains
+
+    !> Eigenvalues of A (n, n).
+    subroutine find(self, a, nv, directions, tolerance, error)
+        class(spectrum_type), intent(out) :: self
+        real(wp), intent(in) :: a(:, :)
+        !> How many of its rows are those of v.
+        integer, intent(in) :: nv
+        !> Directions of symmetries (n, any); they may depend on each other.
+        real(wp), intent(in) :: directions(:, :)
+        !> Errors of A over its norm: singular values up to this part count as zero.
+        real(wp), intent(in) :: tolerance
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: b(:, :), d(:), q(:, :), z(:, :), condition(:)
+        complex(wp), allocatable :: values(:), vectors(:, :)
+        real(wp) :: norm
+        integer, allocatable :: blocks(:)
+        integer :: n, ns, nz, stat, i
+
+        n = size(a, 1)
+        allocate (self%values(n), self%vectors(n, n), source=(0.0_wp, 0.0_wp))
+        allocate (self%cause(n), source=of_motion)
+        allocate (self%error(n), source=0.0_wp)
+        allocate (self%blocks(0))
+        if (.not. all(ieee_is_finite(a))) then
+            call set_error(error, status_not_finite, 'the matrix of the linearised system is not finite')
+            return
+        end if
+        b = a
+        allocate (d(n))
+        call choose_unit_of_time(b, nv, d)
+        norm = norm2(b)
+        call split_directions(b, d, directions, tolerance*norm, q, ns)
+        allocate (z(n - ns, n - ns))
+        call split_rest(nz, blocks)
+        i = n - ns - nz
+        allocate (values(max(ns, i)), vectors(max(ns, i), max(ns, i)), condition(max(ns, i)))
+        ! Those of the symmetries.
+        call find_symmetry_values(stat)
+        if (stat == 0) then
+            self%values(ns + 1:ns + nz) = (0.0_wp, 0.0_wp)
+            self%cause(ns + 1:ns + nz) = of_family
+            call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values(:i), vectors(:i, :i), condition(:i), stat)
+        end if
+        if (stat /= 0) then
+            call set_error(error, status_not_finite, 'the eigenvalues did not converge', 'check the numbers of the model')
+            return
+        end if
+        self%values(ns + nz + 1:) = values(:i)
+        self%error(ns + nz + 1:) = epsilon(1.0_wp)*norm/max(condition(:i), tiny(1.0_wp))
+        call self%set_zeros(b, ns + nz, tolerance*norm, norm)
+        call self%set_vectors(b, d, q, ns + nz, vectors(:i, :i))
+        call self%sort()
+
+    contains
+
+        !> Split the zeros off what the symmetries leave.
+        subroutine split_rest(k, dimensions)
+            integer, intent(out) :: k
+            integer, allocatable, intent(out) :: dimensions(:)
+            real(wp), allocatable :: rest(:, :)
+
+            allocate (rest, source=b(ns + 1:, ns + 1:))
+            call split_zeros(rest, tolerance*norm, z, k, dimensions)
+            b(ns + 1:, ns + 1:) = rest
+            b(:ns, ns + 1:) = matmul(b(:ns, ns + 1:), z)
+            q(:, ns + 1:) = matmul(q(:, ns + 1:), z)
+        end subroutine split_rest
+
+        !> On the directions of symmetries: zeros, and the rates of a turning frame.
+        subroutine find_symmetry_values(info)
+            integer, intent(out) :: info
+            real(wp) :: block(ns, ns), y(ns, ns)
+            integer, allocatable :: dimensions(:)
+            integer :: k
+
+            block = b(:ns, :ns)
+            call split_zeros(block, tolerance*norm, y, k, dimensions)
+            self%cause(:ns) = of_symmetry
+            call find_eigenvalues(block(k + 1:, k + 1:), self%values(k + 1:ns), vectors(:ns - k, :ns - k), condition(:ns - k), info)
+            self%error(k + 1:ns) = epsilon(1.0_wp)*norm
+        end subroutine find_symmetry_values
+    end subroutine find
+
+    !> Measure velocities in a unit in which they are about as large as the coordinates: B := D^-1 B D, so that what couples one to
+    !> the other is about as large both ways. Powers of two round nothing. A full balancing would scale by what is rounding.
+    subroutine choose_unit_of_time(b, nv, d)
+        real(wp), intent(inout) :: b(:, :)
+        integer, intent(in) :: nv
+        !> The diagonal of D (n).
+        real(wp), intent(out) :: d(:)
+        real(wp) :: there, back
+
+        d = 1.0_wp
+        there = norm2(b(:nv, nv + 1:))
+        back = norm2(b(nv + 1:, :nv))
+        if (.not. (there > tiny(there) .and. back > tiny(back))) return
+        d(nv + 1:) = 2.0_wp**nint(log(back/there)/log(4.0_wp))
+        b(:nv, nv + 1:) = b(:nv, nv + 1:)*d(size(d))
+        b(nv + 1:, :nv) = b(nv + 1:, :nv)/d(size(d))
+    end subroutine choose_unit_of_time
+
+    !> Split the directions of symmetries off: Q'BQ = [S, X; 0, B'] in the place of B, S (k, k).
+    subroutine split_directions(b, d, directions, tolerance, q, k)
+        real(wp), intent(inout) :: b(:, :)
+        !> The units of B (n).
+        real(wp), intent(in) :: d(:), directions(:, :), tolerance
+        real(wp), allocatable, intent(out) :: q(:, :)
+        integer, intent(out) :: k
+        type(singular_type) :: svd
+        real(wp), allocatable :: rows(:, :), rest(:, :), basis(:, :)
+        real(wp) :: length
+        integer :: n, i
+
+        n = size(d)
+        k = 0
+        allocate (q(n, n), source=0.0_wp)
+        do i = 1, n
+            q(i, i) = 1.0_wp
+        end do
+        if (n == 0 .or. size(directions, 2) == 0) return
+        allocate (rows(size(directions, 2), n))
+        do i = 1, size(rows, 1)
+            rows(i, :) = directions(:, i)/d
+            length = norm2(rows(i, :))
+            ! A symmetry that moves nothing here.
+            if (length > 1.0e-10_wp*norm2(1/d)) rows(i, :) = rows(i, :)/length
+            if (.not. length > 1.0e-10_wp*norm2(1/d)) rows(i, :) = 0.0_wp
+        end do
+        call svd%allocate(size(rows, 1), n)
+        call svd%factor(rows)
+        call svd%get_null_basis(rest)
+        call svd%get_row_basis(basis)
+        k = size(basis, 2)
+        ! Only what is invariant may be taken off: it is where the symmetries are those of the equations.
+        if (norm2(matmul(transpose(rest), matmul(b, basis))) > 1.0e3_wp*tolerance) then
+            k = 0
+            return
+        end if
+        q(:, :k) = basis
+        q(:, k + 1:) = rest
+        b = matmul(transpose(q), matmul(b, q))
+        b(k + 1:, :k) = 0.0_wp
+    end subroutine split_directions
+
+    !> The Jordan blocks of all zeros together, and how large they would come out unless they were split off.
+    subroutine set_zeros(self, b, k, tolerance, norm)
+        class(spectrum_type), intent(inout) :: self
+        !> B, in whose leading block (k, k) they are.
+        real(wp), intent(in) :: b(:, :), tolerance, norm
+        integer, intent(in) :: k
+        real(wp) :: block(k, k), q(k, k)
+        integer, allocatable :: dimensions(:)
+
+        block = b(:k, :k)
+        call split_zeros(block, tolerance, q, self%n_zeros, dimensions)
+        self%blocks = dimensions
+        if (self%n_zeros == 0) return
+        where (.not. abs(self%values(:k)) > 0.0_wp) &
+            self%error(:k) = norm*epsilon(1.0_wp)**(1.0_wp/max(size(dimensions), 1))
+    end subroutine set_zeros
+
+    !> Eigenvectors of A from those of the last block of Q'BQ.
+    subroutine set_vectors(self, b, d, q, k, vectors)
+        class(spectrum_type), intent(inout) :: self
+        real(wp), intent(in) :: b(:, :), d(:), q(:, :)
+        !> The order of the leading block.
+        integer, intent(in) :: k
+        complex(wp), intent(in) :: vectors(:, :)
+        type(complex_lu_type) :: lu
+        complex(wp) :: matrix(k, k), x(k), y(size(d))
+        integer :: i, j, stat
+
+        call lu%allocate(k)
+        do j = 1, size(vectors, 2)
+            ! (T - lambda) x = -X y.
+            matrix = cmplx(b(:k, :k), 0.0_wp, wp)
+            do i = 1, k
+                matrix(i, i) = matrix(i, i) - self%values(k + j)
+            end do
+            x = -matmul(b(:k, k + 1:), vectors(:, j))
+            stat = 0
+            if (k > 0) call lu%factor(matrix, stat)
+            if (k > 0 .and. stat == 0) then
+                x = solved(x)
+            else if (stat /= 0) then
+                x = (0.0_wp, 0.0_wp)
+            end if
+            y = d*matmul(q, [x, vectors(:, j)])
+            self%vectors(:, k + j) = y/maxval(abs(y))
+        end do
+
+    contains
+
+        !> The complex system, by the procedure that solves for real and imaginary parts.
+        function solved(right) result(left)
+            complex(wp), intent(in) :: right(:)
+            complex(wp) :: left(size(right))
+            real(wp) :: re(size(right)), im(size(right))
+
+            re = real(right, wp)
+            im = aimag(right)
+            call lu%solve(re, im)
+            left = cmplx(re, im, wp)
+        end function solved
+    end subroutine set_vectors
+
+    !> Sort by real parts, then by imaginary parts; conjugates have bitwise the same real part.
+    subroutine sort(self)
+        class(spectrum_type), intent(inout) :: self
+        integer :: order(size(self%values)), i, j, k
+
+        order = [(i, i=1, size(order))]
+        do i = 2, size(order)
+            k = order(i)
+            j = i - 1
+            do while (j >= 1)
+                if (.not. comes_before(self%values(k), self%values(order(j)))) exit
+                order(j + 1) = order(j)
+                j = j - 1
+            end do
+            order(j + 1) = k
+        end do
+        self%values = self%values(order)
+        self%cause = self%cause(order)
+        self%error = self%error(order)
+        self%vectors = self%vectors(:, order)
+
+    contains
+
+        pure logical function comes_before(a, b)
+            complex(wp), intent(in) :: a, b
+
+            comes_before = real(a, wp) < real(b, wp) .or. (.not. real(a, wp) > real(b, wp) .and. aimag(a) < aimag(b))
+        end function comes_before
+    end subroutine sort
+
+    !> |Im lambda|/(2 pi) [Hz].
+    pure real(wp) function frequency(self, i)
+        class(spectrum_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        frequency = abs(aimag(self%values(i)))/(2*acos(-1.0_wp))
+    end function frequency
+
+    !> |lambda|/(2 pi) [Hz].
+    pure real(wp) function natural_frequency(self, i)
+        class(spectrum_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        natural_frequency = abs(self%values(i))/(2*acos(-1.0_wp))
+    end function natural_frequency
+
+    !> -Re lambda/|lambda|: 1 for what decays without turning back, 0 for a zero.
+    pure real(wp) function damping_ratio(self, i)
+        class(spectrum_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        damping_ratio = 0.0_wp
+        if (abs(self%values(i)) > 0.0_wp) damping_ratio = -real(self%values(i), wp)/abs(self%values(i))
+    end function damping_ratio
+
+    !> What the eigenvalues of the motion say of its stability.
+    pure integer function stability(self)
+        class(spectrum_type), intent(in) :: self
+        real(wp) :: bound
+        integer :: i
+
+        stability = merge(is_asymptotically_stable, is_marginal, any(self%cause == of_motion))
+        do i = 1, size(self%values)
+            if (self%cause(i) /= of_motion) cycle
+            ! A factor of safety over the first-order bound.
+            bound = 100*self%error(i)
+            if (real(self%values(i), wp) > bound) stability = is_unstable
+            if (stability /= is_unstable .and. real(self%values(i), wp) >= -bound) stability = is_marginal
+        end do
+    end function stability
+
+    !> Motions of the coordinates from eigenvectors.
+    subroutine make_shapes(self, v, g, w)
+        class(spectrum_type), intent(inout) :: self
+        !> dq = V dv, dqd = G dv + W dw: V, G (n, nv), W (n, nw).
+        real(wp), intent(in) :: v(:, :), g(:, :), w(:, :)
+        complex(wp) :: largest
+        integer :: j, nv
+
+        nv = size(v, 2)
+        self%shapes = matmul(v, self%vectors(:nv, :))
+        self%rates = matmul(g, self%vectors(:nv, :)) + matmul(w, self%vectors(nv + 1:, :))
+        do j = 1, size(self%values)
+            if (size(v, 1) == 0) exit
+            largest = self%shapes(maxloc(abs(self%shapes(:, j)), dim=1), j)
+            if (.not. abs(largest) > 0.0_wp) cycle
+            self%shapes(:, j) = self%shapes(:, j)/largest
+            self%rates(:, j) = self%rates(:, j)/largest
+            self%vectors(:, j) = self%vectors(:, j)/largest
+        end do
+    end subroutine make_shapes
+end module tandem_analysis_spectrum

@@ -1,0 +1,415 @@
+! SPDX-License-Identifier: MIT
+!> The symmetries of a model among the ways in which it can be moved: fields q' = L q + c under which its constraints and equations
+!> of motion stay as they are.
+!>
+!> A sum of fields with rates xi, and with the time going on at a rate s, is a symmetry where at every state on the manifold, with
+!> x = X q, x' = L qd,
+!>
+!>   Phi_q x + s Phi_t = 0,   vel_q x + C x' + s vel_t = 0,   acc_q x + acc_qd x' + C L qdd + s acc_t = 0,
+!>   W' (dyn_q x + dyn_qd x' + M L qdd + s dyn_t) = 0.
+!>
+!> All of that is linear in (xi, s): the symmetries are the null space of these rows at a few states that nobody has chosen. The
+!> gradients are exact, so that the rank is clear.
+module tandem_analysis_symmetry
+    use tandem_analysis_point, only: point_type
+    use tandem_kinds, only: wp
+    use tandem_linalg_random, only: random_vector
+    use tandem_linalg_singular, only: singular_type
+    use tandem_model, only: model_type
+    use tandem_model_affine_motion, only: affine_motion_type
+    use tandem_status, only: status_ok
+    implicit none (type, external)
+    private
+
+    public :: symmetry_type, list_motions
+
+    type :: symmetry_type
+        !> The fields that were tried.
+        type(affine_motion_type), allocatable :: motions(:)
+        !> The symmetries: rates of the fields (n_motions, k) with the time standing still.
+        real(wp), allocatable :: rates(:, :)
+        !> Rates of fields that go with the time: zero where the equations do not depend on it; not allocated where no symmetry
+        !> moves the time.
+        real(wp), allocatable :: rates_of_time(:)
+    contains
+        procedure :: find
+        procedure :: field
+        procedure :: turned
+        procedure :: matrix
+        procedure :: name_of
+        procedure :: knows
+        procedure, nopass :: all_names
+        procedure, private :: choose_motions
+        procedure, private :: add_rows
+        procedure, private :: reduce
+    end type symmetry_type
+
+    !> Rows are compared with the size of their terms; what is left of those that cancel.
+    real(wp), parameter :: exact_bound = 1.0e-9_wp, difference_bound = 1.0e-6_wp
+
+contains
+
+    !> Find the symmetries from states around one on the manifold. `point` is left elsewhere.
+    subroutine find(self, point, t, q, qd, stat, names)
+        class(symmetry_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(out) :: stat
+        !> Only these fields: a name, or what comes before its last `_` (BODY.spin).
+        character(len=*), intent(in), optional :: names(:)
+        type(singular_type) :: svd
+        real(wp), allocatable :: rows(:, :), span(:, :)
+        integer :: n_samples, seed, i, k, per_sample, used
+        real(wp) :: size_of_move
+
+        call self%choose_motions(point%model, names)
+        k = size(self%motions)
+        per_sample = max(point%nh + 2*point%m, 1) + point%n
+        n_samples = 4 + 2*(k + 1)/max(point%n, 1)
+        allocate (rows(n_samples*per_sample, k + 1), source=0.0_wp)
+        seed = 20071
+        used = 0
+        do i = 1, n_samples
+            size_of_move = 0.1_wp
+            do
+                call go_nearby(point, t, q, qd, size_of_move, seed, stat)
+                if (stat == status_ok) call point%make_bases()
+                if (stat == status_ok) call point%solve_dynamics(stat)
+                if (stat == status_ok) call point%differentiate(stat)
+                if (stat == status_ok) exit
+                size_of_move = size_of_move/4
+                if (size_of_move < 1.0e-4_wp) return
+            end do
+            call self%add_rows(point, rows(used + 1:used + per_sample, :), stat)
+            if (stat /= status_ok) return
+            used = used + per_sample
+        end do
+        call svd%allocate(used, k + 1)
+        call svd%factor(rows)
+        svd%rank = count(svd%values > merge(exact_bound, difference_bound, point%has_gradients)*max(svd%values(1), 1.0_wp))
+        call svd%get_null_basis(span)
+        call self%reduce(span)
+    end subroutine find
+
+    !> The fields that are tried: all, or those that are named.
+    subroutine choose_motions(self, model, names)
+        class(symmetry_type), intent(inout) :: self
+        class(model_type), intent(inout) :: model
+        character(len=*), intent(in), optional :: names(:)
+        type(affine_motion_type), allocatable :: all_motions(:)
+        integer :: i
+
+        allocate (all_motions(0))
+        call list_motions(model, all_motions)
+        allocate (self%motions(0))
+        do i = 1, size(all_motions)
+            if (present(names)) then
+                if (.not. is_named(trim(all_motions(i)%name), names)) cycle
+            end if
+            self%motions = [self%motions, all_motions(i)]
+        end do
+    end subroutine choose_motions
+
+    !> The fields that the model lists, or all translations and rotations of its coordinates.
+    subroutine list_motions(model, motions)
+        class(model_type), intent(inout) :: model
+        type(affine_motion_type), allocatable, intent(out) :: motions(:)
+        !> Coordinates of a model that lists none: their rotations are n (n - 1)/2.
+        integer, parameter :: few = 16
+        type(affine_motion_type) :: motion
+        integer :: i, j
+
+        if (associated(model%list_motions)) then
+            call model%list_motions(motions)
+            return
+        end if
+        allocate (motions(0))
+        do i = 1, model%n
+            call motion%initialize(model%coordinate_label(i), .false.)
+            call motion%add_constant(i, 1.0_wp)
+            motions = [motions, motion]
+        end do
+        do i = 1, merge(model%n, 0, model%n <= few)
+            do j = i + 1, model%n
+                call motion%initialize(model%coordinate_label(i)//'-'//model%coordinate_label(j), .false.)
+                call motion%add_entry(i, j, -1.0_wp)
+                call motion%add_entry(j, i, 1.0_wp)
+                motions = [motions, motion]
+            end do
+        end do
+    end subroutine list_motions
+
+    !> Whether a name stands for fields that were tried.
+    pure logical function knows(self, name)
+        class(symmetry_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        knows = .false.
+        do i = 1, size(self%motions)
+            knows = knows .or. is_named(trim(self%motions(i)%name), [name])
+        end do
+    end function knows
+
+    !> The names of all fields of a model, with commas; of many the first.
+    function all_names(model) result(text)
+        class(model_type), intent(inout) :: model
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 40
+        type(affine_motion_type), allocatable :: motions(:)
+        integer :: i
+
+        call list_motions(model, motions)
+        text = ''
+        do i = 1, min(most, size(motions))
+            text = text//', '//trim(motions(i)%name)
+        end do
+        text = text(3:)
+        if (size(motions) > most) text = text//', ...'
+    end function all_names
+
+    !> Whether a field is one of those that were named.
+    pure logical function is_named(name, names)
+        character(len=*), intent(in) :: name, names(:)
+        integer :: last
+
+        last = index(name, '_', back=.true.) - 1
+        if (last < 1) last = len(name)
+        is_named = any(names == name) .or. any(names == name(:last))
+    end function is_named
+
+    !> Evaluate a state on the manifold near one.
+    subroutine go_nearby(point, t, q, qd, size_of_move, seed, stat)
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:), qd(:), size_of_move
+        integer, intent(inout) :: seed
+        integer, intent(out) :: stat
+        real(wp) :: near(point%n), velocity(point%n), x(point%n, 1), speed
+
+        near = q + size_of_move*point%scale*random_vector(seed, point%n)
+        call point%restore_position(t, qd, near, stat)
+        if (stat /= status_ok) return
+        ! Any velocity: the part in null(C) is free.
+        speed = max(1.0_wp, maxval(abs(qd/point%scale)))
+        velocity = qd/point%scale + speed*random_vector(seed, point%n)
+        call point%evaluate(t, near, qd, stat)
+        if (stat /= status_ok) return
+        call point%make_bases()
+        call point%apply_right_inverse(reshape(point%nu, [point%m, 1]), x)
+        velocity = matmul(point%w, matmul(transpose(point%w), velocity)) + x(:, 1)
+        call point%evaluate(t, near, point%scale*velocity, stat)
+    end subroutine go_nearby
+
+    !> The rows of one state, each over the size of its terms; the last column is the time's.
+    subroutine add_rows(self, point, rows, stat)
+        class(symmetry_type), intent(in) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(inout) :: rows(:, :)
+        integer, intent(out) :: stat
+        real(wp), dimension(point%n) :: x, x_rate, x_curve, qdd
+        real(wp) :: sizes(size(rows, 1)), of_time(size(rows, 1)), least
+        integer :: k, nh, m, level, ends(5)
+
+        nh = point%nh
+        m = point%m
+        rows = 0.0_wp
+        sizes = 0.0_wp
+        qdd = point%qdd
+        do k = 1, size(self%motions)
+            x = 0.0_wp
+            x_rate = 0.0_wp
+            x_curve = 0.0_wp
+            call self%motions(k)%add_field(point%q, 1.0_wp, x)
+            call self%motions(k)%add_turned(point%qd, 1.0_wp, x_rate)
+            call self%motions(k)%add_turned(qdd, 1.0_wp, x_curve)
+            x = x/point%scale
+            x_rate = x_rate/point%scale
+            x_curve = x_curve/point%scale
+            rows(:nh, k) = matmul(point%jacobian(:nh, :), x)
+            rows(nh + 1:nh + m, k) = matmul(point%velocity_q, x) + matmul(point%jacobian, x_rate)
+            rows(nh + m + 1:nh + 2*m, k) = matmul(point%acceleration_q, x) + matmul(point%acceleration_qd, x_rate) + &
+                matmul(point%jacobian, x_curve)
+            rows(nh + 2*m + 1:nh + 2*m + point%nw, k) = matmul(transpose(point%w), matmul(point%dynamics_q, x) + &
+                matmul(point%dynamics_qd, x_rate) + matmul(point%mass, x_curve))
+            sizes(:nh) = max(sizes(:nh), matmul(abs(point%jacobian(:nh, :)), abs(x)))
+            sizes(nh + 1:nh + m) = max(sizes(nh + 1:nh + m), matmul(abs(point%velocity_q), abs(x)) + &
+                matmul(abs(point%jacobian), abs(x_rate)))
+            sizes(nh + m + 1:nh + 2*m) = max(sizes(nh + m + 1:nh + 2*m), matmul(abs(point%acceleration_q), abs(x)) + &
+                matmul(abs(point%acceleration_qd), abs(x_rate)) + matmul(abs(point%jacobian), abs(x_curve)))
+            sizes(nh + 2*m + 1:nh + 2*m + point%nw) = max(sizes(nh + 2*m + 1:nh + 2*m + point%nw), &
+                matmul(transpose(abs(point%w)), matmul(abs(point%dynamics_q), abs(x)) + &
+                matmul(abs(point%dynamics_qd), abs(x_rate)) + matmul(abs(point%mass), abs(x_curve))))
+        end do
+        call differentiate_by_time(point, qdd, of_time, stat)
+        if (stat /= status_ok) return
+        rows(:, size(self%motions) + 1) = of_time
+        sizes = max(sizes, abs(of_time))
+        ! Rows whose terms are nothing beside the others of their level say nothing.
+        ends = [0, nh, nh + m, nh + 2*m, size(rows, 1)]
+        do level = 1, 4
+            associate (rows => rows(ends(level) + 1:ends(level + 1), :), sizes => sizes(ends(level) + 1:ends(level + 1)))
+                if (size(sizes) == 0) cycle
+                least = max(1.0e-6_wp*maxval(sizes), tiny(1.0_wp))
+                do k = 1, size(sizes)
+                    rows(k, :) = rows(k, :)/max(sizes(k), least)
+                end do
+            end associate
+        end do
+    end subroutine add_rows
+
+    !> The derivatives of the residuals with respect to time alone, by central differences; exactly zero where nothing depends on
+    !> it.
+    subroutine differentiate_by_time(point, qdd, of_time, stat)
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: qdd(:)
+        real(wp), intent(out) :: of_time(:)
+        integer, intent(out) :: stat
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+        real(wp), parameter :: h = 2.0_wp**(-11)
+        real(wp), dimension(point%n) :: q, qd, s_qd, s_qdd
+        real(wp) :: lambda(point%m), t, w(point%n, point%nw), sums(size(of_time)), reference(size(of_time))
+        integer :: i
+
+        q = point%q
+        qd = point%qd
+        t = point%t
+        lambda = point%lambda
+        w = point%w
+        s_qd = qd/point%scale
+        s_qdd = qdd/point%scale
+        of_time = 0.0_wp
+        reference = residuals()
+        do i = 1, 4
+            call point%evaluate(t + place(i)*h, q, qd, stat)
+            if (stat /= status_ok) return
+            ! Differences to the residuals here, so that what does not depend on the time gives nothing at all.
+            sums = residuals() - reference
+            of_time = of_time + weight(i)/h*sums
+        end do
+        call point%evaluate(t, q, qd, stat)
+
+    contains
+
+        function residuals() result(r)
+            real(wp) :: r(size(of_time))
+
+            associate (nh => point%nh, m => point%m)
+                r = 0.0_wp
+                r(:nh) = point%phi
+                r(nh + 1:nh + m) = matmul(point%jacobian, s_qd) - point%nu
+                r(nh + m + 1:nh + 2*m) = matmul(point%jacobian, s_qdd) + point%gamma
+                r(nh + 2*m + 1:nh + 2*m + size(w, 2)) = matmul(transpose(w), matmul(point%mass, s_qdd) + &
+                    matmul(transpose(point%jacobian), lambda) - point%force)
+            end associate
+        end function residuals
+    end subroutine differentiate_by_time
+
+    !> From any basis of the symmetries to one that is easy to read: echelon form, the time first.
+    subroutine reduce(self, span)
+        class(symmetry_type), intent(inout) :: self
+        !> (n_motions + 1, any), the time last.
+        real(wp), intent(inout) :: span(:, :)
+        integer :: k, n, row, column, pivot, i
+        integer, allocatable :: order(:)
+        logical :: is_used(size(span, 2))
+        real(wp) :: swap(size(span, 1))
+
+        n = size(span, 1)
+        k = size(span, 2)
+        if (allocated(self%rates_of_time)) deallocate (self%rates_of_time)
+        is_used = .false.
+        ! Rotations of the world come last, so that a spin of a body is a spin where both are the same.
+        allocate (order, source=[n])
+        do i = 1, n - 1
+            if (.not. self%motions(i)%turns_world) order = [order, i]
+        end do
+        do i = 1, n - 1
+            if (self%motions(i)%turns_world) order = [order, i]
+        end do
+        do i = 1, n
+            row = order(i)
+            if (all(is_used)) exit
+            pivot = maxloc(merge(abs(span(row, :)), -1.0_wp, .not. is_used), dim=1)
+            if (abs(span(row, pivot)) < 1.0e-7_wp) cycle
+            is_used(pivot) = .true.
+            span(:, pivot) = span(:, pivot)/span(row, pivot)
+            do column = 1, k
+                if (column == pivot) cycle
+                swap = span(row, column)*span(:, pivot)
+                span(:, column) = span(:, column) - swap
+                span(row, column) = 0.0_wp
+            end do
+            if (i == 1) allocate (self%rates_of_time(n - 1), source=0.0_wp)
+        end do
+        ! Rounding beside the ones.
+        where (abs(span) < 1.0e-12_wp) span = 0.0_wp
+        self%rates = span(:n - 1, :)
+        if (.not. allocated(self%rates_of_time)) return
+        self%rates_of_time = span(:n - 1, maxloc(abs(span(n, :)), dim=1))
+        self%rates = self%rates(:, pack([(i, i=1, k)], .not. abs(span(n, :)) > 0.5_wp))
+    end subroutine reduce
+
+    !> X q (n) for rates of the fields.
+    pure function field(self, rates, q) result(x)
+        class(symmetry_type), intent(in) :: self
+        real(wp), intent(in) :: rates(:), q(:)
+        real(wp) :: x(size(q))
+        integer :: k
+
+        x = 0.0_wp
+        do k = 1, size(self%motions)
+            if (abs(rates(k)) > 0.0_wp) call self%motions(k)%add_field(q, rates(k), x)
+        end do
+    end function field
+
+    !> L x (n) for rates of the fields.
+    pure function turned(self, rates, x) result(y)
+        class(symmetry_type), intent(in) :: self
+        real(wp), intent(in) :: rates(:), x(:)
+        real(wp) :: y(size(x))
+        integer :: k
+
+        y = 0.0_wp
+        do k = 1, size(self%motions)
+            if (abs(rates(k)) > 0.0_wp) call self%motions(k)%add_turned(x, rates(k), y)
+        end do
+    end function turned
+
+    !> L (n, n) for rates of the fields.
+    pure function matrix(self, rates, n) result(l)
+        class(symmetry_type), intent(in) :: self
+        real(wp), intent(in) :: rates(:)
+        integer, intent(in) :: n
+        real(wp) :: l(n, n)
+        integer :: k, i
+
+        l = 0.0_wp
+        do k = 1, size(self%motions)
+            associate (motion => self%motions(k))
+                do i = 1, size(motion%row)
+                    l(motion%row(i), motion%column(i)) = l(motion%row(i), motion%column(i)) + rates(k)*motion%entry(i)
+                end do
+            end associate
+        end do
+    end function matrix
+
+    !> The name of a symmetry: those of its fields, with their rates where these are not one.
+    function name_of(self, rates) result(name)
+        class(symmetry_type), intent(in) :: self
+        real(wp), intent(in) :: rates(:)
+        character(len=:), allocatable :: name
+        character(len=16) :: factor
+        integer :: k
+
+        name = ''
+        do k = 1, size(self%motions)
+            if (.not. abs(rates(k)) > 0.0_wp) cycle
+            if (name /= '') name = name//' + '
+            if (abs(rates(k) - 1.0_wp) > 1.0e-9_wp) then
+                write (factor, '(g0.4)') rates(k)
+                name = name//trim(factor)//' '
+            end if
+            name = name//trim(self%motions(k)%name)
+        end do
+    end function name_of
+end module tandem_analysis_symmetry

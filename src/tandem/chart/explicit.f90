@@ -1,0 +1,115 @@
+! SPDX-License-Identifier: MIT
+!> A chart that serves explicit steppers alone: what only implicit ones ask for ends with a failure here. Its `initialize` refuses
+!> them before.
+module tandem_chart_explicit
+    use tandem_chart, only: chart_type
+    use tandem_kinds, only: wp
+    use tandem_status, only: status_newton_failed
+    implicit none (type, external)
+    private
+
+    public :: explicit_chart_type
+
+    type, abstract, extends(chart_type) :: explicit_chart_type
+    contains
+        procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: matrix_cost
+        procedure :: correct_stage
+        procedure :: expect_pair
+        procedure :: find_residual
+        procedure :: solve_stages
+        procedure :: move_rates
+        procedure :: filter_error
+    end type explicit_chart_type
+
+contains
+
+    !> There is no Newton matrix.
+    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+
+        stat = status_newton_failed
+    end subroutine factor_stage
+
+    !> There is none.
+    subroutine reuse_stage(self, ha, can)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+
+        can = .false.
+    end subroutine reuse_stage
+
+    pure real(wp) function matrix_cost(self)
+        class(explicit_chart_type), intent(in) :: self
+
+        matrix_cost = 1.0_wp
+    end function matrix_cost
+
+    !> No stage is corrected.
+    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+
+        change = huge(1.0_wp)
+        stat = status_newton_failed
+    end subroutine correct_stage
+
+    !> Nobody solves for a pair.
+    subroutine expect_pair(self, ratio)
+        class(explicit_chart_type), intent(inout) :: self
+        complex(wp), intent(in) :: ratio
+    end subroutine expect_pair
+
+    !> No stage has a residual.
+    subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: residual(:)
+        integer, intent(out) :: stat
+
+        stat = status_newton_failed
+    end subroutine find_residual
+
+    !> Corrections that nobody has asked for are zero.
+    subroutine solve_stages(self, real_part, x, y)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+
+        real_part = 0.0_wp
+        x = 0.0_wp
+        y = 0.0_wp
+    end subroutine solve_stages
+
+    !> No stage moves.
+    subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(in), contiguous :: correction(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+
+        change = huge(1.0_wp)
+        stat = status_newton_failed
+    end subroutine move_rates
+
+    !> Errors of explicit steps are what they are.
+    subroutine filter_error(self, error_q, error_qd)
+        class(explicit_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+    end subroutine filter_error
+end module tandem_chart_explicit

@@ -1,0 +1,46 @@
+! SPDX-License-Identifier: MIT
+!> Which kind of chart a model gets. When a chart is renewed is another matter, see `chart_policies`.
+module tandem_chart_factory
+    use tandem_chart, only: chart_type
+    use tandem_chart_dense, only: dense_chart_type
+    use tandem_chart_sparse, only: find_obstacle, sparse_chart_type
+    use tandem_model, only: model_type
+    use tandem_options, only: chart_kinds, options_type
+    implicit none (type, external)
+    private
+
+    public :: new_chart, wants_sparse
+
+    !> Sparse charts are faster from so many coordinates on. Measured, doc/sparse.md has the table.
+    integer, parameter :: crossover = 60
+
+contains
+
+    !> Whether a model is to get a sparse chart: where it is asked for, or where it can have one that will be faster.
+    logical function wants_sparse(model, options, implicit)
+        !> Checked.
+        class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
+        !> Whether the stepper is implicit.
+        logical, intent(in) :: implicit
+
+        if (options%chart_kind == chart_kinds(1)) then
+            wants_sparse = .false.
+            if (model%n >= crossover) wants_sparse = find_obstacle(model, options, implicit) == ''
+        else
+            wants_sparse = options%chart_kind == 'sparse'
+        end if
+    end function wants_sparse
+
+    !> A chart that knows nothing yet.
+    subroutine new_chart(is_sparse, chart)
+        logical, intent(in) :: is_sparse
+        class(chart_type), allocatable, intent(out) :: chart
+
+        if (is_sparse) then
+            allocate (sparse_chart_type :: chart)
+        else
+            allocate (dense_chart_type :: chart)
+        end if
+    end subroutine new_chart
+end module tandem_chart_factory

@@ -1,0 +1,408 @@
+! SPDX-License-Identifier: MIT
+!> Products, inverses and solutions of small blocks. Heights that joints have, 5 in space and 2 in the plane, are constants to the
+!> compiler: loops of known length are several times as fast.
+module tandem_chart_sparse_blocks
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: invert, invert_some, subtract_product, multiply_block, set_product, subtract_rows, subtract_transposed
+    public :: apply_inverse, add_moved, of_single_blocks, of_rigid_body, of_any_blocks
+
+    !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
+    integer, parameter :: of_single_blocks = 1, of_rigid_body = 2, of_any_blocks = 3
+
+contains
+
+    !> The inverse of a symmetric matrix in place, definite with the sign; pivots are compared with what they would be alone.
+    pure subroutine invert(s, x, alone, sign, least, worst)
+        integer, intent(in) :: s
+        real(wp), intent(inout) :: x(s*s)
+        !> On entry the comparison, then the pivots against it.
+        real(wp), intent(inout) :: alone(s)
+        real(wp), intent(in) :: sign, least
+        !> The first pivot that is not larger than the least part of that, 0 for none.
+        integer, intent(out) :: worst
+
+        select case (s)
+        case (5)
+            call invert_sized(5, x, alone, sign, least, worst)
+        case (2)
+            call invert_sized(2, x, alone, sign, least, worst)
+        case (4)
+            call invert_sized(4, x, alone, sign, least, worst)
+        case (3)
+            call invert_sized(3, x, alone, sign, least, worst)
+        case default
+            call invert_sized(s, x, alone, sign, least, worst)
+        end select
+    end subroutine invert
+
+    pure subroutine invert_sized(s, x, alone, sign, least, worst)
+        integer, intent(in), value :: s
+        real(wp), intent(inout) :: x(s, s), alone(s)
+        real(wp), intent(in) :: sign, least
+        integer, intent(out) :: worst
+        real(wp) :: factor
+        integer :: i, j, k
+
+        worst = 0
+        do k = 1, s
+            factor = sign*x(k, k)
+            if (.not. factor > least*alone(k)) then
+                worst = k
+                return
+            end if
+            alone(k) = factor/alone(k)
+            factor = 1.0_wp/x(k, k)
+            x(k, k) = 1.0_wp
+            do i = 1, s
+                x(i, k) = x(i, k)*factor
+            end do
+            do j = 1, s
+                if (j == k) cycle
+                factor = x(k, j)
+                x(k, j) = 0.0_wp
+                do i = 1, s
+                    x(i, j) = x(i, j) - factor*x(i, k)
+                end do
+            end do
+        end do
+    end subroutine invert_sized
+
+    !> The same without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
+    !> sought, the largest first, and rows are left out that have none.
+    pure subroutine invert_some(s, x, alone, sign, least, chooses, is_out, worst)
+        integer, intent(in) :: s
+        real(wp), intent(inout) :: x(s, s), alone(s)
+        real(wp), intent(in) :: sign, least
+        logical, intent(in) :: chooses
+        logical, intent(inout) :: is_out(s)
+        integer, intent(out) :: worst
+        logical :: is_done(s)
+        real(wp) :: factor
+        integer :: i, j, k, pass
+
+        worst = 0
+        is_done = is_out
+        do pass = 1, s
+            k = 0
+            do i = 1, s
+                if (is_done(i)) cycle
+                if (k == 0) k = i
+                if (chooses .and. sign*x(i, i)*alone(k) > sign*x(k, k)*alone(i)) k = i
+            end do
+            if (k == 0) exit
+            is_done(k) = .true.
+            factor = sign*x(k, k)
+            if (.not. factor > least*alone(k)) then
+                if (.not. (chooses .and. abs(factor) <= huge(1.0_wp))) then
+                    worst = k
+                    return
+                end if
+                is_out(k) = .true.
+                cycle
+            end if
+            alone(k) = factor/alone(k)
+            factor = 1.0_wp/x(k, k)
+            x(k, k) = 1.0_wp
+            x(:, k) = x(:, k)*factor
+            do j = 1, s
+                if (j == k) cycle
+                factor = x(k, j)
+                x(k, j) = 0.0_wp
+                x(:, j) = x(:, j) - factor*x(:, k)
+            end do
+        end do
+        do i = 1, s
+            if (.not. is_out(i)) cycle
+            ! What of it the others do not give.
+            alone(i) = max(sign*x(i, i), 0.0_wp)/max(alone(i), tiny(1.0_wp))
+            x(i, :) = 0.0_wp
+            x(:, i) = 0.0_wp
+        end do
+    end subroutine invert_some
+
+    !> x := x - c y' for c (s, nb), y (p, nb), x (s, p).
+    pure subroutine subtract_product(s, p, nb, c, y, x)
+        integer, intent(in) :: s, p, nb
+        real(wp), intent(in) :: c(s*nb), y(p*nb)
+        real(wp), intent(inout) :: x(s*p)
+
+        if (s == 5 .and. p == 5 .and. nb == 7) then
+            call subtract_product_sized(5, 5, 7, c, y, x)
+        else if (s == 5 .and. p == 5 .and. nb == 5) then
+            call subtract_product_sized(5, 5, 5, c, y, x)
+        else if (s == 2 .and. p == 2) then
+            call subtract_product_sized(2, 2, nb, c, y, x)
+        else if (s == 3 .and. p == 3) then
+            call subtract_product_sized(3, 3, nb, c, y, x)
+        else
+            call subtract_product_sized(s, p, nb, c, y, x)
+        end if
+    end subroutine subtract_product
+
+    pure subroutine subtract_product_sized(s, p, nb, c, y, x)
+        integer, intent(in), value :: s, p, nb
+        real(wp), intent(in) :: c(s, nb), y(p, nb)
+        real(wp), intent(inout) :: x(s, p)
+        real(wp) :: column(s)
+        integer :: i, j, k
+
+        do j = 1, p
+            do i = 1, s
+                column(i) = x(i, j)
+            end do
+            do k = 1, nb
+                do i = 1, s
+                    column(i) = column(i) - c(i, k)*y(j, k)
+                end do
+            end do
+            do i = 1, s
+                x(i, j) = column(i)
+            end do
+        end do
+    end subroutine subtract_product_sized
+
+    !> z := x y for x (p, s), y (s, s).
+    pure subroutine multiply_block(p, s, x, y, z)
+        integer, intent(in) :: p, s
+        real(wp), intent(in) :: x(p*s), y(s*s)
+        real(wp), intent(out) :: z(p*s)
+
+        if (s == 5 .and. p == 5) then
+            call multiply_block_sized(5, 5, x, y, z)
+        else if (s == 2 .and. p == 2) then
+            call multiply_block_sized(2, 2, x, y, z)
+        else
+            call multiply_block_sized(p, s, x, y, z)
+        end if
+    end subroutine multiply_block
+
+    pure subroutine multiply_block_sized(p, s, x, y, z)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: x(p, s), y(s, s)
+        real(wp), intent(out) :: z(p, s)
+        integer :: i, j, k
+
+        do j = 1, s
+            do i = 1, p
+                z(i, j) = x(i, 1)*y(1, j)
+            end do
+            do k = 2, s
+                do i = 1, p
+                    z(i, j) = z(i, j) + x(i, k)*y(k, j)
+                end do
+            end do
+        end do
+    end subroutine multiply_block_sized
+
+    !> z := x y for x (s, s).
+    pure subroutine set_product(s, x, y, z)
+        integer, intent(in) :: s
+        real(wp), intent(in) :: x(s*s), y(s)
+        real(wp), intent(out) :: z(s)
+
+        select case (s)
+        case (5)
+            call set_product_sized(5, x, y, z)
+        case (2)
+            call set_product_sized(2, x, y, z)
+        case default
+            call set_product_sized(s, x, y, z)
+        end select
+    end subroutine set_product
+
+    pure subroutine set_product_sized(s, x, y, z)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: x(s, s), y(s)
+        real(wp), intent(out) :: z(s)
+        real(wp) :: total(s)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = x(i, 1)*y(1)
+        end do
+        do j = 2, s
+            do i = 1, s
+                total(i) = total(i) + x(i, j)*y(j)
+            end do
+        end do
+        do i = 1, s
+            z(i) = total(i)
+        end do
+    end subroutine set_product_sized
+
+    !> g := g - c x for c (s, nb).
+    pure subroutine subtract_rows(s, nb, c, x, g)
+        integer, intent(in) :: s, nb
+        real(wp), intent(in) :: c(s*nb), x(nb)
+        real(wp), intent(inout) :: g(s)
+
+        if (s == 5 .and. nb == 7) then
+            call subtract_rows_sized(5, 7, c, x, g)
+        else if (s == 2 .and. nb == 3) then
+            call subtract_rows_sized(2, 3, c, x, g)
+        else if (s == 5 .and. nb == 5) then
+            call subtract_rows_sized(5, 5, c, x, g)
+        else if (s == 2 .and. nb == 2) then
+            call subtract_rows_sized(2, 2, c, x, g)
+        else
+            call subtract_rows_sized(s, nb, c, x, g)
+        end if
+    end subroutine subtract_rows
+
+    pure subroutine subtract_rows_sized(s, nb, c, x, g)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s, nb), x(nb)
+        real(wp), intent(inout) :: g(s)
+        real(wp) :: total(s)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = g(i)
+        end do
+        do j = 1, nb
+            do i = 1, s
+                total(i) = total(i) - c(i, j)*x(j)
+            end do
+        end do
+        do i = 1, s
+            g(i) = total(i)
+        end do
+    end subroutine subtract_rows_sized
+
+    !> f := f - c' l for c (s, nb).
+    pure subroutine subtract_transposed(s, nb, c, l, f)
+        integer, intent(in) :: s, nb
+        real(wp), intent(in) :: c(s*nb), l(s)
+        real(wp), intent(inout) :: f(nb)
+
+        if (s == 5 .and. nb == 7) then
+            call subtract_transposed_sized(5, 7, c, l, f)
+        else if (s == 2 .and. nb == 3) then
+            call subtract_transposed_sized(2, 3, c, l, f)
+        else if (s == 5 .and. nb == 5) then
+            call subtract_transposed_sized(5, 5, c, l, f)
+        else if (s == 2 .and. nb == 2) then
+            call subtract_transposed_sized(2, 2, c, l, f)
+        else
+            call subtract_transposed_sized(s, nb, c, l, f)
+        end if
+    end subroutine subtract_transposed
+
+    pure subroutine subtract_transposed_sized(s, nb, c, l, f)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s, nb), l(s)
+        real(wp), intent(inout) :: f(nb)
+        real(wp) :: total
+        integer :: i, j
+
+        do j = 1, nb
+            total = 0.0_wp
+            do i = 1, s
+                total = total + c(i, j)*l(i)
+            end do
+            f(j) = f(j) - total
+        end do
+    end subroutine subtract_transposed_sized
+
+    !> y := c W for c (s, nb) and a body's W, compressed as its M.
+    pure subroutine apply_inverse(kind, s, nb, block_first, first, ldw, w, c, y)
+        integer, intent(in) :: kind, s, nb, block_first(nb), first, ldw
+        real(wp), intent(in) :: w(ldw, nb), c(s*nb)
+        real(wp), intent(out) :: y(s*nb)
+
+        if (kind == of_rigid_body .and. s == 5) then
+            call apply_rigid(5, ldw, w, c, y)
+        else if (kind == of_rigid_body) then
+            call apply_rigid(s, ldw, w, c, y)
+        else if (kind == of_single_blocks .and. s == 2) then
+            call apply_single(2, nb, ldw, w, c, y)
+        else
+            call apply_any(s, nb, block_first, first, ldw, w, c, y)
+        end if
+    end subroutine apply_inverse
+
+    pure subroutine apply_single(s, nb, ldw, w, c, y)
+        integer, intent(in), value :: s, nb, ldw
+        real(wp), intent(in) :: w(ldw, nb), c(s, nb)
+        real(wp), intent(out) :: y(s, nb)
+        integer :: i, j
+
+        do j = 1, nb
+            do i = 1, s
+                y(i, j) = c(i, j)*w(1, j)
+            end do
+        end do
+    end subroutine apply_single
+
+    pure subroutine apply_rigid(s, ldw, w, c, y)
+        integer, intent(in), value :: s, ldw
+        real(wp), intent(in) :: w(ldw, 7), c(s, 7)
+        real(wp), intent(out) :: y(s, 7)
+        integer :: i, j
+
+        do j = 1, 3
+            do i = 1, s
+                y(i, j) = c(i, j)*w(1, j)
+            end do
+        end do
+        do j = 4, 7
+            do i = 1, s
+                y(i, j) = (c(i, 4)*w(1, j) + c(i, 5)*w(2, j)) + (c(i, 6)*w(3, j) + c(i, 7)*w(4, j))
+            end do
+        end do
+    end subroutine apply_rigid
+
+    pure subroutine apply_any(s, nb, block_first, first, ldw, w, c, y)
+        integer, intent(in) :: s, nb, block_first(nb), first, ldw
+        real(wp), intent(in) :: w(ldw, nb), c(s, nb)
+        real(wp), intent(out) :: y(s, nb)
+        integer :: i, j, k, from
+
+        do j = 1, nb
+            from = block_first(j) - first + 1
+            do i = 1, s
+                y(i, j) = c(i, from)*w(1, j)
+            end do
+            do k = from + 1, nb
+                if (block_first(k) /= block_first(j)) exit
+                do i = 1, s
+                    y(i, j) = y(i, j) + c(i, k)*w(k - from + 1, j)
+                end do
+            end do
+        end do
+    end subroutine apply_any
+
+    !> x := x + W f.
+    pure subroutine add_moved(kind, nb, block_first, first, ldw, w, f, x)
+        integer, intent(in) :: kind, nb, block_first(nb), first, ldw
+        real(wp), intent(in) :: w(ldw, nb), f(nb)
+        real(wp), intent(inout) :: x(nb)
+        integer :: from, j, k
+
+        if (kind == of_rigid_body) then
+            do j = 1, 3
+                x(j) = x(j) + w(1, j)*f(j)
+            end do
+            do j = 4, 7
+                do k = 1, 4
+                    x(3 + k) = x(3 + k) + w(k, j)*f(j)
+                end do
+            end do
+        else if (kind == of_single_blocks) then
+            do j = 1, nb
+                x(j) = x(j) + w(1, j)*f(j)
+            end do
+        else
+            do j = 1, nb
+                from = block_first(j) - first + 1
+                do k = from, nb
+                    if (block_first(k) /= block_first(j)) exit
+                    x(k) = x(k) + w(k - from + 1, j)*f(j)
+                end do
+            end do
+        end if
+    end subroutine add_moved
+end module tandem_chart_sparse_blocks

@@ -1,0 +1,518 @@
+! SPDX-License-Identifier: MIT
+!> What explicit steps ask of the sparse chart: points, velocities and accelerations that belong to increments.
+!>
+!> The complements are those of the mass metric, q = q0 + xi - Y0 mu and qd = qd0 + eta - Y0 x with the columns Y0 = M^-1 C' of the
+!> origin, so that the factor with which the acceleration there was found serves all corrections of the step. Neither a basis nor a
+!> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
+module tandem_chart_sparse_motion
+    use tandem_chart_explicit, only: explicit_chart_type
+    use tandem_chart_sparse_rank, only: rank_type
+    use tandem_chart_sparse_system, only: system_type
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
+    use tandem_options, only: options_type
+    use tandem_status, only: status_chart_left, status_invalid_option, status_not_finite, status_ok, status_position_diverged, &
+        status_rank_deficient, status_singular_mass
+    use tandem_chart_sparse_analysis, only: most_coordinates
+    implicit none (type, external)
+    private
+
+    public :: sparse_motion_type, find_obstacle, largest
+
+    !> Stands for an error or a part of it that nothing is known of.
+    real(wp), parameter :: unknown = 1.0e100_wp
+
+    !> How the corrections of one level have done of late.
+    type :: progress_type
+        !> A correction leaves this part of an error, times the age of the factor.
+        real(wp) :: ageing = unknown
+    end type progress_type
+
+    !> The chart without what is asked between steps.
+    type, abstract, extends(explicit_chart_type) :: sparse_motion_type
+        type(system_type) :: system
+        type(rank_type) :: rank
+        !> What may be left of a constraint on its natural scale: in the end, at ends of steps and at stages.
+        real(wp) :: tolerance = 0.0_wp, end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp
+        !> The origin, and coordinate scales (n).
+        real(wp) :: t0 = 0.0_wp
+        real(wp), allocatable :: q0(:), qd0(:), scale(:)
+        !> -Y0 mu of the last point; what of qdd at the start of the step Y0 holds; -Y0 x of a stage over its defect (n).
+        real(wp), allocatable :: delta(:), curve(:), delta_rate(:)
+        logical :: has_curve = .false., has_delta_rate = .false.
+        !> Reciprocals of the natural scales of rows at the origin (nh), (m).
+        real(wp), allocatable :: phi_weight(:), velocity_weight(:)
+        type(progress_type) :: position, velocity, held_position, held_velocity
+        real(wp), allocatable :: held_delta(:)
+    contains
+        procedure :: initialize
+        procedure :: renew
+        procedure :: remainder
+        procedure :: refresh
+        procedure :: start_step
+        procedure :: retry_step
+        procedure :: forget
+        procedure :: forget_model
+        procedure :: leave_out_dependent
+        procedure :: find_partners
+        procedure :: hold
+        procedure :: release
+        procedure :: restore_position
+        procedure :: restore_velocity
+        procedure :: solve_dynamics
+        procedure :: restore_motion
+        procedure, non_overridable :: fail_here
+        procedure, private, non_overridable :: meet_velocity
+    end type sparse_motion_type
+
+contains
+
+    !> Why a model cannot be run with these options on this chart; blank where it can.
+    function find_obstacle(model, options, implicit) result(obstacle)
+        class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
+        !> Whether the stepper is implicit.
+        logical, intent(in) :: implicit
+        character(len=120) :: obstacle
+        integer, parameter :: needed = need_jacobian + need_mass
+
+        obstacle = ''
+        if (.not. allocated(model%pattern)) then
+            obstacle = 'the model declares no pattern of C and M'
+        else if (iand(model%provides, needed) /= needed .or. iand(model%provides, need_gamma) == 0) then
+            obstacle = 'the model''s evaluate does not give the jacobian, the mass matrix and gamma'
+        else if (maxval(model%pattern%first(2:) - model%pattern%first(:model%pattern%n_bodies)) > most_coordinates) then
+            obstacle = 'a body of the model''s pattern has more than 12 coordinates'
+        else if (implicit) then
+            obstacle = 'implicit steppers need the dense chart'
+        else if (options%chart /= 'every_step') then
+            obstacle = 'chart = "'//trim(options%chart)//'" needs the dense chart'
+        else if (options%refresh /= 'factor' .or. options%basis /= 'qr') then
+            obstacle = 'refresh = "refine" and basis = "svd" need the dense chart'
+        end if
+    end function find_obstacle
+
+    !> Attach the model, analyse its pattern and allocate the work space.
+    subroutine initialize(self, model, options, implicit, error, kept)
+        class(sparse_motion_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
+        type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
+        character(len=120) :: obstacle
+
+        obstacle = find_obstacle(model, options, implicit)
+        if (obstacle == '' .and. present(kept)) obstacle = 'redundant rows need the dense chart'
+        if (obstacle /= '') then
+            call set_error(error, status_invalid_option, 'chart_kind = "sparse": '//trim(obstacle), 'use chart_kind = "dense"')
+            return
+        end if
+        call self%system%initialize(model)
+        call self%rank%allocate(self%system)
+        self%n = model%n
+        self%tolerance = options%constraint_tolerance
+        ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start.
+        self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
+        self%stage_tolerance = max(options%stage_tolerance(), self%tolerance)
+        self%scale = spread(1.0_wp, 1, model%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%q0 = spread(0.0_wp, 1, model%n)
+        self%qd0 = self%q0
+        self%delta = self%q0
+        self%curve = self%q0
+        self%delta_rate = self%q0
+        self%held_delta = self%q0
+        self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
+        self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
+    end subroutine initialize
+
+    !> Make (t, q, qd) the origin.
+    subroutine renew(self, t, q, qd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        self%failed_coordinate = 0
+        self%t0 = t
+        self%q0(:) = q
+        self%qd0(:) = qd
+        self%delta(:) = 0.0_wp
+        self%has_curve = .false.
+        self%has_delta_rate = .false.
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat == status_ok) call self%system%factorize(self%counts, stat)
+        if (stat /= status_ok) then
+            call self%fail_here(stat)
+            return
+        end if
+        call self%system%take_origin()
+        call self%system%find_weights(q, qd, self%scale, self%phi_weight, self%velocity_weight)
+        self%independence = sqrt(self%system%factor(self%system%base)%least)
+        self%best_independence = max(self%best_independence, self%independence)
+    end subroutine renew
+
+    !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not stand for one of Phi.
+    subroutine leave_out_dependent(self, t, q, qd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: stat
+        integer :: i
+
+        stat = status_rank_deficient
+        if (self%system%m > self%system%nh) return
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat == status_ok) call self%system%choose_rows(self%counts, stat)
+        if (stat /= status_ok) then
+            call self%fail_here(stat)
+            return
+        end if
+        associate (is_out => self%system%factor(self%system%here)%is_out)
+            self%left_out = pack([(i, i=1, size(is_out))], is_out)
+        end associate
+        self%n_dropped = size(self%left_out)
+        self%best_independence = 0.0_wp
+        if (self%n_dropped > 0) call self%renew(t, q, qd, stat)
+        if (self%n_dropped == 0) stat = status_rank_deficient
+    end subroutine leave_out_dependent
+
+    !> The rows of which one that was left out is a combination.
+    subroutine find_partners(self, row, partners)
+        class(sparse_motion_type), intent(inout) :: self
+        integer, intent(in) :: row
+        integer, allocatable, intent(out) :: partners(:)
+
+        call self%system%find_partners(row, partners)
+    end subroutine find_partners
+
+    !> Keep what there is to say of a failure at the last point.
+    subroutine fail_here(self, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        integer, intent(in) :: stat
+
+        associate (factor => self%system%factor(self%system%here))
+            self%failed_term = trim(self%system%model%failed_term)
+            if (stat == status_rank_deficient) then
+                self%failed_row = factor%weakest
+                self%failed_rows = [factor%weakest]
+                self%failed_value = 0.0_wp
+            else if (stat == status_singular_mass) then
+                self%failed_coordinate = factor%failed_coordinate
+            end if
+        end associate
+    end subroutine fail_here
+
+    !> What rounding took from q = q0 + xi - Y0 mu.
+    pure subroutine remainder(self, increment, q, left)
+        class(sparse_motion_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: increment(:), q(:)
+        real(wp), intent(out), contiguous :: left(:)
+        !> More than so many roundings is none: q is not the point of that increment.
+        real(wp), parameter :: most = 8.0_wp
+
+        left = ((self%q0 - q) + increment) + self%delta
+        if (any(abs(left) > most*epsilon(1.0_wp)*(abs(self%q0) + abs(increment) + abs(self%delta) + self%scale))) left = 0.0_wp
+    end subroutine remainder
+
+    !> Charts are renewed at every step: there is none to refresh.
+    subroutine refresh(self, t, q, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        integer, intent(out) :: stat
+
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat == status_ok) call self%system%factorize(self%counts, stat)
+        if (stat /= status_ok) call self%fail_here(stat)
+    end subroutine refresh
+
+    !> What of the acceleration at the start of a step the complement holds: R C qdd, by rows of Phi.
+    subroutine start_step(self, qdd)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: qdd(:)
+
+        self%has_delta_rate = .false.
+        if (self%system%nh == 0) return
+        associate (s => self%system, base => self%system%factor(self%system%base))
+            s%g = 0.0_wp
+            call base%multiply(s%analysis, qdd, s%g)
+            s%g(:s%nh) = -s%g(:s%nh)
+            s%g(s%nh + 1:) = 0.0_wp
+            call base%solve(s%analysis, .false., self%curve, s%g, s%x, s%z)
+            self%curve(:) = s%x
+        end associate
+        self%has_curve = .true.
+    end subroutine start_step
+
+    !> Nothing of a failed try is used by the next.
+    subroutine retry_step(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        self%delta = 0.0_wp
+        self%has_delta_rate = .false.
+    end subroutine retry_step
+
+    !> Forget the last point.
+    subroutine forget(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        call self%system%forget()
+    end subroutine forget
+
+    !> Forget the last point and the constant mass matrix.
+    subroutine forget_model(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        call self%forget()
+        self%system%model%mass_is_known = .false.
+    end subroutine forget_model
+
+    !> Keep what the next step starts from.
+    subroutine hold(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        self%held_delta(:) = self%delta
+        self%held_position = self%position
+        self%held_velocity = self%velocity
+    end subroutine hold
+
+    !> Go back to what was kept.
+    subroutine release(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        self%delta(:) = self%held_delta
+        self%position = self%held_position
+        self%velocity = self%held_velocity
+    end subroutine release
+
+    !> q = q0 + xi - Y0 mu with Phi(t, q) = 0.
+    subroutine restore_position(self, t, increment, q, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: q(self%n)
+        integer, intent(out) :: stat
+        !> Corrections with a factor that is O(h) off; whatever takes more has left the chart.
+        integer, parameter :: limit = 40
+        real(wp) :: age, error, first_error, last_error, wanted
+        integer :: k
+
+        stat = status_ok
+        self%failed_row = 0
+        if (self%system%nh == 0) then
+            q = self%q0 + increment
+            return
+        end if
+        if (self%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = self%defect*self%curve
+        age = abs(t - self%t0)
+        wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
+        first_error = 0.0_wp
+        last_error = unknown
+        associate (s => self%system)
+            s%has_phi = .false.
+            do k = 0, limit
+                q = (self%q0 + increment) + self%delta
+                if (k > 0 .and. self%is_stage) then
+                    if (is_trusted(self%position, age, last_error, wanted)) return
+                end if
+                call s%model%evaluate_phi(t, q, self%counts, stat)
+                if (stat /= status_ok) exit
+                error = largest(s%nh, s%model%terms%phi, self%phi_weight)
+                if (.not. error <= huge(1.0_wp)) then
+                    stat = status_not_finite
+                    call s%name_infinite(stat)
+                    exit
+                end if
+                if (k == 1) call learn(self%position, age, error, last_error)
+                s%has_phi = .not. self%is_stage
+                if (error <= wanted) return
+                ! Rounding keeps it from there, which is near enough.
+                if (error <= self%tolerance .and. error > 0.5_wp*last_error) return
+                s%has_phi = .false.
+                if (k == 0) first_error = error
+                if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
+                    stat = status_position_diverged
+                    self%failed_row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
+                    self%failed_value = error
+                    exit
+                end if
+                s%g(:s%nh) = -s%model%terms%phi
+                s%g(s%nh + 1:) = 0.0_wp
+                call s%factor(s%base)%solve(s%analysis, .false., q, s%g, s%x, s%z)
+                self%delta(:) = self%delta + s%x
+                self%counts%position_corrections = self%counts%position_corrections + 1
+                last_error = error
+            end do
+        end associate
+        self%delta = 0.0_wp
+        self%failed_term = trim(self%system%model%failed_term)
+    end subroutine restore_position
+
+    !> The largest weighted entry; not finite where one is not.
+    pure real(wp) function largest(n, x, weight)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), weight(n)
+        real(wp) :: total
+        integer :: i
+
+        largest = 0.0_wp
+        total = 0.0_wp
+        do i = 1, n
+            total = total + abs(x(i))
+            largest = max(largest, abs(x(i))*weight(i))
+        end do
+        if (.not. total <= huge(1.0_wp)) largest = total
+    end function largest
+
+    !> Whether a correction can be trusted to have left less than is wanted.
+    pure logical function is_trusted(progress, age, error, wanted)
+        type(progress_type), intent(in) :: progress
+        !> The age of the factor, and the error before the correction.
+        real(wp), intent(in) :: age, error, wanted
+        !> As of the dense chart, see `tandem_chart_dense_position`.
+        real(wp), parameter :: distrust = 8.0_wp
+
+        is_trusted = distrust*progress%ageing*age*error <= wanted
+    end function is_trusted
+
+    !> Learn from the first correction of an iteration.
+    pure subroutine learn(progress, age, error, before)
+        type(progress_type), intent(inout) :: progress
+        real(wp), intent(in) :: age, error, before
+        real(wp), parameter :: rounding = 1.0e-15_wp, kept = 0.5_wp
+
+        if (age > 0.0_wp .and. before > 0.0_wp) progress%ageing = max(max(error, rounding)/(before*age), &
+            merge(kept*progress%ageing, 0.0_wp, progress%ageing < unknown))
+    end subroutine learn
+
+    !> qd = qd0 + eta - Y0 x with C qd = nu.
+    subroutine restore_velocity(self, t, q, increment, qd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n)
+        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(out) :: qd(self%n)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat /= status_ok) then
+            self%failed_term = trim(self%system%model%failed_term)
+            return
+        end if
+        qd = self%qd0 + increment
+        if (self%system%m == 0) return
+        call self%system%load()
+        call self%meet_velocity(abs(t - self%t0), qd, stat)
+    end subroutine restore_velocity
+
+    !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin.
+    subroutine meet_velocity(self, age, qd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: age
+        real(wp), intent(inout) :: qd(self%n)
+        integer, intent(out) :: stat
+        integer, parameter :: limit = 60
+        real(wp) :: error, first_error, last_error, wanted
+        integer :: k
+        logical :: predicts
+
+        stat = status_ok
+        wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
+        predicts = self%is_stage .and. self%defect < huge(1.0_wp)
+        first_error = 0.0_wp
+        last_error = unknown
+        associate (s => self%system, base => self%system%factor(self%system%base), here => self%system%factor(self%system%here))
+            if (predicts .and. self%has_delta_rate) qd = qd + self%defect*self%delta_rate
+            if (predicts .and. .not. self%has_delta_rate) self%delta_rate = qd
+            do k = 0, limit
+                if (k > 0 .and. self%is_stage) then
+                    if (is_trusted(self%velocity, age, last_error, wanted)) exit
+                end if
+                s%g(:) = s%model%terms%nu
+                call here%multiply(s%analysis, qd, s%g)
+                error = largest(s%m, s%g, self%velocity_weight)
+                if (.not. error <= huge(1.0_wp)) then
+                    stat = status_not_finite
+                    call s%name_infinite(stat)
+                    self%failed_term = trim(s%model%failed_term)
+                    return
+                end if
+                if (k == 1) call learn(self%velocity, age, error, last_error)
+                if (error <= wanted) exit
+                if (error <= self%tolerance .and. error > 0.5_wp*last_error) exit
+                if (k == 0) first_error = error
+                if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
+                    stat = status_chart_left
+                    self%failed_row = maxloc(abs(s%g)*self%velocity_weight, dim=1)
+                    self%failed_value = error
+                    return
+                end if
+                call base%solve(s%analysis, .false., qd, s%g, s%x, s%z)
+                qd = qd + s%x
+                last_error = error
+            end do
+            if (.not. predicts) return
+            if (self%has_delta_rate .or. .not. abs(self%defect) > 0.0_wp) return
+            self%delta_rate = (qd - self%delta_rate)/self%defect
+            self%has_delta_rate = .true.
+        end associate
+    end subroutine meet_velocity
+
+    !> The acceleration at (t, q, qd).
+    subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(out) :: qdd(self%n)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        ! A stage that was not projected left Phi as it was elsewhere.
+        if (self%is_stage) self%system%has_phi = .false.
+        associate (s => self%system)
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
+            associate (here => s%factor(s%here))
+                s%g(:) = -s%model%terms%gamma
+                call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
+                if (.not. self%is_stage) then
+                    ! What rounding left of C qdd + gamma.
+                    call here%multiply(s%analysis, qdd, s%g)
+                    call here%solve(s%analysis, .false., qdd, s%g, s%x, s%z)
+                    qdd = qdd + s%x
+                end if
+            end associate
+            if (.not. sum(abs(qdd)) <= huge(1.0_wp)) then
+                stat = status_not_finite
+                call s%name_infinite(stat)
+                self%failed_term = trim(s%model%failed_term)
+            end if
+        end associate
+    end subroutine solve_dynamics
+
+    !> All of them.
+    subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+        real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
+        integer, intent(out) :: stat
+        logical :: has_phi
+
+        call self%restore_position(t, increment, q, stat)
+        has_phi = self%system%has_phi
+        if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
+        self%system%has_phi = has_phi
+        if (stat == status_ok) call self%solve_dynamics(t, q, qd, qdd, stat)
+    end subroutine restore_motion
+end module tandem_chart_sparse_motion

@@ -1,0 +1,144 @@
+! SPDX-License-Identifier: MIT
+!> How near C is to losing rank on a sparse chart. The root of the smallest pivot against what it would be alone is cheap, and falls
+!> linearly towards a loss. Whether one was passed between two points follows from the combination y of rows that is nearest to
+!> zero at each: behind a loss C'y has turned around, so that (C0'y0 . M^-1 C1'y1)(y0.y1) is negative. Where several are lost at
+!> once it still is, which the sign of a determinant is not.
+module tandem_chart_sparse_rank
+    use tandem_chart_sparse_system, only: system_type
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: rank_type
+
+    type :: rank_type
+        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n), the root of the smallest pivot.
+        real(wp), allocatable :: y(:), force(:)
+        real(wp) :: independence = 1.0_wp
+        logical :: has_combination = .false.
+        !> Work space.
+        real(wp), allocatable, private :: next_y(:), next_force(:)
+    contains
+        procedure :: allocate => allocate_rank
+        procedure :: find_combination
+        procedure :: has_passed_loss
+        procedure :: find_rows
+        procedure :: pack_state
+    end type rank_type
+
+contains
+
+    subroutine allocate_rank(self, system)
+        class(rank_type), intent(inout) :: self
+        type(system_type), intent(in) :: system
+
+        self%y = spread(0.0_wp, 1, system%analysis%n_unknowns)
+        self%next_y = self%y
+        self%force = spread(0.0_wp, 1, system%analysis%n)
+        self%next_force = self%force
+        self%has_combination = .false.
+        self%independence = 1.0_wp
+    end subroutine allocate_rank
+
+    !> The combination of rows that is nearest to zero where the system was factored last, by three inverse iterations.
+    subroutine find_combination(self, system)
+        class(rank_type), intent(inout) :: self
+        type(system_type), intent(inout) :: system
+
+        call find_here(self, system)
+        self%y(:) = self%next_y
+        self%force(:) = self%next_force
+        self%has_combination = .true.
+    end subroutine find_combination
+
+    !> The same into the work space.
+    subroutine find_here(self, system)
+        class(rank_type), intent(inout) :: self
+        type(system_type), intent(inout) :: system
+        integer, parameter :: iterations = 3
+        real(wp) :: length
+        integer :: i, k, n
+
+        associate (a => system%analysis, here => system%factor(system%here), y => self%next_y)
+            ! From the weakest row; all others weigh too, as they may be the ones that matter.
+            system%g = 1.0e-3_wp
+            if (here%weakest > 0) system%g(here%weakest) = 1.0_wp
+            do k = 1, iterations
+                do i = 1, a%n_bodies
+                    if (a%own_row(i) > 0) system%g(a%own_row(i)) = 0.0_wp
+                end do
+                call here%solve(a, .false., system%x, system%g, self%next_force, y)
+                length = 0.0_wp
+                do n = 1, a%n_nodes
+                    if (a%is_body(n)) then
+                        y(a%place(n) + 1:a%place(n) + a%height(n)) = 0.0_wp
+                    else
+                        length = length + sum(y(a%place(n) + 1:a%place(n) + a%height(n))**2)
+                    end if
+                end do
+                y(:) = -y/max(sqrt(length), tiny(1.0_wp))
+                do n = 1, a%n_nodes
+                    if (.not. a%is_body(n)) system%g(a%origin(n):a%origin(n) + a%height(n) - 1) = &
+                        y(a%place(n) + 1:a%place(n) + a%height(n))
+                end do
+            end do
+            self%next_force = 0.0_wp
+            call here%add_reactions(a, -system%g, self%next_force)
+        end associate
+    end subroutine find_here
+
+    !> Whether C has lost rank between the point of the last combination and the one where the system was factored last, whose
+    !> combination takes its place. False where they are too different to tell.
+    logical function has_passed_loss(self, system)
+        class(rank_type), intent(inout) :: self
+        type(system_type), intent(inout) :: system
+        !> Combinations that have less in common are not the same one.
+        real(wp), parameter :: least_common = 0.3_wp
+        real(wp) :: common, along
+
+        has_passed_loss = .false.
+        call find_here(self, system)
+        if (self%has_combination) then
+            common = dot_product(self%y, self%next_y)
+            call system%factor(system%here)%move(system%analysis, self%next_force, system%x)
+            along = dot_product(self%force, system%x)
+            has_passed_loss = abs(common) > least_common .and. common*along < 0.0_wp
+        end if
+        if (has_passed_loss) return
+        self%y(:) = self%next_y
+        self%force(:) = self%next_force
+        self%has_combination = .true.
+    end function has_passed_loss
+
+    !> The rows that a combination consists of.
+    function find_rows(self, system) result(rows)
+        class(rank_type), intent(in) :: self
+        type(system_type), intent(in) :: system
+        integer, allocatable :: rows(:)
+        real(wp) :: share
+        integer :: i, n
+
+        allocate (rows(0))
+        ! The share of the largest that counts.
+        share = 0.1_wp*maxval(abs(self%y))
+        associate (a => system%analysis)
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    if (abs(self%y(a%place(n) + i)) > share) rows = [rows, a%origin(n) + i - 1]
+                end do
+            end do
+        end associate
+    end function find_rows
+
+    subroutine pack_state(self, pack)
+        class(rank_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%y)
+        call pack%item(self%force)
+        call pack%item(self%independence)
+        call pack%item(self%has_combination)
+    end subroutine pack_state
+end module tandem_chart_sparse_rank

@@ -1,0 +1,355 @@
+! SPDX-License-Identifier: MIT
+!> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: every step costs in proportion to their number.
+!> What is asked of it at points and between steps; `tandem_chart_sparse_motion` has what the steps ask.
+module tandem_chart_sparse
+    use tandem_chart, only: health_type
+    use tandem_chart_sparse_factor, only: least_pivot
+    use tandem_chart_sparse_motion, only: find_obstacle, largest, sparse_motion_type
+    use tandem_chart_sparse_rank, only: rank_type
+    use tandem_kinds, only: wp
+    use tandem_model_terms, only: need_phi
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_not_finite, status_ok, status_position_diverged, status_rank_deficient, status_singular_mass
+    implicit none (type, external)
+    private
+
+    public :: sparse_chart_type, find_obstacle
+
+    !> The chart by blocks of a factor.
+    type, extends(sparse_motion_type) :: sparse_chart_type
+    contains
+        procedure :: restore_near
+        procedure :: keep_tangent
+        procedure :: multipliers
+        procedure :: project_velocity
+        procedure :: constraint_errors
+        procedure :: measure_rank
+        procedure :: loss_ahead
+        procedure :: relative_change
+        procedure :: measure_health
+        procedure :: kinetic_energy
+        procedure :: pack_state
+    end type sparse_chart_type
+
+contains
+
+    !> Bring a point beside the manifold onto it, by the factor of the point itself, which stays where Phi falls fast.
+    subroutine restore_near(self, t, q, qd, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        integer, parameter :: most = 30
+        real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
+        real(wp) :: error, last_error
+        integer :: k, pass
+
+        self%failed_row = 0
+        last_error = huge(1.0_wp)
+        stat = status_ok
+        associate (s => self%system)
+            do k = 0, merge(most, -1, s%nh > 0)
+                call s%model%evaluate_phi(t, q, self%counts, stat)
+                if (stat /= status_ok) then
+                    self%failed_term = trim(s%model%failed_term)
+                    return
+                end if
+                error = largest(s%nh, s%model%terms%phi, self%phi_weight)
+                if (.not. error <= huge(1.0_wp)) then
+                    call s%name_infinite(stat)
+                    self%failed_term = trim(s%model%failed_term)
+                    return
+                end if
+                if (error <= self%end_tolerance) exit
+                ! Rounding keeps it from its end, which is near enough.
+                if (error <= self%tolerance .and. error > slow*last_error) exit
+                if (k == most) then
+                    stat = status_position_diverged
+                    self%failed_row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
+                    self%failed_value = error
+                    return
+                end if
+                if (k == 0 .or. error > fast*last_error) call go_there()
+                if (stat /= status_ok) return
+                s%g(:s%nh) = -s%model%terms%phi
+                s%g(s%nh + 1:) = 0.0_wp
+                call s%factor(s%here)%solve(s%analysis, .false., q, s%g, s%x, s%z)
+                q = q + s%x
+                last_error = error
+            end do
+            call go_there()
+            if (stat /= status_ok) return
+            s%has_phi = s%nh > 0
+            ! The second pass removes what rounding has left.
+            do pass = 1, 2
+                s%g(:) = s%model%terms%nu
+                call s%factor(s%here)%multiply(s%analysis, qd, s%g)
+                call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
+                qd = qd + s%x
+            end do
+            if (sum(abs(qd)) <= huge(1.0_wp)) return
+            stat = status_not_finite
+            call s%name_infinite(stat)
+            self%failed_term = trim(s%model%failed_term)
+        end associate
+
+    contains
+
+        !> The factor at the point.
+        subroutine go_there()
+            call self%system%visit(t, q, self%counts, stat)
+            if (stat == status_ok) call self%system%factorize(self%counts, stat)
+            if (stat /= status_ok) call self%fail_here(stat)
+        end subroutine go_there
+    end subroutine restore_near
+
+    !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve.
+    subroutine keep_tangent(self, error_q, error_qd)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        associate (s => self%system, here => self%system%factor(self%system%here))
+            if (.not. here%is_factored) return
+            s%g = 0.0_wp
+            call here%multiply(s%analysis, error_q, s%g)
+            s%g(s%nh + 1:) = 0.0_wp
+            call here%solve(s%analysis, .false., error_q, s%g, s%x, s%z)
+            error_q = error_q + s%x
+            s%g = 0.0_wp
+            call here%multiply(s%analysis, error_qd, s%g)
+            call here%solve(s%analysis, .false., error_qd, s%g, s%x, s%z)
+            error_qd = error_qd + s%x
+        end associate
+    end subroutine keep_tangent
+
+    !> lambda at (t, q, qd, qdd).
+    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer, intent(out) :: stat
+        real(wp) :: x(size(qdd))
+
+        lambda = 0.0_wp
+        associate (s => self%system)
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
+            self%counts%multipliers = self%counts%multipliers + 1
+            s%g(:) = -s%model%terms%gamma
+            call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, x, s%z)
+            call s%find_multipliers(qdd, lambda)
+        end associate
+    end subroutine multipliers
+
+    !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
+    subroutine project_velocity(self, t, q, qd, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(inout), contiguous :: qd(:)
+        integer, intent(out) :: stat
+        integer :: pass
+
+        self%failed_row = 0
+        associate (s => self%system)
+            call s%visit(t, q, self%counts, stat)
+            if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
+            ! The second pass removes what rounding has left.
+            do pass = 1, 2
+                s%g(:) = s%model%terms%nu
+                call s%factor(s%here)%multiply(s%analysis, qd, s%g)
+                call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
+                qd = qd + s%x
+            end do
+            if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
+        end associate
+    end subroutine project_velocity
+
+    !> The errors of the three constraint levels at the last point.
+    subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        integer, intent(out) :: stat
+
+        errors = 0.0_wp
+        rows = 0
+        stat = status_ok
+        associate (s => self%system)
+            if (s%m == 0) return
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat == status_ok .and. s%nh > 0 .and. .not. s%has_phi) then
+                call s%model%evaluate(need_phi, t, q, qd, self%counts, stat)
+                s%has_phi = stat == status_ok
+            end if
+            if (stat == status_ok) then
+                call s%find_errors(q, qd, qdd, self%scale, errors, rows)
+                if (.not. maxval(errors) < huge(1.0_wp)) call s%name_infinite(stat)
+            end if
+            if (stat /= status_ok) self%failed_term = trim(s%model%failed_term)
+        end associate
+    end subroutine constraint_errors
+
+    !> How many steps as the one to (t, q) C is away from losing rank.
+    subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:)
+        real(wp), intent(out) :: room
+        integer, intent(out) :: stat
+        !> A loss of rank further away than so many steps is not looked for.
+        real(wp), parameter :: horizon = 8.0_wp
+        !> Rounding leaves less of a row that depends on others.
+        real(wp), parameter :: largest_rest = least_pivot
+        real(wp) :: fall, now
+        logical :: falls
+
+        self%failed_row = 0
+        self%failed_coordinate = 0
+        self%fallen = 1.0_wp
+        self%loosened = 1.0_wp
+        room = huge(1.0_wp)
+        stat = status_ok
+        associate (s => self%system, rank => self%rank)
+            if (s%m == 0) return
+            call s%visit(t, q, self%counts, stat)
+            if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
+            if (s%factor(s%here)%rest > largest_rest) then
+                ! Of a row that was left out something is left: it restricts the motion now.
+                self%failed_row = s%factor(s%here)%loosest
+                self%failed_rows = [self%failed_row]
+                room = 0.0_wp
+                return
+            end if
+            now = sqrt(s%factor(s%here)%least)
+            fall = self%independence - now
+            falls = .not. now > horizon*fall
+            if (.not. falls) then
+                ! One step more is looked at behind those that came near.
+                if (rank%has_combination) then
+                    if (rank%has_passed_loss(s)) stat = status_rank_deficient
+                    rank%has_combination = .false.
+                end if
+            else if (rank%has_passed_loss(s)) then
+                stat = status_rank_deficient
+            end if
+            if (falls .or. stat /= status_ok) then
+                self%failed_rows = rank%find_rows(s)
+                if (stat /= status_ok) self%failed_row = s%factor(s%here)%weakest
+            end if
+            if (stat /= status_ok .or. .not. falls) return
+            if (fall > 0.0_wp) room = now/fall
+            self%fallen = now/max(self%best_independence, tiny(1.0_wp))
+        end associate
+    end subroutine measure_rank
+
+    !> What C loses on the straight way ahead of a state.
+    integer function loss_ahead(self, t, q, qd, h)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: h
+        integer, parameter :: n_places = 4
+        type(rank_type) :: way
+        integer :: k, stat
+
+        loss_ahead = status_ok
+        if (self%system%m == 0) return
+        associate (s => self%system)
+            call way%allocate(s)
+            do k = 0, n_places
+                associate (x => k*h/n_places)
+                    call s%visit(t + x, q + x*qd, self%counts, stat)
+                end associate
+                if (stat /= status_ok) return
+                call s%factorize(self%counts, stat)
+                if (stat == status_rank_deficient .or. stat == status_singular_mass) then
+                    call self%fail_here(stat)
+                    loss_ahead = stat
+                end if
+                if (stat /= status_ok) return
+                if (.not. way%has_passed_loss(s)) cycle
+                loss_ahead = status_rank_deficient
+                self%failed_row = s%factor(s%here)%weakest
+                self%failed_rows = way%find_rows(s)
+                return
+            end do
+        end associate
+    end function loss_ahead
+
+    !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
+    real(wp) function relative_change(self)
+        class(sparse_chart_type), intent(in) :: self
+
+        associate (s => self%system)
+            relative_change = norm2(s%factor(s%here)%c - s%factor(s%base)%c)/max(norm2(s%factor(s%base)%c), tiny(1.0_wp))
+        end associate
+    end function relative_change
+
+    !> Nothing is watched: charts are renewed at every step.
+    subroutine measure_health(self, t, q, qd, health, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        type(health_type), intent(out) :: health
+        integer, intent(out) :: stat
+
+        stat = status_ok
+    end subroutine measure_health
+
+    !> qd' M qd / 2 at (t, q, qd).
+    subroutine kinetic_energy(self, t, q, qd, energy, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: energy
+        integer, intent(out) :: stat
+
+        energy = 0.0_wp
+        call self%system%visit(t, q, self%counts, stat)
+        if (stat /= status_ok) then
+            call self%fail_here(stat)
+            return
+        end if
+        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
+        call self%system%pattern%multiply_mass(self%system%model%terms%mass, qd, self%system%x)
+        energy = 0.5_wp*dot_product(qd, self%system%x)
+    end subroutine kinetic_energy
+
+    !> The origin, the factors there and at the last point, and what iterations have learnt.
+    subroutine pack_state(self, pack)
+        class(sparse_chart_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call self%pack_contract(pack)
+        call self%system%pack_state(pack)
+        call self%rank%pack_state(pack)
+        call pack%item(self%t0)
+        call pack%item(self%q0)
+        call pack%item(self%qd0)
+        call pack%item(self%delta)
+        call pack%item(self%curve)
+        call pack%item(self%delta_rate)
+        call pack%item(self%has_curve)
+        call pack%item(self%has_delta_rate)
+        call pack%item(self%phi_weight)
+        call pack%item(self%velocity_weight)
+        call pack%item(self%position%ageing)
+        call pack%item(self%velocity%ageing)
+    end subroutine pack_state
+end module tandem_chart_sparse

@@ -1,0 +1,353 @@
+! SPDX-License-Identifier: MIT
+!> The terms of a model at the points that a sparse chart visits, and the factor of M x + C' lambda = f, C x = g there and at the
+!> chart's origin, which is the point of a step's start. The matrix of the step's end becomes that of the next origin.
+module tandem_chart_sparse_system
+    use tandem_chart_sparse_analysis, only: analysis_type
+    use tandem_chart_sparse_factor, only: factor_type
+    use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: are_same
+    use tandem_model, only: model_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_pattern, only: pattern_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_not_finite, status_ok
+    implicit none (type, external)
+    private
+
+    public :: system_type
+
+    type :: system_type
+        type(evaluator_type) :: model
+        type(analysis_type) :: analysis
+        type(pattern_type), pointer :: pattern => null()
+        !> Of the origin, and of the point visited last; they may be the same one.
+        type(factor_type) :: factor(2)
+        integer :: base = 1, here = 1
+        integer :: nh = 0, m = 0
+        !> The last point, whether gamma and the forces (with the velocity `qd_point`) and Phi are those of it.
+        real(wp) :: t_point = 0.0_wp
+        real(wp), allocatable :: q_point(:), qd_point(:)
+        logical :: has_point = .false., has_motion = .false., has_phi = .false.
+        !> Work space: unknowns of nodes, (m), (n).
+        real(wp), allocatable :: z(:), g(:), x(:)
+    contains
+        procedure :: initialize
+        procedure :: visit
+        procedure :: load
+        procedure :: factorize
+        procedure :: move_with
+        procedure :: choose_rows
+        procedure :: find_partners
+        procedure :: take_origin
+        procedure :: forget
+        procedure :: find_errors
+        procedure :: find_weights
+        procedure :: find_multipliers
+        procedure :: name_infinite
+        procedure :: pack_state
+    end type system_type
+
+contains
+
+    !> Attach a model with a pattern.
+    subroutine initialize(self, model)
+        class(system_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        integer :: i
+
+        call self%model%initialize(model, compressed=.true.)
+        self%pattern => model%pattern
+        self%nh = model%n_holonomic
+        self%m = model%n_constraints()
+        call self%analysis%analyse(self%pattern, [(i, i=1, self%m)])
+        do i = 1, 2
+            call self%factor(i)%allocate(self%analysis, self%pattern)
+        end do
+        self%q_point = spread(0.0_wp, 1, model%n)
+        self%qd_point = self%q_point
+        self%x = self%q_point
+        self%z = spread(0.0_wp, 1, self%analysis%n_unknowns)
+        self%g = spread(0.0_wp, 1, self%m)
+        self%base = 1
+        self%here = 1
+        call self%forget()
+    end subroutine initialize
+
+    !> Nothing is known of the last point any more.
+    pure subroutine forget(self)
+        class(system_type), intent(inout) :: self
+
+        self%has_point = .false.
+        self%has_motion = .false.
+        self%has_phi = .false.
+    end subroutine forget
+
+    !> Evaluate C, nu and M at (t, q), unless that was the last point.
+    subroutine visit(self, t, q, counts, stat)
+        class(system_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
+            if (are_same(size(q), q, self%q_point)) return
+        end if
+        call self%forget()
+        ! None of these depends on the velocity; q stands in for it.
+        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
+        if (self%here == self%base) self%here = 3 - self%base
+        self%factor(self%here)%has_rows = .false.
+        self%factor(self%here)%is_factored = .false.
+        if (stat /= status_ok) return
+        self%t_point = t
+        self%q_point(:) = q
+        self%has_point = .true.
+    end subroutine visit
+
+    !> C of the last point by links.
+    subroutine load(self)
+        class(system_type), intent(inout) :: self
+
+        associate (factor => self%factor(self%here))
+            if (.not. factor%has_rows) call factor%load_rows(self%analysis, self%pattern, self%model%terms%jacobian)
+        end associate
+    end subroutine load
+
+    !> The factor at the last point.
+    subroutine factorize(self, counts, stat)
+        class(system_type), intent(inout) :: self
+        type(counts_type), intent(inout) :: counts
+        !> As of `tandem_chart_sparse_factor`.
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        associate (factor => self%factor(self%here))
+            if (factor%is_factored) return
+            call self%load()
+            call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+            if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
+        end associate
+        counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
+        counts%mass_factorizations = counts%mass_factorizations + 1
+        if (stat /= status_ok) call self%name_infinite(stat)
+    end subroutine factorize
+
+    !> The same, and choose anew which rows are left out: those that depend on others there.
+    subroutine choose_rows(self, counts, stat)
+        class(system_type), intent(inout) :: self
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: i
+
+        associate (factor => self%factor(self%here))
+            call self%load()
+            call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+            if (stat == status_ok) call factor%factorize(self%analysis, .true., stat)
+            counts%constraint_factorizations = counts%constraint_factorizations + 1
+            counts%mass_factorizations = counts%mass_factorizations + 1
+            if (stat /= status_ok) return
+            do i = 1, 2
+                self%factor(i)%is_out(:) = factor%is_out
+                self%factor(i)%leaves_out = any(factor%is_out)
+            end do
+        end associate
+    end subroutine choose_rows
+
+    !> The rows of which a row that was left out is a combination.
+    subroutine find_partners(self, row, partners)
+        class(system_type), intent(inout) :: self
+        integer, intent(in) :: row
+        integer, allocatable, intent(out) :: partners(:)
+        real(wp), allocatable :: lambda(:), force(:)
+        !> Smaller shares than this of the largest are rounding.
+        real(wp), parameter :: least_share = 1.0e-6_wp
+        integer :: i, j, k, n
+
+        allocate (force(size(self%x)), lambda(self%m), source=0.0_wp)
+        do k = self%pattern%row_start(row), self%pattern%row_start(row + 1) - 1
+            do j = self%pattern%first(self%pattern%row_body(k)), self%pattern%first(self%pattern%row_body(k) + 1) - 1
+                force(j) = self%model%terms%jacobian(row, self%pattern%column(j))
+            end do
+        end do
+        self%g = 0.0_wp
+        associate (a => self%analysis)
+            call self%factor(self%here)%solve(a, .true., force, self%g, self%x, self%z)
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    lambda(a%origin(n) + i - 1) = abs(self%z(a%place(n) + i))
+                end do
+            end do
+        end associate
+        partners = pack([(i, i=1, self%m)], lambda > least_share*max(maxval(lambda), least_share))
+    end subroutine find_partners
+
+    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
+    subroutine move_with(self, t, q, qd, counts, stat)
+        class(system_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        call self%visit(t, q, counts, stat)
+        if (stat /= status_ok) return
+        if (self%has_motion) then
+            if (are_same(size(qd), qd, self%qd_point)) return
+        end if
+        self%has_motion = .false.
+        counts%right_hand_sides = counts%right_hand_sides + 1
+        call self%model%evaluate(need_gamma + need_force, t, q, qd, counts, stat)
+        if (stat /= status_ok) return
+        self%qd_point(:) = qd
+        self%has_motion = .true.
+    end subroutine move_with
+
+    !> Make the last point the origin.
+    pure subroutine take_origin(self)
+        class(system_type), intent(inout) :: self
+
+        self%base = self%here
+    end subroutine take_origin
+
+    !> Reciprocals of the natural scales of the rows at the last point, for Phi (nh) and for C qd - nu (m).
+    subroutine find_weights(self, q, qd, scale, of_phi, of_velocity)
+        class(system_type), intent(inout) :: self
+        !> (n) each.
+        real(wp), intent(in) :: q(:), qd(:), scale(:)
+        real(wp), intent(out) :: of_phi(:), of_velocity(:)
+
+        associate (terms => self%model%terms, pattern => self%pattern)
+            of_phi = 0.0_wp
+            call pattern%add_row_scales(terms%jacobian, q, scale, of_phi)
+            of_velocity = abs(terms%nu)
+            call pattern%add_row_scales(terms%jacobian, qd, scale, of_velocity)
+        end associate
+        of_phi = 1.0_wp/max(of_phi, tiny(1.0_wp))
+        of_velocity = 1.0_wp/max(of_velocity, tiny(1.0_wp))
+    end subroutine find_weights
+
+    !> The errors of the three levels on the natural scales of their rows, and the worst rows, in one pass through C.
+    subroutine find_errors(self, q, qd, qdd, scale, errors, rows)
+        class(system_type), intent(in) :: self
+        !> (n) each, at the last point with its velocity.
+        real(wp), intent(in) :: q(:), qd(:), qdd(:), scale(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        real(wp) :: residual(3), scales(3), entry
+        integer :: i, j, k
+
+        errors = 0.0_wp
+        rows = 0
+        associate (terms => self%model%terms, pattern => self%pattern)
+            do i = 1, self%m
+                residual = [0.0_wp, -terms%nu(i), terms%gamma(i)]
+                scales = abs(residual)
+                if (i <= self%nh) residual(1) = terms%phi(i)
+                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                    do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                        entry = terms%jacobian(i, pattern%column(j))
+                        residual(2) = residual(2) + entry*qd(j)
+                        residual(3) = residual(3) + entry*qdd(j)
+                        entry = abs(entry)
+                        scales(1) = scales(1) + entry*max(abs(q(j)), scale(j))
+                        scales(2) = scales(2) + entry*max(abs(qd(j)), scale(j))
+                        scales(3) = scales(3) + entry*max(abs(qdd(j)), scale(j))
+                    end do
+                end do
+                do k = 1, 3
+                    entry = abs(residual(k))/max(scales(k), tiny(1.0_wp))
+                    if (.not. entry <= huge(1.0_wp) .or. .not. scales(k) <= huge(1.0_wp)) entry = huge(1.0_wp)
+                    if (entry <= errors(k) .and. rows(k) > 0) cycle
+                    if (k == 1 .and. i > self%nh) cycle
+                    errors(k) = entry
+                    rows(k) = i
+                end do
+            end do
+        end associate
+    end subroutine find_errors
+
+    !> The multipliers of all rows after `solve` with the forces has left z and the acceleration.
+    subroutine find_multipliers(self, qdd, lambda)
+        class(system_type), intent(inout) :: self
+        !> (n)
+        real(wp), intent(in), contiguous :: qdd(:)
+        !> (m)
+        real(wp), intent(out), contiguous :: lambda(:)
+        integer :: b, first, i, last, n
+
+        lambda = 0.0_wp
+        associate (a => self%analysis, factor => self%factor(self%here), force => self%x)
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    lambda(a%origin(n) + i - 1) = self%z(a%place(n) + i)
+                end do
+            end do
+            call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
+            force = self%model%terms%force - force
+            call factor%add_reactions(a, lambda, force)
+            do b = 1, a%n_bodies
+                if (a%own_row(b) == 0) cycle
+                first = a%first(b)
+                last = a%first(b + 1) - 1
+                lambda(a%own_row(b)) = dot_product(factor%own(first:last), force(first:last))/ &
+                    sum(factor%own(first:last)**2)
+            end do
+        end associate
+    end subroutine find_multipliers
+
+    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
+    subroutine name_infinite(self, stat)
+        class(system_type), intent(inout) :: self
+        !> `not_finite` where one was not; kept as it is otherwise.
+        integer, intent(inout) :: stat
+        character(len=20) :: term
+
+        term = ''
+        associate (terms => self%model%terms)
+            if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
+                term = 'phi'
+            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
+                term = 'jacobian'
+            else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
+                term = 'nu'
+            else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
+                term = 'mass'
+            else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
+                term = 'gamma'
+            else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
+                term = 'force'
+            end if
+        end associate
+        call self%forget()
+        if (term == '') then
+            if (stat == status_not_finite) self%model%failed_term = 'the velocity'
+            return
+        end if
+        self%model%failed_term = term
+        stat = status_not_finite
+    end subroutine name_infinite
+
+    !> The last point, what was evaluated there, and both factors.
+    subroutine pack_state(self, pack)
+        class(system_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i
+
+        call self%model%pack_state(pack)
+        do i = 1, 2
+            call self%factor(i)%pack_state(pack)
+        end do
+        call pack%item(self%base)
+        call pack%item(self%here)
+        call pack%item(self%t_point)
+        call pack%item(self%q_point)
+        call pack%item(self%qd_point)
+        call pack%item(self%has_point)
+        call pack%item(self%has_motion)
+        call pack%item(self%has_phi)
+    end subroutine pack_state
+end module tandem_chart_sparse_system

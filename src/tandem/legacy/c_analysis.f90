@@ -1,0 +1,56 @@
+! SPDX-License-Identifier: MIT
+!> Functions of the C interface about equilibria and linearised systems, see `tandem_legacy_c`.
+module tandem_legacy_c_analysis
+    use tandem_legacy_handle, only: find => problem_of
+    use tandem_legacy_problem, only: problem_type
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_ptr
+    implicit none (type, external)
+    private
+
+    public :: c_linearise, c_find_equilibrium
+
+contains
+
+    !> Eigenvalues of small motions about a state.
+    integer(c_int) function c_linearise(handle, t, q, qd, count, re, im, a) bind(C, name='tandem_linearise')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(in), optional :: q(*), qd(*)
+        !> How many eigenvalues there are.
+        integer(c_int), intent(inout), optional :: count
+        !> Real and imaginary parts, with room for 2 n each, and the matrix, with room for 4 n^2.
+        real(c_double), intent(inout), optional :: re(*), im(*), a(*)
+        type(problem_type), pointer :: problem
+
+        c_linearise = status_invalid_option
+        call find(handle, problem)
+        if (.not. associated(problem)) return
+        if (present(q) .and. present(qd) .and. present(count) .and. present(re) .and. present(im)) then
+            call problem%linearise(t, q, qd, count, re, im, a)
+        else
+            call problem%refuse('q, qd, count, re or im is NULL', 'only the matrix may be left out')
+        end if
+        c_linearise = problem%stat
+    end function c_linearise
+
+    !> Move coordinates to the nearest equilibrium.
+    integer(c_int) function c_find_equilibrium(handle, t, q) bind(C, name='tandem_find_equilibrium')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates (n).
+        real(c_double), intent(inout), optional :: q(*)
+        type(problem_type), pointer :: problem
+
+        c_find_equilibrium = status_invalid_option
+        call find(handle, problem)
+        if (.not. associated(problem)) return
+        if (present(q)) then
+            call problem%find_equilibrium(t, q)
+        else
+            call problem%refuse('q is NULL', 'give a place near the equilibrium')
+        end if
+        c_find_equilibrium = problem%stat
+    end function c_find_equilibrium
+end module tandem_legacy_c_analysis

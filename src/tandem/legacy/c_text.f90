@@ -1,0 +1,46 @@
+! SPDX-License-Identifier: MIT
+!> Texts of C, which end with a NUL, as texts of Fortran.
+module tandem_legacy_c_text
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_ptr, c_size_t
+    implicit none (type, external)
+    private
+
+    public :: text_of
+
+    !> No name or value is as long as this; a text without an end is cut here.
+    integer(c_size_t), parameter :: longest_text = 256
+
+    interface
+        !> strnlen of the C library: the length of a text that is read to a limit at most.
+        pure integer(c_size_t) function strnlen(chars, limit) bind(C)
+            import :: c_ptr, c_size_t
+            implicit none (type, external)
+            type(c_ptr), value :: chars
+            integer(c_size_t), value :: limit
+        end function strnlen
+    end interface
+
+contains
+
+    !> The length of a text of C; 0 for NULL.
+    pure integer function length_of(chars)
+        type(c_ptr), intent(in) :: chars
+
+        length_of = 0
+        if (c_associated(chars)) length_of = int(strnlen(chars, longest_text))
+    end function length_of
+
+    !> A text of C; empty for NULL.
+    function text_of(chars) result(text)
+        type(c_ptr), intent(in) :: chars
+        character(len=length_of(chars)) :: text
+        character(kind=c_char), pointer :: list(:)
+        integer :: i
+
+        if (len(text) == 0) return
+        call c_f_pointer(chars, list, [len(text)])
+        do i = 1, len(text)
+            text(i:i) = list(i)
+        end do
+    end function text_of
+end module tandem_legacy_c_text

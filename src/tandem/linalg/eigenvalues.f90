@@ -1,0 +1,115 @@
+! SPDX-License-Identifier: MIT
+!> Eigenvalues and eigenvectors of a square matrix, and its eigenvalue zero. For set-up: the procedures allocate.
+!>
+!> A zero in a Jordan block of size k comes out of any eigenvalue routine as some eps^(1/k) of the norm. So zeros are taken off
+!> before that, by the staircase of null spaces: the null space of the matrix, then that of what it is on the quotient, and so on,
+!> in orthogonal transformations. Their dimensions tell the sizes of the blocks.
+!>
+!> Source: V. N. Kublanovskaya 1966; G. H. Golub, J. H. Wilkinson, Ill-conditioned eigensystems and the computation of the Jordan
+!> canonical form, SIAM Review 18, 1976; LAPACK Users' Guide.
+module tandem_linalg_eigenvalues
+    use tandem_kinds, only: wp
+    use tandem_linalg_lapack, only: dgeevx, dgesvd
+    implicit none (type, external)
+    private
+
+    public :: find_eigenvalues, split_zeros
+
+contains
+
+    !> Eigenvalues (n) and right eigenvectors (n, n) of length 1 of a matrix of finite numbers, and how well each is determined.
+    subroutine find_eigenvalues(a, values, vectors, condition, stat)
+        !> (n, n)
+        real(wp), intent(in) :: a(:, :)
+        complex(wp), intent(out) :: values(:), vectors(:, :)
+        !> The cosine between left and right eigenvector: an error E of the matrix moves the eigenvalue by up to |E| over it.
+        real(wp), intent(out) :: condition(:)
+        !> > 0: without convergence.
+        integer, intent(out) :: stat
+        real(wp), dimension(size(a, 1), size(a, 1)) :: copy, left, right
+        real(wp), dimension(size(a, 1)) :: wr, wi, scale, rcondv
+        real(wp) :: norm
+        real(wp), allocatable :: work(:)
+        integer, allocatable :: iwork(:)
+        integer :: n, low, high, j
+
+        n = size(a, 1)
+        stat = 0
+        if (n == 0) return
+        copy = a
+        ! Enough for the blocked form, and for the condition numbers.
+        allocate (work(n*(n + 40)), iwork(2*n))
+        call dgeevx('B', 'V', 'V', 'E', n, copy, n, wr, wi, left, n, right, n, low, high, scale, norm, condition, rcondv, work, &
+            size(work), iwork, stat)
+        if (stat /= 0) return
+        j = 1
+        do while (j <= n)
+            values(j) = cmplx(wr(j), wi(j), wp)
+            if (abs(wi(j)) > 0.0_wp .and. j < n) then
+                vectors(:, j) = cmplx(right(:, j), right(:, j + 1), wp)
+                vectors(:, j + 1) = conjg(vectors(:, j))
+                values(j + 1) = conjg(values(j))
+                j = j + 2
+            else
+                vectors(:, j) = cmplx(right(:, j), 0.0_wp, wp)
+                j = j + 1
+            end if
+        end do
+    end subroutine find_eigenvalues
+
+    !> Split the eigenvalue zero off: Q' A Q = [N, X; 0, B] with N nilpotent (k, k) and B without an eigenvalue that is zero within
+    !> the tolerance.
+    subroutine split_zeros(a, tolerance, q, k, dimensions)
+        !> (n, n); Q' A Q in its place.
+        real(wp), intent(inout) :: a(:, :)
+        !> Singular values of at most this count as zero.
+        real(wp), intent(in) :: tolerance
+        !> Q (n, n), and k.
+        real(wp), intent(out) :: q(:, :)
+        integer, intent(out) :: k
+        !> How many chains have a vector at each stage: entry j is the number of Jordan blocks of size j or more.
+        integer, allocatable, intent(out) :: dimensions(:)
+        real(wp), allocatable :: z(:, :)
+        integer :: n, i, r
+
+        n = size(a, 1)
+        q = 0.0_wp
+        do i = 1, n
+            q(i, i) = 1.0_wp
+        end do
+        allocate (dimensions(0))
+        k = 0
+        do while (k < n)
+            call find_null_space(a(k + 1:, k + 1:), tolerance, z, r)
+            if (r == 0) exit
+            a(k + 1:, k + 1:) = matmul(transpose(z), matmul(a(k + 1:, k + 1:), z))
+            a(:k, k + 1:) = matmul(a(:k, k + 1:), z)
+            q(:, k + 1:) = matmul(q(:, k + 1:), z)
+            a(k + 1:, k + 1:k + r) = 0.0_wp
+            dimensions = [dimensions, r]
+            k = k + r
+        end do
+    end subroutine split_zeros
+
+    !> An orthogonal matrix whose first r columns span the null space.
+    subroutine find_null_space(a, tolerance, z, r)
+        real(wp), intent(in) :: a(:, :), tolerance
+        real(wp), allocatable, intent(out) :: z(:, :)
+        integer, intent(out) :: r
+        real(wp), dimension(size(a, 1), size(a, 1)) :: copy, vt
+        real(wp) :: values(size(a, 1)), u(1, 1)
+        real(wp), allocatable :: work(:)
+        integer :: n, info, i
+
+        n = size(a, 1)
+        r = 0
+        copy = a
+        allocate (work(64*(n + 2)))
+        call dgesvd('N', 'A', n, n, copy, n, values, u, 1, vt, n, work, size(work), info)
+        if (info == 0) r = count(values <= tolerance)
+        allocate (z(n, n))
+        do i = 1, n
+            z(:, i) = vt(n + 1 - i, :)
+        end do
+    end subroutine find_null_space
+end module tandem_linalg_eigenvalues

@@ -1,0 +1,125 @@
+! SPDX-License-Identifier: MIT
+!> What events may change of a mechanism: `lock NAME` and `free NAME` of a coupling that can be freed, and
+!> `force.NAME.KEY = NUMBER` of springs and torsions.
+submodule(tandem_mechanism) tandem_mechanism_changing
+    use tandem_mechanism_coupling, only: lock_coupling
+    use tandem_mechanism_sensor, only: of_spring, of_torsion
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+
+contains
+
+    !> Let events change it.
+    module procedure allow_changes
+        self%change => change
+    end procedure allow_changes
+
+    !> One change.
+    subroutine change(self, what, is_trial, t, q, problem)
+        class(model_type), intent(inout) :: self
+        character(len=*), intent(in) :: what
+        logical, intent(in) :: is_trial
+        real(wp), intent(in) :: t, q(:)
+        character(len=*), intent(out) :: problem
+        character(len=len(what)) :: text
+
+        text = adjustl(what)
+        select type (self)
+        class is (mechanism_type)
+            if (index(text, 'lock ') == 1) then
+                call switch(self, trim(adjustl(text(6:))), .true., is_trial, t, q, problem)
+            else if (index(text, 'free ') == 1) then
+                call switch(self, trim(adjustl(text(6:))), .false., is_trial, t, q, problem)
+            else if (index(text, 'force.') == 1 .and. index(text, '=') > 0) then
+                call set_number(self, text, is_trial, problem)
+            else
+                problem = '"'//trim(text)//'" is no change: write "lock NAME", "free NAME" or "force.NAME.KEY = NUMBER"'
+            end if
+        end select
+    end subroutine change
+
+    !> Lock or free a coupling. Locked where it is locked already, it stays where it is.
+    subroutine switch(self, name, locks, is_trial, t, q, problem)
+        type(mechanism_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        logical, intent(in) :: locks, is_trial
+        real(wp), intent(in) :: t, q(:)
+        character(len=*), intent(out) :: problem
+        integer :: i, k, stat
+
+        problem = 'there is no coupling '//name//' that can be locked and freed: give one the key locked'
+        k = 0
+        do i = 1, size(self%couplings)
+            if (self%held_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
+        end do
+        if (k == 0) return
+        problem = ''
+        if (is_trial) return
+        if (locks .and. .not. self%couplings(k)%is_locked) then
+            ! No term, but the poses and the functions of time.
+            call self%evaluate(0, t, q, q, self%at_row, stat)
+            call lock_coupling(self%couplings(k), self%pose, self%f)
+        else if (.not. locks) then
+            self%couplings(k)%is_locked = .false.
+        end if
+    end subroutine switch
+
+    !> Set a number of a spring or a torsion.
+    subroutine set_number(self, text, is_trial, problem)
+        type(mechanism_type), intent(inout) :: self
+        character(len=*), intent(in) :: text
+        logical, intent(in) :: is_trial
+        character(len=*), intent(out) :: problem
+        character(len=*), parameter :: head = 'force.'
+        character(len=len(text)) :: name, key
+        real(wp) :: number
+        integer :: dot, equal, type_of, i, stat
+
+        equal = index(text, '=')
+        dot = index(text(:equal - 1), '.', back=.true.)
+        read (text(equal + 1:), *, iostat=stat) number
+        if (stat == 0) then
+            if (.not. ieee_is_finite(number)) stat = 1
+        end if
+        if (dot <= len(head) .or. stat /= 0) then
+            problem = '"'//trim(text)//'" sets no number: write "force.NAME.KEY = NUMBER"'
+            return
+        end if
+        name = text(len(head) + 1:dot - 1)
+        key = text(dot + 1:equal - 1)
+        call self%find_element(trim(name), type_of, i)
+        problem = trim(name)//' is no spring and no torsion'
+        select case (type_of)
+        case (of_spring)
+            associate (spring => self%springs(i))
+                call set(spring%stiffness, spring%damping, spring%length, 'length')
+            end associate
+        case (of_torsion)
+            associate (torsion => self%torsions(i))
+                call set(torsion%stiffness, torsion%damping, torsion%angle, 'angle')
+            end associate
+        case default
+            return
+        end select
+
+    contains
+
+        subroutine set(stiffness, damping, rest, rest_name)
+            real(wp), intent(inout) :: stiffness, damping, rest
+            character(len=*), intent(in) :: rest_name
+
+            problem = ''
+            if (all(key /= [character(len=9) :: 'stiffness', 'damping', rest_name])) then
+                problem = trim(name)//' has no number '//trim(key)//' that events may set: take stiffness, damping or '//rest_name
+            else if (is_trial) then
+                return
+            else if (key == 'stiffness') then
+                stiffness = number
+            else if (key == 'damping') then
+                damping = number
+            else
+                rest = number
+            end if
+        end subroutine set
+    end subroutine set_number
+end submodule tandem_mechanism_changing

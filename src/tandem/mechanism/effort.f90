@@ -1,0 +1,158 @@
+! SPDX-License-Identifier: MIT
+!> What springs, bushings and loads do at a state: forces, lengths, energies, and the power of that part of them which has no
+!> potential: dampers, functions of time, laws. For files, not for steps.
+module tandem_mechanism_effort
+    use tandem_kinds, only: wp
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
+    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
+    use tandem_mechanism_formula, only: formula_type
+    use tandem_mechanism_glide, only: spin_of
+    use tandem_mechanism_law, only: law_item_type
+    use tandem_mechanism_load, only: find_push, load_type
+    use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
+    use tandem_mechanism_pose, only: pose_type, turned
+    use tandem_mechanism_reaction, only: wrench_of
+    use tandem_mechanism_span, only: span_way
+    implicit none (type, external)
+    private
+
+    public :: effort_type, spring_effort, torsion_effort, bushing_effort, load_effort
+
+    !> What an element does.
+    type :: effort_type
+        !> The force along its coordinate (N, N m), positive where it pulls its ends together; the coordinate and its rate.
+        real(wp) :: along = 0.0_wp, x = 0.0_wp, rate = 0.0_wp
+        !> The force on the second body, or that on which a load is, and the torque about its point, in the world's axes.
+        real(wp) :: force(3) = 0.0_wp, torque(3) = 0.0_wp
+        !> Potential energy (J), and the power that the rest gives to the mechanism (W), negative of a damper.
+        real(wp) :: energy = 0.0_wp, power = 0.0_wp
+    end type effort_type
+
+contains
+
+    !> A spring between two points.
+    pure function spring_effort(spring, t, pose, f, laws) result(effort)
+        type(spring_type), intent(in) :: spring
+        real(wp), intent(in) :: t
+        !> With rates.
+        type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in) :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        type(effort_type) :: effort
+        real(wp) :: d(3), rest
+
+        d = span_way(spring%span, pose, 0)
+        effort%x = norm2(d)
+        if (effort%x > 0.0_wp) d = d/effort%x
+        effort%rate = dot_product(d, span_way(spring%span, pose, 1))
+        effort%energy = spring%stiffness*(effort%x - spring%length)**2/2
+        rest = rest_of(spring%damping, spring%motion, spring%law, t, effort, f, laws)
+        effort%along = spring%stiffness*(effort%x - spring%length) + rest
+        effort%power = -rest*effort%rate
+        effort%force = -effort%along*d
+    end function spring_effort
+
+    !> What has no potential: c v + u(t) + g(t, x, v).
+    pure real(wp) function rest_of(damping, motion, law, t, effort, f, laws) result(rest)
+        real(wp), intent(in) :: damping
+        !> Numbers of the function and of the law, 0 for none.
+        integer, intent(in) :: motion, law
+        real(wp), intent(in) :: t
+        !> Coordinate and rate are known.
+        type(effort_type), intent(in) :: effort
+        real(wp), intent(in) :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        real(wp) :: g(0:2)
+
+        rest = damping*effort%rate
+        if (motion > 0) rest = rest + f(0, motion)
+        if (law == 0) return
+        call laws(law)%law%evaluate(t, effort%x, effort%rate, g)
+        rest = rest + g(0)
+    end function rest_of
+
+    !> A spring along the coordinate of a joint.
+    pure subroutine torsion_effort(torsion, t, pose, f, laws, effort)
+        type(torsion_type), intent(inout) :: torsion
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: f(0:, :)
+        type(law_item_type), intent(in) :: laws(:)
+        type(effort_type), intent(out) :: effort
+        real(wp) :: x(0:2), gradient(n_local, 0:2), rest
+
+        call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+        effort%x = x(0)
+        effort%rate = x(1)
+        effort%energy = torsion%stiffness*(x(0) - torsion%angle)**2/2
+        rest = rest_of(torsion%damping, torsion%motion, torsion%law, t, effort, f, laws)
+        effort%along = torsion%stiffness*(x(0) - torsion%angle) + rest
+        effort%power = -rest*x(1)
+    end subroutine torsion_effort
+
+    !> A bushing; its force and torque are those on the second body at its point of that.
+    pure subroutine bushing_effort(bushing, pose, effort)
+        type(bushing_type), intent(inout) :: bushing
+        type(pose_type), intent(in) :: pose(0:)
+        type(effort_type), intent(out) :: effort
+        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), along(3), turning(4), f
+        integer :: k, n
+
+        n = bushing%n
+        do k = 1, n
+            call differentiate_coordinate(bushing%coordinates(k), pose, 1, 0, x(:, k), gradient(:, :, k))
+        end do
+        along = 0.0_wp
+        turning = 0.0_wp
+        do k = 1, n
+            f = dot_product(bushing%damping(k, :n), x(1, :n))
+            effort%power = effort%power - f*x(1, k)
+            effort%energy = effort%energy + x(0, k)*dot_product(bushing%stiffness(k, :n), x(0, :n))/2
+            f = f + dot_product(bushing%stiffness(k, :n), x(0, :n))
+            along = along - f*gradient(place_2 + 1:place_2 + 3, 0, k)
+            turning = turning - f*gradient(turn_2 + 1:turn_2 + 4, 0, k)
+        end do
+        associate (one => pose(bushing%coordinates(1)%first), two => pose(bushing%coordinates(1)%second))
+            if (two%n_place > 0) then
+                call wrench_of(two, along, turning, two%r(:, 0) + turned(two, 0, bushing%coordinates(1)%one%b), effort%force, &
+                    effort%torque)
+            else
+                ! Against the ground: the opposite of what the first body gets there.
+                along = 0.0_wp
+                turning = 0.0_wp
+                do k = 1, n
+                    f = dot_product(bushing%stiffness(k, :n), x(0, :n)) + dot_product(bushing%damping(k, :n), x(1, :n))
+                    along = along + f*gradient(place_1 + 1:place_1 + 3, 0, k)
+                    turning = turning + f*gradient(turn_1 + 1:turn_1 + 4, 0, k)
+                end do
+                call wrench_of(one, along, turning, two%r(:, 0) + turned(two, 0, bushing%coordinates(1)%one%b), effort%force, &
+                    effort%torque)
+            end if
+        end associate
+    end subroutine bushing_effort
+
+    !> A given force and torque.
+    pure subroutine load_effort(load, t, pose, f, formulas, coordinates, effort)
+        type(load_type), intent(in) :: load
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+        type(formula_type), intent(inout) :: formulas(:)
+        type(coordinate_type), intent(inout) :: coordinates(:)
+        type(effort_type), intent(out) :: effort
+        real(wp) :: push(6)
+
+        call find_push(load, t, pose, f, formulas, coordinates, push)
+        associate (body => pose(load%body))
+            effort%force = push(1:3)
+            effort%torque = push(4:6)
+            if (load%in_body) then
+                effort%force = turned(body, 0, push(1:3))
+                effort%torque = turned(body, 0, push(4:6))
+            end if
+            effort%power = dot_product(effort%force, body%r(:, 1) + turned(body, 1, load%point)) + &
+                dot_product(effort%torque, spin_of(body, 0))
+        end associate
+    end subroutine load_effort
+end module tandem_mechanism_effort

@@ -1,0 +1,77 @@
+! SPDX-License-Identifier: MIT
+!> Which bodies each row of a mechanism touches, for the pattern of C; the norms of Euler parameters are not among these rows.
+module tandem_mechanism_incidence
+    use tandem_mechanism_drawing, only: drawing_type
+    implicit none (type, external)
+    private
+
+    public :: list_incidence
+
+contains
+
+    !> Pairs of a row and a body, 0 for the ground; the rows have their final numbers.
+    subroutine list_incidence(drawing, rows, bodies)
+        class(drawing_type), intent(in) :: drawing
+        !> As many of one as of the other.
+        integer, allocatable, intent(out) :: rows(:), bodies(:)
+        integer :: i, k, n, pass, n_meeting
+
+        n_meeting = merge(2, 3, drawing%planar)
+        ! Counted first, then listed.
+        do pass = 1, 2
+            n = 0
+            do i = 1, size(drawing%meetings)
+                do k = 0, n_meeting - 1
+                    call add(drawing%meetings(i)%row + k, drawing%meetings(i)%first, drawing%meetings(i)%second)
+                end do
+            end do
+            do i = 1, size(drawing%dots)
+                call add(drawing%dots(i)%row, drawing%dots(i)%first, drawing%dots(i)%second)
+            end do
+            do i = 1, size(drawing%distances)
+                call add(drawing%distances(i)%row, drawing%distances(i)%first, drawing%distances(i)%second)
+            end do
+            do i = 1, size(drawing%angles)
+                call add(drawing%angles(i)%row, drawing%angles(i)%first, drawing%angles(i)%second)
+            end do
+            do i = 1, size(drawing%couplings)
+                do k = 1, drawing%couplings(i)%n
+                    associate (coordinate => drawing%couplings(i)%coordinates(k))
+                        call add(drawing%couplings(i)%row, coordinate%first, coordinate%second)
+                    end associate
+                end do
+            end do
+            do i = 1, size(drawing%edges)
+                call add(drawing%edges(i)%row, drawing%edges(i)%body, 0)
+            end do
+            do i = 1, size(drawing%rollers)
+                call add(drawing%rollers(i)%height_row, drawing%rollers(i)%body, 0)
+                call add(drawing%rollers(i)%row, drawing%rollers(i)%body, 0)
+                call add(drawing%rollers(i)%row + 1, drawing%rollers(i)%body, 0)
+            end do
+            do i = 1, size(drawing%glides)
+                call add(drawing%glides(i)%row, drawing%glides(i)%first, drawing%glides(i)%second)
+            end do
+            do i = 1, size(drawing%rate_rows)
+                do k = 1, size(drawing%rate_rows(i)%velocities)
+                    call add(drawing%rate_rows(i)%row, drawing%rate_rows(i)%velocities(k)%of, 0)
+                end do
+            end do
+            if (pass == 1) allocate (rows(n), bodies(n))
+        end do
+
+    contains
+
+        !> Two pairs more.
+        subroutine add(row, one, two)
+            integer, intent(in) :: row, one, two
+
+            if (allocated(rows)) then
+                rows(n + 1:n + 2) = row
+                bodies(n + 1) = one
+                bodies(n + 2) = two
+            end if
+            n = n + 2
+        end subroutine add
+    end subroutine list_incidence
+end module tandem_mechanism_incidence

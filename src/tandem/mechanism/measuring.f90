@@ -1,0 +1,364 @@
+! SPDX-License-Identifier: MIT
+!> What a mechanism tells of its motion: what the sensors show, the work that is done on it, which reactions are undetermined. Of
+!> all this only what sensors ask for is computed.
+submodule(tandem_mechanism) tandem_mechanism_measuring
+    use tandem_linalg_dependence, only: split_rows
+    use tandem_mechanism_body, only: kinetic_energy_of
+    use tandem_mechanism_effort, only: bushing_effort, effort_type, load_effort, spring_effort, torsion_effort
+    use tandem_mechanism_reaction, only: reaction_on, turned_back
+    use tandem_mechanism_rolling, only: find_contact
+    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_edge, of_joint, of_spring, of_torsion, &
+        of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, sensed_reaction, &
+        sensor_type
+    use tandem_mechanism_pose, only: turned
+    use tandem_mechanism_span, only: span_way
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    implicit none (type, external)
+
+    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    real(wp), parameter :: dependent = 1.0e-10_wp
+    !> What redundant rows may do to an entry of a reaction, of what their multipliers do at most, before it is undetermined.
+    real(wp), parameter :: open = 1.0e-8_wp
+
+contains
+
+    !> What the sensors give.
+    module procedure list_quantities
+        integer :: i, m
+
+        if (size(self%sensors) == 0) return
+        self%measure => measure
+        allocate (self%quantities(0))
+        do i = 1, size(self%sensors)
+            associate (list => quantities_of(self%sensors(i)))
+                self%sensors(i)%width = sum(max(1, list%width))
+                self%sensors(i)%first = size(self%quantities) + 1
+                self%sensors(i)%n_quantities = size(list)
+                self%quantities = [quantity_type :: self%quantities, list]
+            end associate
+            associate (rows => self%sensors(i)%rows)
+                where (rows < 0) rows = self%n_holonomic - rows
+            end associate
+        end do
+        self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
+        if (.not. any(self%sensors%kind == sensed_reaction .or. self%sensors%kind == sensed_balance)) return
+        self%measures_multipliers = .true.
+        m = self%n_constraints()
+        allocate (self%at_row%jacobian(m, self%n), self%at_row%nu(m), source=0.0_wp)
+        if (any(self%sensors%kind == sensed_reaction)) self%begin_measuring => find_undetermined
+        if (any(self%sensors%can_be_freed)) allocate (self%impulses(m), source=0.0_wp)
+        if (.not. any(self%sensors%kind == sensed_balance)) return
+        self%integrands => powers
+        self%integrals = [0.0_wp, 0.0_wp]
+    end procedure list_quantities
+
+    !> What the sensors show.
+    subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        real(wp), intent(inout) :: values(:)
+        integer, intent(out) :: stat
+        real(wp), intent(in), optional :: lambda(:)
+        logical :: with_reactions
+        integer :: i, n
+
+        stat = 0
+        select type (self)
+        class is (mechanism_type)
+            call set_poses(self, t, q, qd, stat)
+            if (stat /= 0) return
+            do i = 1, size(self%bodies)
+                call set_curve(self%pose(i), qdd)
+            end do
+            with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
+            if (self%only_quantity > 0) with_reactions = self%quantities(self%only_quantity)%of_multipliers
+            if (with_reactions) then
+                call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
+                if (stat /= 0) return
+            end if
+            n = 0
+            do i = 1, size(self%sensors)
+                associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
+                    n = n + sensor%width
+                    if (.not. is_asked_for(self, sensor)) cycle
+                    if (sensor%kind == sensed_reaction .and. .not. present(lambda)) then
+                        shown = ieee_value(t, ieee_quiet_nan)
+                    else if (sensor%kind == sensed_reaction) then
+                        call measure_reaction(self, sensor, lambda, shown)
+                    else if (sensor%kind == sensed_force) then
+                        call measure_force(self, sensor, t, shown)
+                    else if (sensor%kind == sensed_balance) then
+                        call measure_balance(self, sensor, t, q, shown, stat)
+                    else
+                        call measure_sensor(sensor, t, self%pose, energies_of(self, sensor, t, q, stat), shown)
+                    end if
+                end associate
+                if (stat /= 0) return
+            end do
+        end select
+    end subroutine measure
+
+    !> Whether all is asked for, or a quantity of this sensor.
+    pure logical function is_asked_for(self, sensor)
+        type(mechanism_type), intent(in) :: self
+        type(sensor_type), intent(in) :: sensor
+
+        is_asked_for = self%only_quantity == 0 .or. (self%only_quantity >= sensor%first .and. &
+            self%only_quantity < sensor%first + sensor%n_quantities)
+    end function is_asked_for
+
+    !> The poses with their rates, and the functions of time.
+    subroutine set_poses(self, t, q, qd, stat)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(out) :: stat
+        integer :: i
+
+        ! No term of it, but what all terms need.
+        call self%evaluate(0, t, q, qd, self%at_row, stat)
+        do i = 1, size(self%bodies)
+            call set_rates(self%pose(i), qd)
+        end do
+    end subroutine set_poses
+
+    !> Kinetic and potential energy where a sensor shows them: of all, or of a body.
+    function energies_of(self, sensor, t, q, stat) result(energies)
+        type(mechanism_type), intent(inout) :: self
+        type(sensor_type), intent(in) :: sensor
+        real(wp), intent(in) :: t, q(:)
+        integer, intent(inout) :: stat
+        real(wp) :: energies(2)
+        integer :: i
+
+        energies = 0.0_wp
+        select case (sensor%kind)
+        case (sensed_energy, sensed_balance)
+            do i = 1, size(self%bodies)
+                energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+            end do
+            call self%potential_energy(t, q, energies(2), stat)
+        case (sensed_body)
+            associate (body => self%bodies(sensor%number), pose => self%pose(sensor%number))
+                energies(1) = kinetic_energy_of(body, pose)
+                energies(2) = -body%mass*dot_product(self%gravity, pose%r(:, 0))
+            end associate
+        case default
+            return
+        end select
+    end function energies_of
+
+    !> The reaction of an element, and the power of its motion; C and nu are known.
+    subroutine measure_reaction(self, sensor, lambda, values)
+        type(mechanism_type), intent(in) :: self
+        type(sensor_type), intent(in) :: sensor
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(out) :: values(:)
+        real(wp) :: point(3), force(3), torque(3), d(3)
+        integer :: n
+
+        associate (rows => sensor%rows(:sensor%n_rows), body => self%pose(sensor%span%second), jacobian => self%at_row%jacobian)
+            select case (sensor%of)
+            case (of_joint)
+                call find_wrench(self, sensor, lambda, force, torque)
+                values(1:6) = [force, torque]
+                values(7:9) = turned_back(body, force)
+                values(10:12) = turned_back(body, torque)
+                n = 12
+            case (of_wheel, of_edge)
+                if (sensor%of == of_wheel) then
+                    call find_contact(self%rollers(sensor%number), body, point)
+                else
+                    point = turned(body, 0, sensor%span%s2)
+                end if
+                point = point + body%r(:, 0)
+                call reaction_on(body, rows, lambda, jacobian, point, force, torque)
+                values(1:6) = [point, force]
+                values(7:9) = turned_back(body, force)
+                n = 9
+            case (of_distance)
+                ! Phi = (d.d - l^2)/(2 w).
+                d = span_way(sensor%span, self%pose, 0)*lambda(rows(1))/sensor%span%weight
+                values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
+                n = 4
+            case default
+                values(1) = lambda(rows(1))
+                n = 1
+                if (sensor%can_be_freed) then
+                    values(2) = self%impulses(rows(1))
+                    n = 2
+                end if
+            end select
+            ! The reaction's -C' lambda times qd, with C qd = nu.
+            if (sensor%is_driven) values(n + 1) = -dot_product(lambda(rows), self%at_row%nu(rows))
+        end associate
+    end subroutine measure_reaction
+
+    !> Force and torque of a joint on its second body, about its point of that.
+    subroutine find_wrench(self, sensor, lambda, force, torque)
+        type(mechanism_type), intent(in) :: self
+        type(sensor_type), intent(in) :: sensor
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(out) :: force(3), torque(3)
+        real(wp) :: point(3)
+
+        associate (one => self%pose(sensor%span%first), two => self%pose(sensor%span%second), &
+            rows => sensor%rows(:sensor%n_rows))
+            point = two%r(:, 0) + turned(two, 0, sensor%span%s2)
+            if (two%n_place > 0) then
+                call reaction_on(two, rows, lambda, self%at_row%jacobian, point, force, torque)
+            else
+                ! The ground has no coordinates: the opposite of what the first body gets.
+                call reaction_on(one, rows, lambda, self%at_row%jacobian, point, force, torque)
+                force = -force
+                torque = -torque
+            end if
+        end associate
+    end subroutine find_wrench
+
+    !> What a force does.
+    subroutine measure_force(self, sensor, t, values)
+        type(mechanism_type), intent(inout) :: self
+        type(sensor_type), intent(in) :: sensor
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: values(:)
+        type(effort_type) :: effort
+
+        select case (sensor%of)
+        case (of_spring)
+            effort = spring_effort(self%springs(sensor%number), t, self%pose, self%f, self%laws)
+            values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
+        case (of_torsion)
+            call torsion_effort(self%torsions(sensor%number), t, self%pose, self%f, self%laws, effort)
+            values = [effort%along, effort%x, effort%rate, effort%energy, effort%power]
+        case (of_bushing)
+            call bushing_effort(self%bushings(sensor%number), self%pose, effort)
+            values = [effort%force, effort%torque, effort%energy, effort%power]
+        case default
+            call load_effort(self%loads(sensor%number), t, self%pose, self%f, self%formulas, self%coordinates, effort)
+            values = [effort%force, effort%torque, effort%power]
+        end select
+    end subroutine measure_force
+
+    !> The balance of energies; the integrals are those of the time.
+    subroutine measure_balance(self, sensor, t, q, values, stat)
+        type(mechanism_type), intent(inout) :: self
+        type(sensor_type), intent(inout) :: sensor
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: values(:)
+        integer, intent(inout) :: stat
+
+        values(1:2) = energies_of(self, sensor, t, q, stat)
+        values(3:4) = self%integrals
+        if (.not. sensor%has_begun) sensor%first_energy = sum(values(1:2)) - sum(self%integrals)
+        sensor%has_begun = .true.
+        values(5) = values(1) + values(2) - sensor%first_energy - sum(self%integrals)
+    end subroutine measure_balance
+
+    !> The power of imposed motions, and that of forces without a potential.
+    subroutine powers(self, t, q, qd, lambda, values, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        real(wp), intent(out) :: values(:)
+        integer, intent(out) :: stat
+        type(effort_type) :: effort
+        integer :: i
+
+        stat = 0
+        values = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            if (iand(self%provides, need_nu) /= 0) then
+                call self%evaluate(need_nu, t, q, qd, self%at_row, stat)
+                if (stat /= 0) return
+                values(1) = -dot_product(lambda, self%at_row%nu)
+            end if
+            call set_poses(self, t, q, qd, stat)
+            if (stat /= 0) return
+            do i = 1, size(self%springs)
+                effort = spring_effort(self%springs(i), t, self%pose, self%f, self%laws)
+                values(2) = values(2) + effort%power
+            end do
+            do i = 1, size(self%torsions)
+                call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, effort)
+                values(2) = values(2) + effort%power
+            end do
+            do i = 1, size(self%bushings)
+                call bushing_effort(self%bushings(i), self%pose, effort)
+                values(2) = values(2) + effort%power
+            end do
+            do i = 1, size(self%loads)
+                call load_effort(self%loads(i), t, self%pose, self%f, self%formulas, self%coordinates, effort)
+                values(2) = values(2) + effort%power
+            end do
+        end select
+    end subroutine powers
+
+    !> Name the entries of reactions that redundant rows leave undetermined: those that a combination of multipliers changes for
+    !> which C' lambda = 0.
+    subroutine find_undetermined(self, t, q, qd, lambda, values, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        !> Not used.
+        real(wp), intent(out) :: values(:)
+        integer, intent(out) :: stat
+        real(wp), allocatable :: combination(:, :), z(:), shown(:)
+        integer, allocatable :: kept(:), dropped(:)
+        integer :: i, k, n
+
+        values = 0.0_wp
+        stat = 0
+        select type (self)
+        class is (mechanism_type)
+            if (size(lambda) == 0) return
+            call set_poses(self, t, q, qd, stat)
+            if (stat == 0) call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
+            if (stat /= 0) return
+            call split_rows(self%at_row%jacobian, [(1.0_wp, i=1, self%n)], self%n_holonomic, dependent, kept, dropped, combination)
+            allocate (z(size(lambda)))
+            do k = 1, size(dropped)
+                z = 0.0_wp
+                z(dropped(k)) = 1.0_wp
+                z(kept) = -combination(k, :)
+                n = 0
+                do i = 1, size(self%sensors)
+                    associate (sensor => self%sensors(i))
+                        if (sensor%kind == sensed_reaction) then
+                            if (allocated(shown)) deallocate (shown)
+                            allocate (shown(sensor%width))
+                            call measure_reaction(self, sensor, z, shown)
+                            call mark(self, n, sensor, shown, open*maxval(abs(z))*maxval(abs(self%at_row%jacobian)))
+                        end if
+                        n = n + size(quantities_of(sensor))
+                    end associate
+                end do
+            end do
+        end select
+    end subroutine find_undetermined
+
+    !> Name the entries of forces, torques and multipliers of a reaction that are not small.
+    subroutine mark(self, before, sensor, shown, small)
+        type(mechanism_type), intent(inout) :: self
+        !> Quantities before those of the sensor.
+        integer, intent(in) :: before
+        type(sensor_type), intent(in) :: sensor
+        real(wp), intent(in) :: shown(:), small
+        character(len=1), parameter :: axis(3) = ['x', 'y', 'z']
+        integer :: i, k, n
+
+        n = 0
+        do i = 1, size(quantities_of(sensor))
+            associate (quantity => self%quantities(before + i))
+                do k = 1, max(1, quantity%width)
+                    n = n + 1
+                    if (abs(shown(n)) <= small .or. index(quantity%path, '/place') + index(quantity%path, '/impulse') > 0) cycle
+                    if (quantity%width == 0) then
+                        quantity%undetermined = 'all of it'
+                    else if (index(quantity%undetermined, axis(k)) == 0) then
+                        quantity%undetermined = trim(quantity%undetermined)//merge(' ', ',', quantity%undetermined == '')//axis(k)
+                        quantity%undetermined = adjustl(quantity%undetermined)
+                    end if
+                end do
+            end associate
+        end do
+    end subroutine mark
+end submodule tandem_mechanism_measuring

@@ -1,0 +1,101 @@
+! SPDX-License-Identifier: MIT
+!> A way in which all coordinates can be moved together: the field q' = L q + c, with few entries. Translations are constant
+!> fields; rotations act on places, and on Euler parameters, linearly.
+!>
+!> A model lists such fields (`list_motions`); which of them, or which sums of them, leave its equations as they are, the analysis
+!> finds out.
+module tandem_model_affine_motion
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: affine_motion_type, motion_name_length
+
+    integer, parameter :: motion_name_length = 64
+
+    type :: affine_motion_type
+        !> As users call it.
+        character(len=motion_name_length) :: name = ''
+        !> Whether it turns the world as a whole, rather than a body about itself.
+        logical :: turns_world = .false.
+        !> The entries of L that are not zero: row, column, value.
+        integer, allocatable :: row(:), column(:)
+        real(wp), allocatable :: entry(:)
+        !> The same of c.
+        integer, allocatable :: place(:)
+        real(wp), allocatable :: constant(:)
+    contains
+        procedure :: initialize
+        procedure :: add_entry
+        procedure :: add_constant
+        procedure :: add_field
+        procedure :: add_turned
+    end type affine_motion_type
+
+contains
+
+    !> A field without entries.
+    pure subroutine initialize(self, name, turns_world)
+        class(affine_motion_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        logical, intent(in) :: turns_world
+
+        self%name = name
+        self%turns_world = turns_world
+        self%row = [integer ::]
+        self%column = [integer ::]
+        self%place = [integer ::]
+        self%entry = [real(wp) ::]
+        self%constant = [real(wp) ::]
+    end subroutine initialize
+
+    !> Add an entry of L; a zero is left out.
+    pure subroutine add_entry(self, row, column, value)
+        class(affine_motion_type), intent(inout) :: self
+        integer, intent(in) :: row, column
+        real(wp), intent(in) :: value
+
+        if (.not. abs(value) > 0.0_wp) return
+        self%row = [self%row, row]
+        self%column = [self%column, column]
+        self%entry = [self%entry, value]
+    end subroutine add_entry
+
+    !> Add an entry of c; a zero is left out.
+    pure subroutine add_constant(self, place, value)
+        class(affine_motion_type), intent(inout) :: self
+        integer, intent(in) :: place
+        real(wp), intent(in) :: value
+
+        if (.not. abs(value) > 0.0_wp) return
+        self%place = [self%place, place]
+        self%constant = [self%constant, value]
+    end subroutine add_constant
+
+    !> y := y + factor (L q + c).
+    pure subroutine add_field(self, q, factor, y)
+        class(affine_motion_type), intent(in) :: self
+        !> (n)
+        real(wp), intent(in) :: q(:), factor
+        real(wp), intent(inout) :: y(:)
+        integer :: i
+
+        call self%add_turned(q, factor, y)
+        do i = 1, size(self%place)
+            y(self%place(i)) = y(self%place(i)) + factor*self%constant(i)
+        end do
+    end subroutine add_field
+
+    !> y := y + factor L x.
+    pure subroutine add_turned(self, x, factor, y)
+        class(affine_motion_type), intent(in) :: self
+        !> (n)
+        real(wp), intent(in) :: x(:), factor
+        real(wp), intent(inout) :: y(:)
+        integer :: i
+
+        do i = 1, size(self%row)
+            y(self%row(i)) = y(self%row(i)) + factor*self%entry(i)*x(self%column(i))
+        end do
+    end subroutine add_turned
+end module tandem_model_affine_motion

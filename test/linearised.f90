@@ -1,0 +1,102 @@
+! SPDX-License-Identifier: MIT
+!> What tests of linearised systems share: a scene that is linearised, and comparisons of sets of eigenvalues.
+module linearised
+    use tandem, only: failure_type => error_type, linearisation_type, simulation_type, wp
+    use tandem_io, only: find_scene, read_scene, scene_type
+    use testdrive, only: error_type, test_failed
+    implicit none (type, external)
+    private
+
+    public :: linearise_scene, linearise_text, check_eigenvalues, has_eigenvalue
+
+contains
+
+    !> Linearise a shipped scene at its start.
+    subroutine linearise_scene(name, settings, scene, it, error)
+        character(len=*), intent(in) :: name, settings(:)
+        type(scene_type), intent(inout), target :: scene
+        type(linearisation_type), intent(inout) :: it
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        character(len=:), allocatable :: path
+
+        if (allocated(error)) return
+        call find_scene(name, path, failure)
+        if (.not. allocated(failure)) call read_scene(path, settings, scene, failure)
+        call linearise_start(scene, it, failure)
+        if (allocated(failure)) call test_failed(error, failure%message)
+    end subroutine linearise_scene
+
+    !> Linearise a scene that is given as text.
+    subroutine linearise_text(text, settings, scene, it, error)
+        character(len=*), intent(in) :: text, settings(:)
+        type(scene_type), intent(inout), target :: scene
+        type(linearisation_type), intent(inout) :: it
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+
+        if (allocated(error)) return
+        call read_scene('test.toml', settings, scene, failure, text=text)
+        call linearise_start(scene, it, failure)
+        if (allocated(failure)) call test_failed(error, failure%message)
+    end subroutine linearise_text
+
+    !> Linearise the start as a run accepts it.
+    subroutine linearise_start(scene, it, failure)
+        type(scene_type), intent(inout), target :: scene
+        type(linearisation_type), intent(inout) :: it
+        type(failure_type), allocatable, intent(inout) :: failure
+        type(simulation_type), allocatable :: simulation
+
+        if (allocated(failure)) return
+        allocate (simulation)
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, failure, scene%assembly)
+        if (allocated(failure)) return
+        call it%make(scene%model, simulation%state%t, simulation%state%q, simulation%state%qd, failure)
+    end subroutine linearise_start
+
+    !> The distance to the nearest of some eigenvalues.
+    pure real(wp) function distance(values, value)
+        complex(wp), intent(in) :: values(:), value
+
+        distance = minval(abs(values - value))
+    end function distance
+
+    !> Whether there is an eigenvalue within a bound.
+    pure logical function has_eigenvalue(it, value, bound)
+        type(linearisation_type), intent(in) :: it
+        complex(wp), intent(in) :: value
+        real(wp), intent(in) :: bound
+
+        has_eigenvalue = distance(it%spectrum%values, value) <= bound
+    end function has_eigenvalue
+
+    !> All eigenvalues but exact zeros, and but those given as explained by symmetries, are the expected ones, as many of them.
+    subroutine check_eigenvalues(it, expected, bound, what, error)
+        type(linearisation_type), intent(in) :: it
+        complex(wp), intent(in) :: expected(:)
+        !> Absolute.
+        real(wp), intent(in) :: bound
+        character(len=*), intent(in) :: what
+        type(error_type), allocatable, intent(inout) :: error
+        complex(wp), allocatable :: others(:)
+        character(len=120) :: message
+        integer :: i
+
+        if (allocated(error)) return
+        others = pack(it%spectrum%values, it%spectrum%cause == 1)
+        if (size(others) /= size(expected)) then
+            write (message, '(a, i0, a, i0)') what//': eigenvalues that nothing explains: ', size(others), ', expected ', &
+                size(expected)
+            call test_failed(error, trim(message))
+            return
+        end if
+        do i = 1, size(expected)
+            if (distance(others, expected(i)) <= bound .and. distance(expected, others(i)) <= bound) cycle
+            write (message, '(a, 2es24.15, a, es9.2)') what//': no eigenvalue ', expected(i), ', the nearest is off by ', &
+                distance(others, expected(i))
+            call test_failed(error, trim(message))
+            return
+        end do
+    end subroutine check_eigenvalues
+end module linearised

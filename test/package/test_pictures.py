@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: MIT
+"""Pictures and pages: that they are made of what is in the files, and what is refused. The page in a browser is in test/page."""
+
+import json
+import os
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import tandem
+from models import ROOT, START, Pendulum
+from tandem import viewer
+from tandem.plot import style
+from tandem.plot.data import motion_of
+from tandem.viewer import motion, packing, rotations
+from tandem.viewer.draw import draw
+from tandem.viewer.gltf import glb
+from tandem.viewer.html import channels_of, page
+
+SCENES = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
+FIELDS = ["q", "qd", "qdd", "position_error", "velocity_error", "acceleration_error", "kinetic_energy", "potential_energy", "step", "chart"]
+RESULTS = {}
+
+
+def result(scene, **settings):
+    """A run of a shipped scene, once for all tests; half a second of it is enough to be looked at."""
+    key = scene, str(settings)
+    if key not in RESULTS:
+        RESULTS[key] = tandem.run_scene(scene, {"time.end": 0.03 if "andrews" in scene else 0.5, **settings}, error=False)
+    return RESULTS[key]
+
+
+class Folder(unittest.TestCase):
+    def setUp(self):
+        place = tempfile.TemporaryDirectory()
+        self.addCleanup(place.cleanup)
+        self.folder = Path(place.name)
+
+    def tandem(self, *words, code=0):
+        done = subprocess.run([sys.executable, "-m", "tandem", *map(str, words)], cwd=self.folder, capture_output=True, text=True)
+        self.assertEqual(done.returncode, code, done.stderr)
+        return done.stderr if code else done.stdout
+
+
+class Plots(Folder):
+    def test_every_kind(self):
+        full = result("motorcycle", **{"output.fields": FIELDS})
+        for kind in ("overview", "tracks", "coordinates", "errors", "energies", "phase"):
+            with self.subTest(kind):
+                tandem.plot.save(getattr(tandem.plot, kind)(full), self.folder / f"{kind}.png")
+                self.assertGreater((self.folder / f"{kind}.png").stat().st_size, 10000)
+        tandem.plot.sensors(result("slider_crank"))
+
+    def test_every_scene(self):
+        for scene in SCENES:
+            with self.subTest(scene):
+                tandem.plot.save(tandem.plot.overview(result(scene)), self.folder / "picture.svg")
+
+    def test_what_a_picture_shows(self):
+        one = result("slider_crank")
+        figure = tandem.plot.coordinates(one, ["rod.x", "d(rod.x)", "stroke way"])
+        panels = figure.axes
+        self.assertEqual([axes.get_ylabel() for axes in panels], ["[m]", "d(rod.x) [m/s]"])
+        self.assertTrue(np.array_equal(panels[0].lines[0].get_ydata(), one["rod.x"]))
+        self.assertTrue(np.array_equal(panels[0].lines[1].get_ydata(), one.sensors["stroke"]["way"].values))
+        self.assertTrue(np.array_equal(panels[1].lines[0].get_ydata(), one.qd[:, one.names.index("rod.x")]))
+        self.assertEqual(panels[-1].get_xlabel(), "time [s]")
+        self.assertEqual(panels[0].lines[0].get_color(), style.BLUE)
+
+    def test_a_track(self):
+        one = result("a04_bricard")
+        lines = tandem.plot.tracks(one, plane="yz").axes[0].lines
+        self.assertTrue(np.array_equal(lines[0].get_xdata(), one.sensors["p"]["position"].values[:, 1]))
+        self.assertTrue(np.array_equal(lines[0].get_ydata(), one.sensors["p"]["position"].values[:, 2]))
+        for plane in ("xx1", "ab", "x"):
+            with self.assertRaises(ValueError):
+                tandem.plot.tracks(one, plane=plane)
+
+    def test_several_are_compared(self):
+        pair = [result("motorcycle"), result("motorcycle_chopper")]
+        lines = tandem.plot.coordinates(pair, ["s"]).axes[0].lines
+        self.assertEqual([line.get_linestyle() for line in lines], ["-", "--"])
+        words = [text.get_text() for text in tandem.plot.coordinates(pair, ["s"]).axes[0].get_legend().get_texts()]
+        self.assertEqual(words, ["motorcycle", "motorcycle_chopper"])
+
+    def test_of_a_solution(self):
+        solution = tandem.solve(Pendulum(), (0, 2), *START)
+        lines = solution.plot().axes[0].lines
+        self.assertTrue(np.array_equal(lines[0].get_ydata(), solution["y"]))
+
+    def test_files(self):
+        tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
+        self.assertEqual(self.tandem("plot", "a.h5").strip(), "a.png")
+        self.tandem("plot", "a.h5", "--output", "a.svg", "--kind", "coordinates", "--names", "rod.x,rod.angle")
+        text = (self.folder / "a.svg").read_text()
+        self.assertIn("rod.angle [rad]", text)
+        self.tandem("plot", "a.h5", "--output", "b.svg", "--kind", "coordinates", "--names", "rod.x,rod.angle")
+        self.assertEqual(text, (self.folder / "b.svg").read_text())
+        self.tandem("plot", "a.h5", "a.h5", "--output", "a.pdf")
+        self.assertEqual((self.folder / "a.pdf").read_bytes()[:5], b"%PDF-")
+
+    def test_what_is_refused(self):
+        tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
+        for words, told in ((["nothing.h5"], "nothing.h5"), (["a.h5", "--kind", "pie"], "no kind 'pie'"),
+                            (["a.h5", "--kind", "coordinates", "--names", "rod.z"], "rod.x"), (["a.h5", "--output", "a.gif"], ".svg"),
+                            (["a.h5", "--kind", "energies"], "kinetic_energy"), (["a.h5", "--kind", "reactions"], "no reactions"),
+                            (["a.h5", "--kind", "errors", "--names", "x"], "not for the kind")):
+            with self.subTest(words):
+                self.assertIn(told, self.tandem("plot", *words, code=2))
+
+    def test_the_program_calls_it(self):
+        tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
+        environment = {**os.environ, "TANDEM_PYTHON": sys.executable}
+        done = subprocess.run([tandem.program_path(), "plot", "a.h5", "--output", "with blank.png"], cwd=self.folder, env=environment,
+                              capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stdout), (0, "with blank.png\n"), done.stderr)
+        for python, told in (("/nowhere/python3", "no Python to draw with"), (None, "needs the package tandem")):
+            if python is None:
+                # An interpreter of its own, which has no packages.
+                bare = self.folder / "bare"
+                subprocess.run([sys.executable, "-m", "venv", "--without-pip", bare], check=True)
+                python = bare / "bin" / "python3"
+            alone = {name: value for name, value in environment.items() if name != "PYTHONPATH"} | {"TANDEM_PYTHON": str(python)}
+            done = subprocess.run([tandem.program_path(), "view", "a.h5"], cwd=self.folder, env=alone, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn(told, done.stderr)
+            self.assertIn("make python", done.stderr)
+
+
+class Motions(unittest.TestCase):
+    def test_between_rows(self):
+        """A polynomial of degree 5 between rows, against a run of small steps."""
+        rough = motion_of(tandem.solve(Pendulum(), (0, 10), *START, rtol=1e-10))
+        times = np.linspace(0, 10, 601)
+        fine = tandem.solve(Pendulum(), (0, 10), *START, rtol=1e-12, max_step=1/120, t_eval=times)
+        fifth = motion.interpolated(rough.time, rough.q, rough.qd, rough.qdd, times)
+        third = motion.interpolated(rough.time, rough.q, rough.qd, None, times)
+        # Hermite's error: the sixth derivative of the motion, 3e4 at most, times (h/2)^6/720; the fourth, 1e3, times (h/2)^4/24.
+        half = np.diff(rough.time).max()/2
+        self.assertLess(np.abs(fifth - fine.q).max(), 3e4*half**6/720)
+        self.assertLess(np.abs(third - fine.q).max(), 1e3*half**4/24)
+        self.assertTrue(np.allclose(motion.interpolated(rough.time, rough.q, rough.qd, rough.qdd, rough.time), rough.q, atol=1e-14, rtol=0))
+
+    def test_polynomials_are_met_exactly(self):
+        time = np.array([0.0, 0.7, 2.0])
+        for degree, given in ((5, True), (3, False)):
+            p = np.polynomial.Polynomial(np.arange(1, degree + 2) - 2.5)
+            wanted = np.linspace(0, 2, 50)
+            found = motion.interpolated(time, p(time)[:, None], p.deriv()(time)[:, None], p.deriv(2)(time)[:, None] if given else None, wanted)
+            self.assertLess(np.abs(found[:, 0] - p(wanted)).max(), 1e-12)
+
+    def test_frames(self):
+        self.assertEqual(motion.frame_times(0, 2).size, 121)
+        self.assertEqual(motion.frame_times(1, 1).tolist(), [1, 1])
+        self.assertEqual(motion.frame_times(0, 1e9).size, motion.MOST_FRAMES + 1)
+
+    def test_packing(self):
+        random = np.random.default_rng(1)
+        channels = np.stack([np.sin(np.linspace(0, 20, 500)), random.normal(size=500), np.zeros(500), 1e6 + np.arange(500.0)])
+        steps = packing.steps_of(channels, 1e-7)
+        found = packing.unpacked(packing.packed(channels, steps), steps, 500)
+        self.assertTrue((np.abs(found - channels).max(axis=1) <= 0.5001*steps).all())
+        with self.assertRaises(ValueError):
+            packing.packed(channels, steps/1000)
+
+    def test_rotations(self):
+        random = np.random.default_rng(2)
+        p, q, x = rotations.normalised(random.normal(size=4)), rotations.normalised(random.normal(size=4)), random.normal(size=3)
+        self.assertTrue(np.allclose(rotations.turned(rotations.product(p, q), x), rotations.turned(p, rotations.turned(q, x))))
+        matrix = np.stack([rotations.turned(p, axis) for axis in np.eye(3)], axis=1)
+        self.assertTrue(np.allclose(abs(rotations.from_matrix(matrix) @ p), 1))
+        for direction in (x, [0, 0, 1], [0, 0, -1], [1, 0, 0]):
+            direction = np.array(direction)/np.linalg.norm(direction)
+            self.assertTrue(np.allclose(rotations.turned(rotations.carrying(direction), [0, 0, 1]), direction))
+        self.assertTrue(np.allclose(rotations.turned(rotations.from_vector([0, 0, np.pi/2]), [1, 0, 0]), [0, 1, 0]))
+
+
+class Drawings(unittest.TestCase):
+    def test_poses_are_those_of_the_file(self):
+        one = result("a04_bricard")
+        drawing = draw(one)
+        for part in (0, 0.3, 1):
+            f = round(part*(drawing.times.size - 1))
+            row = np.argmin(np.abs(one.time - drawing.times[f]))
+            body = drawing.body("b3")
+            # Rows are steps of an accurate run: the frame is at most half a step from one.
+            near = np.abs(one.time[row] - drawing.times[f])*np.abs(one.qd[row]).max()*1.5 + 1e-9
+            self.assertLess(np.abs(body.place[f] - one.columns("b3.x", "b3.y", "b3.z")[row]).max(), near)
+            p = one.columns("b3.e0", "b3.e1", "b3.e2", "b3.e3")[row]
+            self.assertLess(min(np.abs(body.turn[f] - p).max(), np.abs(body.turn[f] + p).max()), near)
+
+    def test_joints_hold_in_the_drawing(self):
+        """The point of the drawing is the same on both bodies at every frame."""
+        for scene, first, second, at in (("a04_bricard", "b2", "b3", [1, -1, 0]), ("slider_crank", "crank", "rod", None)):
+            one = result(scene)
+            drawing = draw(one)
+            if at is None:
+                at = [one["crank.x"][0]*2, one["crank.y"][0]*2, 0]
+            ends = []
+            for name in (first, second):
+                body = drawing.body(name)
+                local = rotations.turned(rotations.conjugate(body.turn[0]), np.array(at) - body.place[0])
+                ends.append(body.point(local))
+            # Interpolation between steps, on 1 m.
+            self.assertLess(np.abs(ends[0] - ends[1]).max(), 1e-6)
+
+    def test_contact_points(self):
+        """The disk by hand, whose contact is among its coordinates, and as a mechanism, where a formula gives it."""
+        hand, built = draw(result("rolling_disk")), draw(result("mechanism_disk"))
+        contacts = [next(track.places for track in drawing.tracks if track.is_contact) for drawing in (hand, built)]
+        self.assertLess(np.abs(contacts[0] - contacts[1]).max(), 1e-6)
+        self.assertLess(np.abs(contacts[0][:, 2]).max(), 1e-6)
+        for scene in ("turntable", "chaplygin_sphere", "rattleback", "bicycle"):
+            for track in draw(result(scene)).tracks:
+                if track.is_contact:
+                    self.assertLess(np.abs(track.places[:, 2]).max(), 1e-6, scene)
+
+    def test_the_motorcycle_stands_on_its_wheels(self):
+        for scene in ("motorcycle", "motorcycle_chopper"):
+            drawing = draw(result(scene))
+            contact = next(track.places for track in drawing.tracks if track.is_contact)
+            self.assertLess(np.abs(contact[:, 2]).max(), 1e-6)
+            for name in ("rear wheel, left", "rear wheel, right"):
+                self.assertLess(np.abs(drawing.body(name).place[:, 2] - 0.3).max(), 1e-6)
+
+    def test_inertia_gives_a_box(self):
+        one = tandem.Mechanism({"gravity.vector": [0, 0, -9.81], "time.end": 0.1})
+        m, a, b, c = 2.0, 0.3, 0.2, 0.1
+        one.add("body.brick", mass=m, inertia=[m*(b*b + c*c)/12, m*(a*a + c*c)/12, m*(a*a + b*b)/12], position=[0, 0, 1])
+        body = draw(one.run(error=False)).body("brick")
+        turn = body.pieces[0].turn
+        edges = np.abs(rotations.turned(turn, np.array(body.pieces[0].size)))
+        self.assertTrue(np.allclose(edges, [a, b, c]), edges)
+
+    def test_what_cannot_be_shown(self):
+        solution = tandem.solve(tandem.Model(n=1, mass_matrix=[[1.0]]), (0, 1), [0.0], [1.0])
+        with self.assertRaisesRegex(ValueError, "look="):
+            tandem.view(solution)
+
+        def look(given, times, values):
+            place = np.zeros((len(times), 3))
+            place[:, 0] = values["q0"]
+            body = viewer.Body("cart", place, np.tile([1.0, 0, 0, 0], (len(times), 1)), [viewer.Piece("box", (1, 1, 1), "#0072B2")])
+            return viewer.Drawing("cart", times, [body])
+
+        self.assertIn("cart", tandem.view(solution, look=look).text)
+
+
+class Pages(Folder):
+    def test_every_scene(self):
+        for scene in SCENES:
+            with self.subTest(scene):
+                drawing = draw(result(scene))
+                text = page(drawing)
+                channels, _ = channels_of(drawing, 1e-6)
+                self.assertTrue(np.isfinite(channels).all())
+                self.assertTrue(all(body.pieces for body in drawing.bodies))
+                # Nothing is fetched: no address but within texts of three.js, which are compressed.
+                plain = re.sub(r"<script type=\"text/plain\".*?</script>", "", text, flags=re.S)
+                self.assertNotIn("http", plain)
+                self.assertEqual(re.findall(r"(?:src|href)=\"(?!data:)", plain), [])
+
+    def test_what_is_in_it(self):
+        one = result("a04_bricard")
+        text = tandem.view(one, self.folder / "a.html", glb=self.folder / "a.glb", names=["b2.x"]).text
+        self.assertEqual(text, (self.folder / "a.html").read_text())
+        content = json.loads(re.search(r'id="drawing">(.*?)</script>', text, re.S)[1])
+        numbers = re.search(r'id="numbers">(.*?)</script>', text, re.S)[1]
+        channels = packing.unpacked(numbers, np.array(content["steps"]), content["times"]["count"])
+        self.assertEqual([body["name"] for body in content["bodies"]], ["b1", "b2", "b3", "b4", "b5"])
+        # A step is 1e-7 of the size, which is 3 m.
+        self.assertLess(np.abs(channels[7:10].T - draw(one).body("b2").place).max(), 5e-7)
+        self.assertEqual([curve["name"] for curve in content["curves"]], ["b2.x"])
+        self.assertLess(np.abs(channels[-1] - draw(one).body("b2").place[:, 0]).max(), 1e-6)
+        self.assertEqual((self.folder / "a.glb").read_bytes()[:4], b"glTF")
+
+    def test_names_cannot_break_the_page(self):
+        one = tandem.Mechanism({"scene.planar": True, "scene.name": "a", "scene.description": "</script><b>&", "time.end": 0.1})
+        one.add("body.rod", mass=1.0, inertia=1.0, position=[0, 0])
+        text = tandem.view(one.run(error=False)).text
+        self.assertNotIn("</script><b>", text)
+        self.assertEqual(text.count("</script>"), 7)
+
+    def test_sizes(self):
+        """Ten bodies for a minute at 60 frames a second take less than a megabyte besides three.js."""
+        one = tandem.run_scene("trailers", {"parameters.n": 9, "time.end": 60}, error=False)
+        drawing = draw(one)
+        self.assertEqual((len(drawing.bodies), drawing.times.size), (10, 3601))
+        library = sum(len(packing.squeezed((Path(viewer.__file__).parent / "three" / name).read_bytes()))
+                      for name in ("three.core.min.js", "three.module.min.js", "OrbitControls.js"))
+        self.assertLess(len(page(drawing)) - library, 1_000_000)
+        self.assertLess(len(glb(drawing)), 1_000_000)
+
+    def test_command(self):
+        tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
+        self.assertEqual(self.tandem("view", "a.h5").split(), ["a.html", "a.glb"])
+        self.assertEqual(self.tandem("view", "a.h5", "--output", "b.glb", "--frames", "10").split(), ["b.glb"])
+        for words, told in ((["none.h5"], "none.h5"), (["a.h5", "--output", "a.png"], ".html"), (["a.h5", "--names", "x"], "no series"),
+                            (["a.h5", "--frames", "0"], "--frames")):
+            with self.subTest(words):
+                self.assertIn(told, self.tandem("view", *words, code=2))
+
+    def test_in_a_notebook(self):
+        self.assertIn("<iframe srcdoc=", tandem.view(result("slider_crank"))._repr_html_())
+
+
+class Glb(unittest.TestCase):
+    def read(self, data):
+        magic, version, length = struct.unpack("<4sII", data[:12])
+        self.assertEqual((magic, version, length), (b"glTF", 2, len(data)))
+        size, kind = struct.unpack("<I4s", data[12:20])
+        self.assertEqual(kind, b"JSON")
+        content = json.loads(data[20:20 + size])
+        self.assertEqual(struct.unpack("<I4s", data[20 + size:28 + size]), (len(data) - 28 - size, b"BIN\0"))
+        return content, data[28 + size:]
+
+    def values(self, content, binary, number):
+        accessor = content["accessors"][number]
+        view = content["bufferViews"][accessor["bufferView"]]
+        kind = {5126: np.float32, 5122: np.int16, 5123: np.uint16}[accessor["componentType"]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        found = np.frombuffer(binary, kind, accessor["count"]*width, view["byteOffset"]).reshape(-1, width).astype(float)
+        return found/32767 if accessor.get("normalized") else found
+
+    def test_the_animation_is_the_motion(self):
+        drawing = draw(result("a05_governor"))
+        content, binary = self.read(glb(drawing))
+        animation = content["animations"][0]
+        seen = 0
+        for channel in animation["channels"]:
+            name, path = content["nodes"][channel["target"]["node"]]["name"], channel["target"]["path"]
+            sampler = animation["samplers"][channel["sampler"]]
+            self.assertLess(np.abs(self.values(content, binary, sampler["input"])[:, 0] - drawing.times).max(), 1e-6)
+            values, body = self.values(content, binary, sampler["output"]), drawing.body(name)
+            if path == "translation":
+                self.assertLess(np.abs(values - body.place).max(), 1e-6)
+            else:
+                # 16 bits.
+                self.assertLess(np.abs(values[:, [3, 0, 1, 2]] - body.turn).max(), 2e-5)
+            seen += 1
+        self.assertGreater(seen, 8)
+
+    def test_up_is_up(self):
+        content, _ = self.read(glb(draw(result("a05_governor"))))
+        x, y, z, w = content["nodes"][0]["rotation"]
+        self.assertTrue(np.allclose(rotations.turned([w, x, y, z], [0, 0, 1]), [0, 1, 0]))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: MIT
+"""Pages in a real browser without a window, and glTF files in other readers.
+
+Needs Chromium (apt-get install chromium) and npm, besides requirements.txt. What was seen is left in build/verify/page."""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import tandem
+import trimesh
+from playwright.sync_api import sync_playwright
+from tandem.viewer import rotations
+from tandem.viewer.draw import draw
+from tandem.viewer.gltf import write_glb
+from tandem.viewer.html import page
+
+ROOT = Path(__file__).resolve().parents[2]
+SEEN = ROOT / "build" / "verify" / "page"
+SCENES = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
+VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
+
+
+def run(scene, **settings):
+    return tandem.run_scene(scene, {"time.end": 0.03 if "andrews" in scene else 1.0 if "four_bars" not in scene else 0.6, **settings},
+                            error=False)
+
+
+def chain(n, seconds=10.0):
+    """A chain of n links that waves, as a result that no run has made."""
+    time = np.linspace(0, seconds, 61)
+    names, columns, rates, x, y = [], [], [], np.zeros(61), np.zeros(61)
+    for i in range(n):
+        angle = -np.pi/2 + 0.6*np.sin(2*np.pi*time/5 - 0.02*i)
+        names += [f"link{i}.{what}" for what in ("x", "y", "angle")]
+        columns += [x + 0.05*np.cos(angle), y + 0.05*np.sin(angle), angle]
+        x, y = x + 0.1*np.cos(angle), y + 0.1*np.sin(angle)
+    q = np.stack(columns, axis=1)
+    rates = np.gradient(q, time, axis=0)
+    scene = {"scene": {"name": "chain", "model": "mechanism", "planar": True}, "gravity": {"vector": [0, -9.81]},
+             "body": {f"link{i}": {"mass": 1.0, "inertia": 0.001, "position": [0, -0.1*i - 0.05], "angle": "-pi/2",
+                                   "points": {"end": [0.05, 0], "begin": [-0.05, 0]}} for i in range(n)}}
+    return tandem.Result(time, names, ["m", "m", "rad"]*n, q, rates, scene=scene)
+
+
+class Browser(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        if program is None:
+            raise RuntimeError("there is no Chromium: apt-get install chromium")
+        SEEN.mkdir(parents=True, exist_ok=True)
+        cls.playwright = sync_playwright().start()
+        cls.addClassCleanup(cls.playwright.stop)
+        cls.browser = cls.playwright.chromium.launch(executable_path=program, args=[
+            "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"])
+        cls.addClassCleanup(cls.browser.close)
+
+    def open(self, given, name, hash_="#still", size=(1000, 640)):
+        """A page in a browser without a network; what it complains of and asks for is kept."""
+        drawing = draw(given)
+        path = SEEN / f"{name}.html"
+        path.write_text(page(drawing), encoding="utf-8")
+        context = self.browser.new_context(viewport={"width": size[0], "height": size[1]}, offline=True)
+        self.addCleanup(context.close)
+        tab = context.new_page()
+        self.told, self.asked = [], []
+        tab.on("console", lambda message: self.told.append(message.text))
+        tab.on("pageerror", lambda error: self.told.append(str(error)))
+        tab.on("request", lambda request: self.asked.append(request.url))
+        tab.goto(f"file://{path}{hash_}")
+        tab.wait_for_function("window.tandem || !document.getElementById('failure').hidden", timeout=60000)
+        self.assertEqual(tab.text_content("#failure"), "")
+        return tab, drawing
+
+    def quiet(self):
+        self.assertEqual(self.told, [])
+        self.assertEqual([url for url in self.asked if not url.startswith(("file:", "blob:", "data:"))], [])
+
+    def not_blank(self, tab, name):
+        """A picture of the canvas alone: more than the ground is drawn in it."""
+        data = tab.evaluate("""() => { tandem.renderer.render(tandem.scene, tandem.camera);
+            const canvas = document.createElement('canvas'); canvas.width = 250; canvas.height = 160;
+            const context = canvas.getContext('2d'); context.drawImage(tandem.renderer.domElement, 0, 0, 250, 160);
+            return btoa(String.fromCharCode(...context.getImageData(0, 0, 250, 160).data.filter((_, i) => i % 4 < 3))); }""")
+        pixels = np.frombuffer(base64.b64decode(data), dtype=np.uint8).reshape(-1, 3).astype(int)
+        coloured = np.ptp(pixels, axis=1) > 40
+        self.assertGreater(coloured.sum(), 15, f"{name}: no body is seen")
+        self.assertLess(coloured.mean(), 0.6, f"{name}: nothing but one body is seen")
+        tab.screenshot(path=SEEN / f"{name}.png")
+
+
+class Pages(Browser):
+    def test_poses(self):
+        """Every scene: what the scene graph holds at three times is what the file says; nothing is complained of or asked for."""
+        for scene in SCENES:
+            with self.subTest(scene):
+                one = run(scene)
+                tab, drawing = self.open(one, scene)
+                size = np.max(np.subtract(*drawing.bounds()[::-1]))
+                for part in (0.0, 0.37, 1.0):
+                    f = round(part*(len(drawing.times) - 1))
+                    tab.evaluate("t => tandem.setTime(t)", float(drawing.times[f]))
+                    for body in drawing.bodies[:12]:
+                        found = tab.evaluate("name => tandem.pose(name)", body.name)
+                        # Steps of 1e-7 of the size, and 24 bits of the numbers.
+                        self.assertLess(np.abs(found["position"] - body.place[f]).max(), 1e-6*size, f"{body.name} at frame {f}")
+                        x, y, z, w = found["quaternion"]
+                        self.assertLess(min(np.abs([w, x, y, z] - body.turn[f]).max(), np.abs([w, x, y, z] + body.turn[f]).max()), 1e-5)
+                self.quiet()
+                tab.evaluate("tandem.setTime(tandem.drawing.times.first + 0.6*tandem.drawing.times.step*(tandem.drawing.times.count - 1))")
+                self.not_blank(tab, scene)
+
+    def test_rows_of_the_file(self):
+        """At rows themselves, against the numbers that h5py reads, without anything of the viewer between."""
+        import h5py
+
+        with tempfile.TemporaryDirectory() as folder:
+            one = tandem.run_scene("slider_crank", {"time.end": 1, "output.interval": 1/60}, Path(folder) / "a.h5", error=False)
+            with h5py.File(Path(folder) / "a.h5") as file:
+                q, time = file["trajectory/q"][:], file["trajectory/time"][:]
+                names = list(file["trajectory/q"].attrs["names"])
+        tab, _ = self.open(one, "rows")
+        for row in (0, 17, 60):
+            tab.evaluate("t => tandem.setTime(t)", float(time[row]))
+            for body in ("crank", "rod", "slider"):
+                found = tab.evaluate("name => tandem.pose(name)", body)
+                x, y, angle = (q[row, names.index(f"{body}.{what}")] for what in ("x", "y", "angle"))
+                self.assertLess(np.abs(np.array(found["position"]) - [x, y, 0]).max(), 1e-6)
+                self.assertLess(abs(np.sin(2*np.arctan2(found["quaternion"][2], found["quaternion"][3]) - angle)), 1e-6)
+
+    def test_controls(self):
+        tab, drawing = self.open(run("bicycle"), "controls")
+        state = lambda what: tab.evaluate(f"tandem.{what}")  # noqa: E731
+        self.assertFalse(state("state.playing"))
+        tab.click("#play")
+        tab.wait_for_function("tandem.state.frame > 3")
+        tab.click("#play")
+        self.assertFalse(state("state.playing"))
+        frame = state("state.frame")
+        tab.wait_for_timeout(150)
+        self.assertEqual(state("state.frame"), frame)
+        tab.click("#start")
+        self.assertEqual(state("state.frame"), 0)
+        tab.keyboard.press("ArrowRight")
+        self.assertEqual(state("state.frame"), 1)
+        tab.keyboard.press("End")
+        self.assertEqual(state("state.frame"), len(drawing.times) - 1)
+        tab.locator("body").press("Home")
+        tab.locator("#time").fill(str(30))
+        self.assertEqual(state("state.frame"), 30)
+        self.assertIn("0.500 s", tab.text_content("#clock"))
+        tab.select_option("#speed", "0.25")
+        self.assertEqual(state("state.speed"), 0.25)
+        tab.select_option("#follow", "front")
+        before = np.array(state("controls.target.toArray()"))
+        self.assertLess(np.abs(before - state("pose('front').position")).max(), 1e-5)
+        tab.evaluate("tandem.setTime(0.9)")
+        self.assertLess(np.abs(np.array(state("controls.target.toArray()")) - state("pose('front').position")).max(), 1e-4)
+        tab.select_option("#follow", "")
+        here = state("camera.position.toArray()")
+        tab.mouse.move(300, 300)
+        tab.mouse.down()
+        tab.mouse.move(400, 330, steps=4)
+        tab.mouse.up()
+        self.assertNotEqual(state("camera.position.toArray()"), here)
+        tab.click("#reset")
+        tab.uncheck("#tracks")
+        lines = "scene.children.filter(one => one.type === 'Line').map(one => one.visible)"
+        self.assertEqual(set(state(lines)), {False})
+        tab.check("#tracks")
+        self.assertEqual(set(state(lines)), {True})
+        tab.select_option("#curve", "1")
+        box = tab.locator("#plot").bounding_box()
+        tab.mouse.click(box["x"] + box["width"]/2, box["y"] + 70)
+        self.assertAlmostEqual(state("state.frame"), (len(drawing.times) - 1)/2, delta=1)
+        tab.uncheck("#loop")
+        tab.select_option("#speed", "20")
+        tab.click("#play")
+        tab.wait_for_function("!tandem.state.playing")
+        self.assertEqual(state("state.frame"), len(drawing.times) - 1)
+        self.quiet()
+
+    def test_it_plays_at_once(self):
+        tab, _ = self.open(run("slider_crank"), "plays", hash_="")
+        tab.wait_for_function("tandem.state.frame > 2")
+        self.quiet()
+
+    def test_frames_a_second(self):
+        """Ten bodies for a minute, in software rendering; a chain of a thousand. What the machine gives depends on what else it does: the
+        processor's time of a frame, of all of the browser, is stated too."""
+        for name, given in (("ten", tandem.run_scene("trailers", {"parameters.n": 9, "time.end": 60}, error=False)), ("thousand", chain(1000))):
+            tab, drawing = self.open(given, name, size=(1000, 640))
+            self.not_blank(tab, name)
+            tab.evaluate("tandem.play()")
+            tab.wait_for_timeout(500)
+            before, worked = tab.evaluate("tandem.state.drawn"), processor_seconds()
+            tab.wait_for_timeout(4000)
+            frames, worked = tab.evaluate("tandem.state.drawn") - before, processor_seconds() - worked
+            tab.evaluate("tandem.pause()")
+            print(f"{name}: {len(drawing.bodies)} bodies, {len(drawing.times)} frames, {frames/4:.0f} frames a second, {1e3*worked/frames:.0f} ms "
+                  f"of processors a frame, {(SEEN / f'{name}.html').stat().st_size/1e6:.2f} MB", file=sys.stderr)
+            self.quiet()
+            self.assertGreater(frames, 0)
+
+
+def processor_seconds():
+    """What the processes of the browser, which this one has started, have worked so far."""
+    parents, times = {}, {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        parents[int(folder.name)], times[int(folder.name)] = int(fields[1]), int(fields[11]) + int(fields[12])
+    ours = {os.getpid()}
+    while more := {process for process, parent in parents.items() if parent in ours} - ours:
+        ours |= more
+    return sum(times.get(process, 0) for process in ours - {os.getpid()})/os.sysconf("SC_CLK_TCK")
+
+
+class Gltf(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.place = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.place.cleanup)
+        cls.drawings = {}
+        for scene in SCENES:
+            cls.drawings[scene] = draw(run(scene))
+            write_glb(cls.drawings[scene], Path(cls.place.name) / f"{scene}.glb")
+
+    def test_khronos_validator(self):
+        tools = ROOT / "build" / "gltf-validator"
+        if not (tools / "node_modules" / "gltf-validator").exists():
+            tools.mkdir(parents=True, exist_ok=True)
+            subprocess.run(["npm", "install", "--silent", "--no-save", "--prefix", str(tools), VALIDATOR], check=True, cwd=tools)
+        code = """const validator = require('gltf-validator'), fs = require('fs');
+            (async () => { const all = {}; for (const file of process.argv.slice(1)) {
+                const report = await validator.validateBytes(new Uint8Array(fs.readFileSync(file)));
+                all[file] = report.issues; } console.log(JSON.stringify(all)); })();"""
+        files = sorted(map(str, Path(self.place.name).glob("*.glb")))
+        done = subprocess.run(["node", "-e", code, *files], capture_output=True, text=True, cwd=tools,
+                              env={**os.environ, "NODE_PATH": str(tools / "node_modules")})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        issues = json.loads(done.stdout)
+        self.assertEqual(len(issues), len(SCENES))
+        for file, found in issues.items():
+            self.assertEqual((found["numErrors"], found["numWarnings"]), (0, 0), f"{Path(file).name}: {found['messages'][:3]}")
+
+    def test_other_readers(self):
+        for scene, drawing in self.drawings.items():
+            with self.subTest(scene):
+                path = Path(self.place.name) / f"{scene}.glb"
+                loaded = pygltflib.GLTF2().load(str(path))
+                self.assertEqual({node.name for node in loaded.nodes if node.name} & {body.name for body in drawing.bodies},
+                                 {body.name for body in drawing.bodies})
+                opened = trimesh.load(path)
+                # At the first frame, the box around all bodies, seen with y upwards.
+                up = rotations.conjugate(rotations.carrying(drawing.up, (0.0, 1.0, 0.0)))
+                for body in drawing.bodies:
+                    found = opened.graph.get(body.name)[0][:3, 3]
+                    self.assertLess(np.abs(found - rotations.turned(up, body.place[0])).max(), 1e-5*max(1, np.abs(body.place[0]).max()))
+
+
+if __name__ == "__main__":
+    unittest.main()

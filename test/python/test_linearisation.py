@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: MIT
+"""tandem linearise and tandem equilibrium as users call them: what --json says, where scenes rest, and what is refused."""
+
+import json
+import unittest
+
+import h5py
+import numpy as np
+from test_output import ROOT, Case
+
+SCENES = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
+# Their constraints move them, so that they cannot rest.
+DRIVEN = {"mechanism_chopper", "mechanism_motorcycle", "motorcycle", "motorcycle_chopper", "slider_crank"}
+UNSTABLE = {"a02_four_bars", "a03_andrews", "bicycle", "mechanism_disk", "rolling_disk", "spatial_slider_crank"}
+
+
+CART = """
+[scene]
+model = "mechanism"
+planar = true
+[gravity]
+vector = [0, -9.81]
+[body.cart]
+mass = 2.0
+inertia = 0.1
+position = [0, 0]
+[joint.rail]
+type = "prismatic"
+bodies = ["ground", "cart"]
+at = [0, 0]
+axis = [1, 0]
+"""
+# A cart on a spring, which a force pushes; a pendulum that hangs from a cart whose way is imposed.
+PUSHED = CART + """
+[force]
+spring = { type = "spring", between = ["ground:[-1, 0]", "cart"], stiffness = 50, damping = 0.8 }
+push = { type = "load", on = "cart", force = [3, 0], factor = 0 }
+[sensor]
+cart = { point = "cart" }
+rail = { joint = "rail" }
+[time]
+end = 1
+"""
+SWUNG = CART + """
+motion = 0
+[body.bob]
+mass = 0.5
+inertia = 0.02
+position = [0, -0.8]
+[joint.pin]
+type = "revolute"
+bodies = ["cart", "bob"]
+at = [0, 0]
+[sensor]
+pin = { joint = "pin" }
+bob = { point = "bob" }
+[time]
+end = 1
+"""
+
+
+class Linearisation(Case):
+    def transfer(self, said, source, output, s):
+        """From a motion with its rate and acceleration, or from a force, to an output: C (s - A)^-1 B + D at s."""
+        a, b, c, d = (np.array(said[name]) for name in "abcd")
+        row = said["outputs"].index(output)
+        total = 0
+        for order in range(3):
+            name = source + order * "'"
+            if name in said["inputs"]:
+                column = said["inputs"].index(name)
+                state = np.linalg.solve(s * np.eye(len(a)) - a, b[:, column])
+                total += (c[row] @ state + d[row, column]) * s**order
+        return total
+
+    def test_a_force_as_input(self):
+        said = self.said("linearise", self.scene(PUSHED), "--output", "cart.h5")
+        self.assertEqual(said["inputs"], ["push"])
+        for s in (0.3, 1 + 2j, 7j):
+            way = 3 / (2 * s**2 + 0.8 * s + 50)
+            for output, expected in (("rail/way", way), ("rail/speed", s * way), ("cart/position[1]", way),
+                                     ("cart/acceleration[1]", s**2 * way), ("cart/position[2]", 0)):
+                # Sensors by differences of fourth order with displacements of 1e-3.
+                self.assertLess(abs(self.transfer(said, "push", output, s) - expected), 1e-11)
+        with h5py.File(self.folder / "cart.h5") as file:
+            group = file["linearisation"]
+            for name in "abcd":
+                self.assertEqual(group[name][:].tolist(), said[name])
+            self.assertEqual(group["eigenvalues"][:].tolist(), said["eigenvalues"])
+            self.assertEqual([name.decode() for name in group["outputs"][:]], said["outputs"])
+            self.assertEqual(group.attrs["kind"], "equilibrium")
+        self.refused("linearise", "scene.toml", "--output", "cart.h5", says="exists")
+
+    def test_a_motion_as_input(self):
+        """The pivot at u: J phi'' = -m l (g phi + u''), the bob's place u + l phi."""
+        said = self.said("linearise", self.scene(SWUNG))
+        self.assertEqual(said["inputs"], ["rail", "rail'", "rail''"])
+        inertia = 0.02 + 0.5 * 0.8**2
+        for s in (0.3, 1 + 2j, 7j):
+            angle = -0.4 * s**2 / (inertia * s**2 + 0.4 * 9.81)
+            for output, expected in (("pin/angle", angle), ("pin/rate", s * angle), ("bob/position[1]", 1 + 0.8 * angle),
+                                     ("bob/velocity[1]", s + 0.8 * s * angle),
+                                     ("bob/acceleration[1]", s**2 * (1 + 0.8 * angle))):
+                self.assertLess(abs(self.transfer(said, "rail", output, s) - expected), 1e-10 * max(1, abs(expected)))
+
+    def said(self, *words):
+        return json.loads(self.tandem(*words, "--json").stdout)
+
+    def test_the_benchmark(self):
+        """The command of the documentation: all eigenvalues of the bicycle, sorted, in full precision."""
+        said = self.said("linearise", "bicycle", "--set", "parameters.speed=2")
+        values = [complex(*pair) for pair in said["eigenvalues"]]
+        self.assertEqual(len(values), 10)
+        self.assertEqual([value.real for value in values], sorted(value.real for value in values))
+        for expected in (-8.673879848317, -3.071586456415, 2.682345175127 + 1.680662965907j, 2.682345175127 - 1.680662965907j):
+            # Half a unit of the last digit, and what the matrix has of errors.
+            self.assertLess(min(abs(value - expected) for value in values), 1e-12)
+        self.assertEqual(sum(mode["cause"] != "motion" for mode in said["modes"]), 6)
+        self.assertEqual(said["kind"], "steady motion")
+        # The matrix is the one whose eigenvalues these are; zeros in its Jordan blocks come out as 1e-8 of numpy.
+        found = np.sort_complex(np.linalg.eigvals(np.array(said["a"])))
+        self.assertLess(np.max(np.abs(found - np.sort_complex(np.array(values)))), 1e-6)
+
+    def test_at_a_time_of_a_run(self):
+        """The pendulum at its lowest point moves: no equilibrium, and the same eigenvalues as at the start of a run from there."""
+        said = self.said("linearise", "a01_pendulum", "--at", "0.5")
+        self.assertAlmostEqual(said["time"], 0.5)
+        self.assertEqual(said["kind"], "instant")
+
+    def test_every_scene_is_linearised(self):
+        for scene in SCENES:
+            with self.subTest(scene):
+                said = self.said("linearise", scene)
+                self.assertEqual(len(said["eigenvalues"]), said["n_v"] + said["n_w"])
+
+    def test_every_scene_rests_or_says_why_not(self):
+        for scene in SCENES:
+            with self.subTest(scene):
+                if scene in DRIVEN:
+                    refused = self.tandem("equilibrium", scene, code=1)
+                    self.assertIn("no_equilibrium", refused.stderr)
+                    self.assertIn("constraints move it", refused.stderr)
+                    continue
+                said = self.said("equilibrium", scene)
+                self.assertEqual(said["stability"] == "unstable", scene in UNSTABLE)
+                self.assertLess(said["residual"], 1e-9)
+
+    def test_where_a_pendulum_hangs(self):
+        said = self.said("equilibrium", "a01_pendulum")
+        self.assertLess(max(abs(np.array(said["q"]) - [0, -1])), 1e-13)
+        found = sorted(value[1] for value in said["eigenvalues"])
+        self.assertLess(max(abs(np.array(found) - [-(9.81**0.5), 9.81**0.5])), 1e-13)
+
+    def test_a_pendulum_upside_down(self):
+        """Newton's iteration finds the unstable equilibrium that is near."""
+        said = self.said("equilibrium", "a01_pendulum", "--set", "body.bob.position=[0.6, 0.8]")
+        self.assertEqual(said["stability"], "unstable")
+        self.assertLess(max(abs(np.array(said["q"]) - [0, 1])), 1e-13)
+
+    def test_a_run_from_an_equilibrium_stays_there(self):
+        self.tandem("run", "a04_bricard", "--set", "initial.equilibrium=true", "--set", "time.end=1", "--output", "rest.h5", "--quiet")
+        with h5py.File(self.folder / "rest.h5") as file:
+            q = file["trajectory/q"][:]
+        # The steepest direction has a rate of some 4 /s: rounding grows by e^4.
+        self.assertLess(np.max(np.abs(q - q[0])), 1e-12)
+
+    def test_a_governor_turns_as_it_does(self):
+        """Its steady motion at the speed of the start is kept by a run, to the tolerance of that."""
+        settings = ["--set", 'initial.steady=["world.turn_z"]']
+        said = self.said("linearise", "a05_governor", *settings)
+        self.assertEqual(said["kind"], "steady motion")
+        self.assertAlmostEqual(said["steady"]["world.turn_z"], 2 * np.pi, places=12)
+        short = ["--set", "time.end=0.3", "--set", "solver.stepper=radau5", "--set", "solver.rtol=1e-8"]
+        self.tandem("run", "a05_governor", *settings, *short, "--output", "steady.h5", "--quiet", "--no-error")
+        with h5py.File(self.folder / "steady.h5") as file:
+            s = file["sensors/s/way"][:]
+        self.assertLess(np.max(np.abs(s - s[0])), 1e-9)
+
+    def test_a_steady_turn_is_kept_for_100_s(self):
+        """A push makes the bicycle turn; the steady turn near that, found with all its rates, is what a run from it does."""
+        self.tandem("run", "bicycle", "--set", "parameters.push=30", "--set", "time.end=1.5", "--set", "solver.stepper=dop853", "--set",
+                    "solver.rtol=1e-9", "--output", "push.h5", "--quiet", "--no-error")
+        with h5py.File(self.folder / "push.h5") as file:
+            q, qd = (file[f"trajectory/{name}"][-1].tolist() for name in ("q", "qd"))
+        settings = ["--set", "parameters.push=0", "--set", f"initial.q={q}", "--set", f"initial.qd={qd}", "--set",
+                    'initial.steady=["any"]']
+        turn = self.said("linearise", "bicycle", *settings)["steady"]["world.turn_z"]
+        self.assertGreater(abs(turn), 0.01)
+        self.tandem("run", "bicycle", *settings, "--set", "time.end=100", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-11",
+                    "--set", "output.interval=1", "--output", "turn.h5", "--quiet", "--no-error")
+        with h5py.File(self.folder / "turn.h5") as file:
+            t, q, qd, steer = (file[name][:] for name in ("trajectory/time", "trajectory/q", "trajectory/qd", "sensors/steer/angle"))
+        place, velocity = q[:, 7] + 1j * q[:, 8], qd[:, 7] + 1j * qd[:, 8]
+        circle = place[0] + velocity[0] * (np.exp(1j * turn * t) - 1) / (1j * turn)
+        # Local errors add up to some 1e-9. Over 600 m a part of it in the rates is 1e-6 m.
+        self.assertLess(np.max(np.abs(steer - steer[0])), 1e-8)
+        self.assertLess(np.max(np.abs(np.abs(velocity) - abs(velocity[0]))), 1e-7)
+        self.assertLess(np.max(np.abs(place - circle)), 1e-4)
+
+    def test_critical_speeds(self):
+        """Weave and capsize of the bicycle against its 2 x 2 form: capsize where K is singular, weave by the criterion of Routh."""
+        g, m, c1, k0, k2 = 9.81, *(np.array(entries).reshape(2, 2) for entries in (
+            [80.81722, 2.31941332208709, 2.31941332208709, 0.29784188199686],
+            [0, 33.86641391492494, -0.85035641456978, 1.68540397397560],
+            [-80.95, -2.59951685249872, -2.59951685249872, -0.80329488458618],
+            [0, 76.59734589573222, 0, 2.65431523794604]))
+
+        def routh(v):
+            c, k = v * c1, g * k0 + v**2 * k2
+            parts = [[(m[i, j], c[i, j], k[i, j]) for j in (0, 1)] for i in (0, 1)]
+            a = np.polymul(parts[0][0], parts[1][1]) - np.polymul(parts[0][1], parts[1][0])
+            return a[1] * a[2] * a[3] - a[0] * a[3] ** 2 - a[1] ** 2 * a[4]
+
+        low, high = 4.0, 5.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if (routh(middle) > 0) == (routh(low) > 0) else (low, middle)
+        capsize = np.sqrt(g * (k0[0, 1] ** 2 - k0[0, 0] * k0[1, 1]) / (k0[0, 0] * k2[1, 1] - k2[0, 1] * k0[0, 1]))
+        said = self.said("study", "modes", "bicycle", "--over", "parameters.speed=3:8:6", "--output", "loci.csv")
+        weave, fall = said["critical"]
+        self.assertEqual([weave["crossing"], weave["grows_beyond"]], ["hopf", False])
+        self.assertEqual([fall["crossing"], fall["grows_beyond"]], ["zero", True])
+        # The form has 15 digits; the places move by 1e-13 or so with its last ones.
+        self.assertLess(abs(weave["value"] - low), 1e-11)
+        self.assertLess(abs(fall["value"] - capsize), 1e-11)
+        lines = (self.folder / "loci.csv").read_text().splitlines()
+        self.assertEqual(lines[0], "value,re,im,cause")
+        self.assertEqual(len(lines), 1 + 6 * 10)
+        # The same where a sample is so near that the eigenvalue counts among the zeros.
+        for over in ("parameters.speed=0:10:101", f"parameters.speed=6:{float(capsize + (capsize - 6))!r}:3"):
+            fall = self.said("study", "modes", "bicycle", "--over", over)["critical"][-1]
+            self.assertLess(abs(fall["value"] - capsize), 1e-10)
+        # Real ones that meet and part as a pair cross nothing.
+        rows = self.said("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2")
+        self.assertEqual([len(rows["rows"]), rows["critical"]], [2, []])
+
+    def test_a_study_of_modes_that_cannot_be(self):
+        for over in ("parameters.speed", "parameters.speed=1:2", "parameters.speed=2:1:3", "parameters.speed=1:2:1",
+                     "parameters.speed=1:2:x", "=1:2:3"):
+            with self.subTest(over):
+                self.assertIn("--over KEY=a:b:n", self.tandem("study", "modes", "bicycle", "--over", over, code=2).stderr)
+        self.assertIn("body.fram", self.tandem("study", "modes", "bicycle", "--over", "body.fram.mass=1:2:3", code=2).stderr)
+        # A parameter of any name is one, and changes nothing where nobody refers to it.
+        self.assertIn("do not change", self.tandem("study", "modes", "bicycle", "--over", "parameters.spee=1:2:3").stderr)
+        self.assertIn("cannot write", self.tandem("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2", "--output",
+                                                  "no/such/file.csv", code=1).stderr)
+
+    def test_what_is_refused(self):
+        for words, piece in (
+            (["linearise", "bicycle", "--steady", "frame.z"], "none of any, world.x"),
+            (["linearise", "bicycle", "--steady", "any", "--equilibrium"], "cannot be combined"),
+            (["linearise", "bicycle", "--at", "-1"], "--at"),
+            (["linearise", "nothing"], "nothing"),
+            (["equilibrium"], "needs a SCENE"),
+        ):
+            with self.subTest(words):
+                self.assertIn(piece, self.tandem(*words, code=2).stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

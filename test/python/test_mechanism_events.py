@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: MIT
+"""Events of mechanisms: on sensors and reactions, and what they lock, free and change, against closed forms.
+
+Where a bound is 1e-9, it is a hundred times the tolerance of a step."""
+
+import unittest
+
+import h5py
+import numpy as np
+from test_mechanisms import Mechanism
+from test_results import PLANE, SPACE, TIGHT, energies
+
+G = 9.81
+STRING = PLANE + f'[body.bob]\nmass = 1\nposition = [0, -1]\nvelocity = [{float(np.sqrt(3.5*G))!r}, 0]\n\n' \
+    '[constraint.string]\ntype = "distance"\nbetween = ["ground", "bob"]\n\n[sensor.pull]\nreaction = "string"\n\n' \
+    '[sensor.bob]\npoint = "bob"\n\n[time]\nend = 5\n\n' + TIGHT
+DISCS = SPACE + "".join(
+    f'[body.{name}]\nmass = 1\ninertia = [1, 1, {spin}]\nposition = [0, 0, {z}]\nomega = [0, 0, {omega}]\n\n'
+    f'[joint.{name}_axle]\ntype = "revolute"\nbodies = ["ground", "{name}"]\nat = [0, 0, {z}]\naxis = [0, 0, 1]\n\n'
+    for name, spin, z, omega in (("one", 1, 0, 3), ("two", 0.5, 1, 0))) + \
+    '[constraint.clutch]\ntype = "coupling"\njoints = ["one_axle", "two_axle"]\nfactors = [1, -1]\nlocked = false\n\n' \
+    '[results]\njoints = "all"\nconstraints = "all"\nbodies = "all"\nbalance = true\n\n[time]\nend = 2\n\n' + TIGHT
+SPRING = PLANE.replace("-9.81", "0") + '[body.mass]\nmass = 1\nposition = [3, 0]\n\n[joint.line]\ntype = "point_on_line"\n' \
+    'bodies = ["ground", "mass"]\nat = [3, 0]\naxis = [1, 0]\n\n[force.coil]\ntype = "spring"\nbetween = ["ground", "mass"]\n' \
+    'stiffness = 1\nlength = 2\n\n[sensor.way]\njoint = "line"\n\n[time]\nend = 3\n\n' + TIGHT
+
+
+def event(name, watch, value, direction="both", **keys):
+    lines = {"name": name, "watch": watch, "direction": direction} | keys
+    return f'\n[[event]]\nvalue = {value!r}\n' + "".join(f'{key} = "{text}"\n' for key, text in lines.items())
+
+
+class Watching(Mechanism):
+    def test_a_reaction_that_vanishes(self):
+        """With v^2 = 3.5 g l at the bottom the string is slack at 120 degrees."""
+        text = STRING + event("slack", "/sensors/pull/traction", 0.0, "falling", action="stop")
+        with self.went(self.scene(text)) as file:
+            self.assertIn('stopped by "slack"', file.attrs["status_message"])
+            self.near(file["sensors/bob/position"][-1], [np.sqrt(0.75), 0.5, 0], 1e-9)
+            self.near(file["sensors/pull/traction"][-1], 0, 1e-8)
+
+    def test_a_height(self):
+        text = STRING + event("level", "/sensors/bob/position.y", -0.5, "rising")
+        with self.went(self.scene(text), "time.end=0.5") as file:
+            self.assertEqual([name.decode() for name in file["events/name"][:]], ["level"])
+            self.near(file["events/q"][0][1], -0.5, 1e-12)
+
+    def test_a_limit_of_a_joint(self):
+        """A joint's angle after more than a turn."""
+        text = DISCS + event("limit", "/joints/one_axle/angle", 5.0, "rising", action="stop")
+        with self.went(self.scene(text)) as file:
+            self.near(file["trajectory/time"][-1], 5/3, 1e-9)
+            self.near(file["joints/one_axle/angle"][-1], 5, 1e-9)
+
+    def test_wrong_events(self):
+        cases = {
+            event("e", "/sensors/bob/place", 0.0): ["names nothing", "/sensors/bob/position"],
+            event("e", "/sensors/bob/position", 0.0): [".x, .y or .z"],
+            event("e", "/sensors/bob/acceleration.x", 0.0): ["cannot be watched"],
+            event("e", "/sensors/pull/traction.x", 0.0): ["one number"],
+            event("e", "bob.x", 0.0, change="lock string"): ["string", "locked"],
+            event("e", "bob.x", 0.0, change="open the door"): ["no change", "lock NAME"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = 3"): ["coil", "no spring"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = x"): ["sets no number"],
+        }
+        for text, says in cases.items():
+            with self.subTest(text):
+                self.refused("check", self.scene(STRING + text), says=says)
+        text = SPRING + event("e", "mass.x", 0.0, change="force.coil.colour = 3")
+        self.refused("check", self.scene(text), says=["colour", "stiffness, damping or length"])
+        self.refused("check", "rolling_disk", "--set", 'event=[{name="e", watch="phi", change="lock it"}]', says=["event"])
+
+
+class Changing(Mechanism):
+    def test_a_clutch(self):
+        """A disc that turns and one at rest go on together with J1 w/(J1 + J2), and the energy that this costs is gone for good;
+        freed again, both keep what they have."""
+        text = DISCS + event("engage", "/joints/one_axle/angle", 1.5, "rising", change="lock clutch") + \
+            event("release", "/joints/two_axle/angle", 1.0, "rising", change="free clutch")
+        with self.went(self.scene(text)) as file:
+            t, one, two = (file[name][:] for name in ("trajectory/time", "joints/one_axle/rate", "joints/two_axle/rate"))
+            self.near(file["events/time"][:], [0.5, 1.0], 1e-10)
+            # The row at the event itself may be from before or after it.
+            before, after = t < 0.5 - 1e-9, t > 0.5 + 1e-9
+            self.near(one[before], 3, 1e-9)
+            self.near(one[after], 2, 1e-9)
+            self.near(two[before], 0, 1e-12)
+            self.near(two[after], 2, 1e-9)
+            self.near(file["balance/kinetic"][-1], 3, 1e-9)
+            self.near(file["balance/residual"][-1], -1.5, 1e-9)
+            self.near(file["joints/two_axle/angle"][-1], 3, 1e-9)
+            self.near(file["constraints/clutch/multiplier"][:], 0, 1e-10)
+            # J2 w = 1 comes to the second disc; freeing takes no impulse.
+            impulse = file["constraints/clutch/impulse"]
+            # M (jump of the first one's rate) = -impulse.
+            self.near(impulse[:][after], 1, 1e-9)
+            self.near(impulse[:][before], 0, 1e-300)
+            self.assertEqual(impulse.attrs["unit"], "N m s")
+
+    def test_a_latch(self):
+        """A pendulum that is caught at 45 degrees rests there, and the latch carries its weight."""
+        text = PLANE + '[body.rod]\nmass = 2\ninertia = "1/6"\nposition = [0.5, 0]\n\n[joint.pivot]\ntype = "revolute"\n' \
+            'bodies = ["ground", "rod"]\nat = [0, 0]\n\n[constraint.latch]\ntype = "coupling"\njoints = ["pivot"]\nfactors = [1]\n' \
+            'locked = false\n\n[results]\njoints = "all"\nconstraints = "all"\n\n[time]\nend = 2\n\n' + TIGHT + \
+            event("catch", "/joints/pivot/angle", -float(np.pi)/4, "falling", change="lock latch")
+        with self.went(self.scene(text)) as file:
+            after = file["trajectory/time"][:] > file["events/time"][0]
+            self.assertGreater(np.count_nonzero(after), 2)
+            self.near(file["joints/pivot/angle"][:][after], -np.pi/4, 1e-11)
+            self.near(file["joints/pivot/rate"][:][after], 0, 1e-12)
+            # -C' lambda holds the moment of the weight, m g cos(45 degrees)/2.
+            self.near(file["constraints/latch/multiplier"][:][after], -2*G*np.cos(np.pi/4)/2, 1e-10)
+
+    def test_a_spring_that_changes(self):
+        """k = 1 until the mass passes the middle, k = 4 from there."""
+        text = SPRING + event("middle", "/sensors/way/way", -1.0, change="force.coil.stiffness = 4", direction="falling")
+        with self.went(self.scene(text)) as file:
+            t, x = file["trajectory/time"][:], file["sensors/way/way"][:] + 1
+            self.near(file["events/time"][:], [np.pi/2], 1e-10)
+            self.near(x, np.where(t < np.pi/2, np.cos(t), -0.5*np.sin(2*(t - np.pi/2))), 1e-9)
+
+    def test_resumed(self):
+        """A run that goes on behind a lock is bitwise the one in one piece."""
+        text = DISCS + event("engage", "/joints/one_axle/angle", 1.5, "rising", change="lock clutch")
+        settings = ["--set", "solver.rtol=0", "--set", "solver.step=0.01", "--quiet", "--no-error"]
+        scene = self.scene(text)
+        self.tandem("run", scene, *settings, "--output", "whole.h5")
+        self.tandem("run", scene, *settings, "--set", "solver.max_steps=120", "--output", "part.h5", code=1)
+        self.tandem("resume", "part.h5", "--set", "solver.max_steps=100000", "--quiet")
+        with h5py.File(self.folder / "whole.h5") as whole, h5py.File(self.folder / "part.h5") as part:
+            for path in ("trajectory/q", "joints/two_axle/angle", "balance/residual", "events/time", "constraints/clutch/impulse"):
+                np.testing.assert_array_equal(whole[path][:], part[path][:])
+            self.near(whole["joints/two_axle/rate"][-1], 2, 1e-10)
+
+    def test_energy_without_a_change(self):
+        """A clutch that nobody locks takes no part."""
+        with self.went(self.scene(DISCS)) as file:
+            residual, scale = energies(file)
+            self.assertLess(residual, 1e-10*scale)
+            self.near(file["joints/one_axle/rate"][:], 3, 1e-9)
+        self.tandem("check", self.scene(DISCS))
+
+
+if __name__ == "__main__":
+    unittest.main()

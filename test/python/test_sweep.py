@@ -1,0 +1,529 @@
+# SPDX-License-Identifier: MIT
+"""Sweeps as their users meet them: the table, whoever runs the cases, what kills leave, and wrong files.
+
+Runs build/tandem, or what the environment variable TANDEM names. TANDEM_KILLS=20 kills sweeps that often.
+"""
+
+import csv
+import json
+import math
+import os
+import random
+import resource
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
+ENVIRONMENT = {key: value for key, value in os.environ.items() if key != "TANDEM_SCENES"} | {"OPENBLAS_NUM_THREADS": "1"}
+KILLS = int(os.environ.get("TANDEM_KILLS", "4"))
+
+DISKS = """
+[sweep]
+scene = "rolling_disk"
+set = ["time.end=0.05"]
+draws = 60
+points = "latin"
+seed = 3
+
+[[vary]]
+key = "model.mass"
+uniform = [5.0, 15.0]
+
+[[vary]]
+key = "initial.omega[2]"
+normal = [0.01, 0.02]
+
+[[vary]]
+key = "initial.tilt"
+uniform = [-0.1, 0.1]
+
+[[keep]]
+quantity = "rz"
+
+[[keep]]
+quantity = "rz"
+take = "min"
+
+[[keep]]
+quantity = "energy"
+at = [0.0, 0.025, 0.05]
+
+[[keep]]
+quantity = "figure:steps"
+"""
+
+
+def table(path):
+    """All that a table says but for times: from the name of each dataset to its values and attributes."""
+    found = {}
+
+    def take(name, item):
+        if isinstance(item, h5py.Dataset) and name != "seconds":
+            values = item[()]
+            found[name] = (values.tobytes() if values.dtype != object else tuple(values), sorted(map(str, item.attrs.items())))
+
+    with h5py.File(path) as file:
+        file.visititems(take)
+        found["/"] = sorted(map(str, file.attrs.items()))
+    return found
+
+
+class Case(unittest.TestCase):
+    """A test in an empty folder of its own."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def write(self, text, name="sweep.toml"):
+        (self.folder / name).write_text(text)
+
+    def command(self, *arguments, sweep="sweep.toml"):
+        return [TANDEM, "sweep", sweep, *arguments]
+
+    def sweep(self, *arguments, code=0, says=(), sweep="sweep.toml", **kwargs):
+        done = subprocess.run(self.command(*arguments, sweep=sweep), cwd=self.folder, env=ENVIRONMENT, capture_output=True,
+                              text=True, timeout=300, **kwargs)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        self.assertNotIn("Backtrace", done.stderr)
+        for words in [says] if isinstance(says, str) else says:
+            self.assertIn(words, done.stderr)
+        return done
+
+    def whole(self):
+        """The table of a sweep that nothing disturbs."""
+        self.sweep("--output", "whole.h5", "--jobs", "1", "--quiet")
+        return table(self.folder / "whole.h5")
+
+
+class Tables(Case):
+    def test_rows_are_the_runs_of_their_scenes(self):
+        self.write(DISKS)
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file.attrs["cases"], 60)
+            self.assertEqual(file["inputs/model.mass"].attrs["unit"], "kg")
+            self.assertEqual(file["outputs/rz_end"].attrs["unit"], "m")
+            self.assertEqual(file["outputs/energy"].shape, (60, 3))
+            for case in (1, 37, 60):
+                settings = []
+                mass, tilt = file["inputs/model.mass"][case - 1], file["inputs/initial.tilt"][case - 1]
+                omega = file["inputs/initial.omega[2]"][case - 1]
+                for setting in ("time.end=0.05", f"model.mass={mass!r}", f"initial.omega=[-1.0, {omega!r}, 0.0]",
+                                f"initial.tilt={tilt!r}", "output.every=1"):
+                    settings += ["--set", setting.replace("np.float64(", "").replace(")", "")]
+                fields = 'output.fields=["q", "kinetic_energy", "potential_energy"]'
+                subprocess.run([TANDEM, "run", "rolling_disk", *settings, "--set", fields, "--output", "run.h5", "--force",
+                                "--quiet"], cwd=self.folder, env=ENVIRONMENT, check=True)
+                with h5py.File(self.folder / "run.h5") as run:
+                    rz = run["trajectory/q"][:, 2]
+                    energy = run["diagnostics/kinetic_energy"][:] + run["diagnostics/potential_energy"][:]
+                # The same run: the same bits.
+                self.assertEqual(file["outputs/rz_end"][case - 1], rz[-1])
+                self.assertEqual(file["outputs/rz_min"][case - 1], rz.min())
+                self.assertEqual(file["outputs/energy"][case - 1].tolist(), energy[[0, 25, 50]].tolist())
+                self.assertEqual(file["outputs/steps"][case - 1], 50)
+
+    def test_csv_says_the_same(self):
+        self.write(DISKS)
+        self.sweep("--quiet")
+        with open(self.folder / "sweep.csv", newline="", encoding="utf-8") as text:
+            rows = list(csv.DictReader(text))
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual([float(row["model.mass"]) for row in rows], file["inputs/model.mass"][:].tolist())
+            self.assertEqual([float(row["energy@0.025"]) for row in rows], file["outputs/energy"][:, 1].tolist())
+        self.assertEqual({row["status"] for row in rows}, {"ok"})
+
+    def test_cases_from_a_file(self):
+        (self.folder / "cases.csv").write_text("model.mass,solver.stepper\n5.0,rk4\n7.5,dop853\n")
+        self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.1"]\ncsv = "cases.csv"\n')
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file["inputs/model.mass"][:].tolist(), [5.0, 7.5])
+            labels = [str(label) for label in file["inputs/solver.stepper"].attrs["labels"]]
+            self.assertEqual([labels[i - 1] for i in file["inputs/solver.stepper"]], ["rk4", "dop853"])
+            # Without [[keep]], all coordinates at the end.
+            self.assertEqual(len(file["outputs"]), 9)
+
+    def test_sensors_and_parameters_of_a_mechanism(self):
+        self.write('[sweep]\nscene = "a01_pendulum"\nset = ["time.end=1.0"]\n[[vary]]\nkey = "parameters.l"\n'
+                   'values = [0.5, 1.0]\n[[keep]]\nquantity = "sensor:mass/position[2]"\ntake = "min"\nname = "lowest"\n')
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file["outputs/lowest"].attrs["unit"], "m")
+            # The bob passes the lowest place between two steps, of 0.05 s or less and 6 m/s^2 there: 1e-2 off at most.
+            for lowest, length in zip(file["outputs/lowest"][:], [0.5, 1.0]):
+                self.assertGreaterEqual(lowest, -length - 1e-9)
+                self.assertLess(lowest, -length + 2e-2)
+
+    def test_failed_cases_are_rows(self):
+        self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.05"]\n[[vary]]\nkey = "solver.max_steps"\n'
+                   'values = [100, 10, 100]\n[[vary]]\nkey = "initial.tilt"\nvalues = [0.0, 2.0]\n')
+        done = self.sweep("--json")
+        summary = json.loads(done.stdout)
+        self.assertEqual(summary["failures"], {"invalid_option": 3, "step_limit": 1})
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file["failures/case"][:].tolist(), [2, 3, 4, 6])
+            self.assertIn("tilt must lie between", file["failures/message"][0].decode())
+            self.assertIn("2.0", file["failures/message"][0].decode())
+            self.assertEqual(np.isnan(file["outputs/rz_end"][:]).tolist(), [False, True, True, True, False, True])
+        with open(self.folder / "sweep.csv", newline="", encoding="utf-8") as text:
+            self.assertEqual([row["status"] for row in csv.DictReader(text)],
+                             ["ok", "invalid_option", "step_limit", "invalid_option", "ok", "invalid_option"])
+
+    def test_whole_trajectories(self):
+        (self.folder / "runs").mkdir()
+        self.write(DISKS.replace("draws = 60", 'draws = 3\ntrajectories = "runs"'))
+        self.sweep("--quiet")
+        self.assertEqual(sorted(path.name for path in (self.folder / "runs").iterdir()),
+                         [f"case_{i:06}.h5" for i in (1, 2, 3)])
+        with h5py.File(self.folder / "runs/case_000002.h5") as run, h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(run["trajectory/q"][-1, 2], file["outputs/rz_end"][1])
+            self.assertEqual(run.attrs["status"], "complete")
+
+    def test_a_table_is_not_overwritten(self):
+        self.write(DISKS)
+        self.sweep("--quiet")
+        self.sweep("--quiet", code=2, says="exists")
+        self.sweep("--quiet", "--force")
+
+    def test_indices_of_a_line(self):
+        # The end of a free disk's x is linear in nothing simple, but a sum of squares of its own inputs is: the energy.
+        self.write(DISKS.replace('points = "latin"', 'points = "sobol"\nindices = true').replace("draws = 60", "draws = 64"))
+        summary = json.loads(self.sweep("--json").stdout)
+        steps = next(output for output in summary["outputs"] if output["name"] == "steps")
+        # What never changes has no indices.
+        self.assertEqual(steps["first_order"], [None] * 3)
+        rz = next(output for output in summary["outputs"] if output["name"] == "rz_end")
+        self.assertGreater(rz["total"][2], 0.9)
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file["indices/rz_end"].shape, (3, 4))
+            self.assertEqual(file["indices/rz_end"].attrs["blocks"], 64)
+
+
+class Points(Case):
+    """Designs against SciPy, where it is installed."""
+
+    def setUp(self):
+        super().setUp()
+        try:
+            from scipy.stats import norm, qmc
+        except ImportError:
+            self.skipTest("SciPy is not installed")
+        self.norm, self.qmc = norm, qmc
+
+    def inputs(self, points, draws=64):
+        self.write(f'[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = {draws}\npoints = "{points}"\n'
+                   'shift = false\n[[vary]]\nkey = "model.mass"\nuniform = [1.0, 2.0]\n[[vary]]\nkey = "initial.tilt"\n'
+                   'normal = [0.0, 0.1]\n[[vary]]\nkey = "model.gravity"\nuniform = [1.0, 2.0]\n')
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            tilt = self.norm.cdf(file["inputs/initial.tilt"][:] / 0.1)
+            return np.stack([file["inputs/model.mass"][:] - 1, tilt, file["inputs/model.gravity"][:] - 1], axis=1)
+
+    def test_sobol_points(self):
+        known = self.qmc.Sobol(3, scramble=False, bits=32).random(64)
+        # Half a unit of the last of 32 bits is added; the ends of the normal distribution are rounded back with 1e-12.
+        np.testing.assert_allclose(self.inputs("sobol"), known + 2.0**-33, rtol=0, atol=1e-12)
+
+    def test_latin_draws_have_low_discrepancy(self):
+        u = self.inputs("latin")
+        for column in u.T:
+            self.assertEqual(sorted((column * 64).astype(int)), list(range(64)))
+        ours = self.qmc.discrepancy(u)
+        # Of 200 Latin hypercubes of SciPy, ours is not worse than the worst.
+        self.assertLess(ours, max(self.qmc.discrepancy(self.qmc.LatinHypercube(3, seed=i).random(64)) for i in range(200)))
+
+
+class Runners(Case):
+    """The same table, whoever runs the cases."""
+
+    def setUp(self):
+        super().setUp()
+        self.write(DISKS)
+        self.expected = self.whole()
+
+    def test_jobs(self):
+        for jobs in ("2", "5"):
+            self.sweep("--output", "jobs.h5", "--jobs", jobs, "--quiet", "--force")
+            self.assertEqual(table(self.folder / "jobs.h5"), self.expected)
+
+    def test_array_tasks(self):
+        for i in range(4):
+            self.sweep("--output", "array.h5", "--jobs", "1", "--cases", f"{15 * i + 1}:{15 * i + 15}", "--quiet")
+        parts = [path.name for path in self.folder.glob("array.h5.*-*.journal")]
+        self.assertEqual(len(parts), 4)
+        self.sweep("--output", "array.h5", "--merge", *parts[:3], "--quiet", code=2, says="15 of 60 cases are in none")
+        (self.folder / "array.h5.journal").unlink()
+        self.sweep("--output", "array.h5", "--merge", *parts, "--quiet")
+        self.assertEqual(table(self.folder / "array.h5"), self.expected)
+
+    def test_journals_of_other_sweeps_are_not_merged(self):
+        self.sweep("--output", "array.h5", "--cases", "1:60", "--quiet")
+        self.write(DISKS.replace("seed = 3", "seed = 4"))
+        self.sweep("--output", "array.h5", "--merge", "array.h5.1-60.journal", "--quiet", code=2, says="no cases of this sweep")
+
+
+def children(process):
+    """The processes that a sweep has started."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        if int(fields[1]) == process:
+            found.append(int(path.parent.name))
+    return found
+
+
+class Kills(Case):
+    """Whatever is killed whenever: started again, the sweep is complete, and the table is the same."""
+
+    def setUp(self):
+        super().setUp()
+        self.write(DISKS.replace("time.end=0.05", "time.end=1.0"))
+        begin = time.monotonic()
+        self.expected = self.whole()
+        self.seconds = time.monotonic() - begin
+        self.random = random.Random(1)
+
+    def kill_and_finish(self, kill):
+        for _ in range(KILLS):
+            process = subprocess.Popen(self.command("--output", "killed.h5", "--jobs", "2", "--quiet"), cwd=self.folder,
+                                       env=ENVIRONMENT, stderr=subprocess.DEVNULL, start_new_session=True)
+            time.sleep(self.random.uniform(0.02, 1.1 * self.seconds))
+            kill(process)
+            process.wait(timeout=120)
+            if process.returncode != 0:
+                # No worker outlives the one that it works for.
+                time.sleep(0.1)
+                self.assertEqual(children(process.pid), [])
+                self.sweep("--output", "killed.h5", "--jobs", "2", "--quiet")
+            self.assertEqual(table(self.folder / "killed.h5"), self.expected)
+            self.assertEqual(list(self.folder.glob("killed.h5.*")), [])
+            (self.folder / "killed.h5").unlink()
+
+    def test_the_first_process(self):
+        self.kill_and_finish(lambda process: process.kill())
+
+    def test_a_worker(self):
+        def kill(process):
+            workers = children(process.pid)
+            if workers:
+                os.kill(self.random.choice(workers), signal.SIGKILL)
+
+        self.kill_and_finish(kill)
+
+    def test_the_whole_job(self):
+        def kill(process):
+            try:
+                os.killpg(process.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+
+        self.kill_and_finish(kill)
+
+    def test_a_signal_that_asks(self):
+        self.kill_and_finish(lambda process: process.terminate())
+
+    def test_the_writer_of_the_table(self):
+        """Killed while the HDF5 file is open: the moments are those at which it is there."""
+        for _ in range(KILLS):
+            process = subprocess.Popen(self.command("--output", "killed.h5", "--jobs", "2", "--quiet"), cwd=self.folder,
+                                       env=ENVIRONMENT, stderr=subprocess.DEVNULL)
+            while process.poll() is None and not (self.folder / "killed.h5.new").exists():
+                pass
+            time.sleep(self.random.uniform(0.0, 0.003))
+            process.kill()
+            process.wait()
+            if (self.folder / "killed.h5.journal").exists():
+                self.sweep("--output", "killed.h5", "--quiet")
+            self.assertEqual(table(self.folder / "killed.h5"), self.expected)
+            for path in self.folder.glob("killed.*"):
+                path.unlink()
+
+
+class Disks(Case):
+    """Files that cannot grow."""
+
+    def test_no_room_for_the_journal(self):
+        self.write(DISKS)
+        expected = self.whole()
+
+        self.sweep("--quiet", "--cases", "1:1")
+        part = self.folder / "sweep.h5.1-1.journal"
+        room = part.stat().st_size
+        part.unlink()
+        # None for what it begins with, and some for records.
+        for bytes_, words in ((1024, "cannot write"), (room + 2000, "cannot append to")):
+            def limit(bytes_=bytes_):
+                resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_, bytes_))
+
+            self.sweep("--quiet", "--jobs", "1", code=1, says=f"{words} sweep.h5.journal", preexec_fn=limit)
+        self.sweep("--quiet", "--jobs", "1")
+        self.assertEqual(table(self.folder / "sweep.h5"), expected)
+
+    def test_no_room_for_the_table(self):
+        self.write(DISKS)
+        expected = self.whole()
+        journal = 60 * 14 * 8 + 4000
+
+        def limit():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (journal, journal))
+
+        self.sweep("--quiet", "--jobs", "1", code=1, says="no case is lost", preexec_fn=limit)
+        self.sweep("--quiet", "--jobs", "1")
+        self.assertEqual(table(self.folder / "sweep.h5"), expected)
+
+
+VARY = '[[vary]]\nkey = "model.mass"\nuniform = [1.0, 2.0]\n'
+HEAD = '[sweep]\nscene = "rolling_disk"\n'
+
+#: Wrong files: the text, and what the message must name.
+WRONG = [
+    ("", "scene"),
+    ("[sweep]\n" + VARY, "scene"),
+    ('[sweep]\nscene = 3\n' + VARY, "scene must be a text"),
+    ('[sweep]\nscene = "roling_disk"\n' + VARY, 'did you mean "rolling_disk"'),
+    ('[sweep]\nscene = "nowhere.toml"\n' + VARY, "nowhere.toml"),
+    (HEAD, "[[vary]]"),
+    (HEAD + "drawz = 3\n" + VARY, 'did you mean "draws"'),
+    (HEAD + "draws = 0\n" + VARY, "draws must be positive"),
+    (HEAD + "draws = 1.5\n" + VARY, "draws must be an integer"),
+    (HEAD + "draws = 99999999999\n" + VARY, "draws must lie between"),
+    (HEAD + 'points = "grid"\n' + VARY, "points must be one of random, latin, sobol"),
+    (HEAD + "seed = -1\n" + VARY, "seed must not be negative"),
+    (HEAD + 'trajectories = "nowhere"\n' + VARY, "trajectories must be a folder"),
+    (HEAD + "max_seconds = -1.0\n" + VARY, "max_seconds must not be negative"),
+    (HEAD + "set = \"time.end=1.0\"\n" + VARY, "set must be a list"),
+    (HEAD + "set = [1.0]\n" + VARY, "set must be a list of texts"),
+    (HEAD + 'set = ["time.ende=1.0"]\n' + VARY, 'did you mean "end"'),
+    (HEAD + 'csv = "none.csv"\n', "csv names a file that cannot be read"),
+    (HEAD + "draws = 5\n[[vary]]\nkey = \"model.mass\"\nvalues = [1.0]\n", "draws are asked for"),
+    (HEAD + "[vary]\nkey = \"model.mass\"\n", "write [[vary]]"),
+    (HEAD + "[vary]\n[[vary]]\n", "vary"),
+    (HEAD + "[extra]\n" + VARY, 'unknown table or key "extra"'),
+    (HEAD + "[[vary]]\nuniform = [1.0, 2.0]\n", "the key key is missing"),
+    (HEAD + "[[vary]]\nkey = \"mass\"\nuniform = [1.0, 2.0]\n", "key must be table.key"),
+    (HEAD + "[[vary]]\nkey = \"model.mas\"\nuniform = [1.0, 2.0]\n", 'did you mean "mass"'),
+    (HEAD + "[[vary]]\nkey = \"model.mass[1]\"\nuniform = [1.0, 2.0]\n", "no list of numbers"),
+    (HEAD + "[[vary]]\nkey = \"initial.omega[4]\"\nuniform = [1.0, 2.0]\n", "fewer elements"),
+    (HEAD + "[[vary]]\nkey = \"initial.omega[x]\"\nuniform = [1.0, 2.0]\n", "number of an element"),
+    (HEAD + "[[vary]]\nkey = \"output.file\"\nvalues = [\"a\"]\n", "must not be one of [output]"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\n", "needs its values"),
+    (HEAD + VARY + "normal = [1.0, 2.0]\n", "must have one"),
+    (HEAD + VARY + VARY, "gives the name of another input"),
+    (HEAD + VARY + '[[vary]]\nkey = "model.mass"\nname = "m"\nvalues = [1.0]\n', "a second time"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0, 1.0]\n", "the latter larger"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0]\n", "uniform has 1 elements"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nnormal = [2.0, 0.0]\n", "the latter positive"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nlog_uniform = [0.0, 1.0]\n", "positive ends"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = 3.0\n", "values must be a list"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = []\n", "empty list"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [1.0, \"a\"]\n", "not some of each"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [-1.0]\n", "mass must be positive"),
+    (HEAD + "[[vary]]\nkey = \"solver.stepper\"\nvalues = [\"rk4\", \"rk5\"]\n", 'did you mean "rk4"'),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = 1.0\ncount = 3\n", "the key to is missing"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = 1.0\nto = 2.0\n", "needs to and count"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = 1.0\nto = 2.0\ncount = 1\n", "at least 2"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = -1.0\nto = 2.0\ncount = 3\nspacing = \"log\"\n", "positive numbers only"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = 1.0\nto = 2.0\ncount = 3\nspacing = \"cubic\"\n", "spacing must be one of"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [1.0]\ncount = 3\n", "count"),
+    (HEAD + 'lists = "rows"\n[[vary]]\nkey = "model.mass"\nvalues = [1.0, 2.0]\n[[vary]]\nkey = "initial.tilt"\nvalues = [0.0]\n',
+     "equally long"),
+    (HEAD + 'lists = "columns"\n' + VARY, "lists must be one of grid, rows"),
+    (HEAD + "indices = true\n" + VARY, "at least 8"),
+    (HEAD + 'indices = true\ndraws = 8\n[[vary]]\nkey = "model.mass"\nvalues = [1.0]\n', "no input is drawn"),
+    (HEAD + VARY + "[[keep]]\n", "the key quantity is missing"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rzz"\n', 'did you mean "rz"'),
+    (HEAD + VARY + '[[keep]]\nquantity = "sensor:tip"\n', "needs a model with sensors"),
+    (HEAD + VARY + '[[keep]]\nquantity = "event:hit"\n', "names no event"),
+    (HEAD + VARY + '[[keep]]\nquantity = "figure:stepz"\n', "names no figure"),
+    (HEAD + VARY + '[[keep]]\nquantity = "speed:rz"\n', "begins with none of"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "median"\n', "take must be one of"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "first"\n', "an event has first"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "end"\nat = [0.0]\n', "leave out take"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nat = [1.0, 0.5]\n', "ascending"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nat = [-1.0]\n', "must not begin before"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\n[[keep]]\nquantity = "rz"\n', "has the name of another"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "a/b"\n', "no slash"),
+    ("[sweep\n", "sweep.toml"),
+    ("\x00\x01", "binary"),
+]
+
+
+class Wrong(Case):
+    """Wrong files end with exit code 2, a message that names the key, and nothing on the disk."""
+
+    def test_files(self):
+        self.assertGreaterEqual(len(WRONG), 40)
+        for text, words in WRONG:
+            with self.subTest(text=text):
+                self.write(text)
+                self.sweep("--quiet", code=2, says=words)
+                left = [path.name for path in self.folder.iterdir()]
+                for name in set(left) - {"sweep.toml"}:
+                    (self.folder / name).unlink()
+                self.assertEqual(left, ["sweep.toml"])
+
+    def test_files_of_cases(self):
+        for text, words in [("", "no list of keys"), ("model.mass\n", "holds no cases"), ("model.mass,\n1,2\n", "no list of keys"),
+                            ("model.mass\n1,2\n", "line 2 has not 1 values"), ("model.mass\n1\nx\n", "line 3 has"),
+                            ("model.mass,model.mass\n1,2\n", "two columns"), ("mass\n1\n", "must be table.key"),
+                            ("model.weight\n1\n", "refused by the scene"), ("model.mass,initial.tilt\n1,\n", "no value of")]:
+            with self.subTest(text=text):
+                (self.folder / "cases.csv").write_text(text)
+                self.write(HEAD + 'csv = "cases.csv"\n')
+                self.sweep("--quiet", code=2, says=words)
+
+    def test_command_lines(self):
+        self.write(HEAD + VARY)
+        for arguments, words in [(["--jobs", "0"], "--jobs"), (["--jobs", "x"], "--jobs"), (["--cases", "3"], "first:last"),
+                                 (["--cases", "3:2"], "first:last"), (["--cases", "a:b"], "first:last"),
+                                 (["--cases", "7:9"], "there are 1"), (["other.toml"], "takes one SWEEP"),
+                                 (["--merge", "--cases", "1:1"], "not both"), (["--merge", "none.journal"], "none.journal"),
+                                 (["--output", "sweep.toml"], "the sweep or the scene itself"), (["--steps", "3"], "no option")]:
+            with self.subTest(arguments=arguments):
+                done = subprocess.run(self.command(*arguments, "--quiet"), cwd=self.folder, env=ENVIRONMENT, capture_output=True,
+                                      text=True, timeout=60)
+                self.assertIn(done.returncode, (1, 2), done.stderr)
+                self.assertIn(words, done.stderr)
+
+
+class Summary(Case):
+    def test_what_is_printed(self):
+        self.write(DISKS)
+        done = self.sweep()
+        self.assertIn("60 cases, 0 failed", done.stdout)
+        self.assertIn("rz_min [m]: mean", done.stdout)
+        self.assertIn("files: sweep.h5, sweep.csv", done.stdout)
+        # A line per 10 % where no terminal is.
+        self.assertIn("60 of 60 cases, 0 failed", done.stderr)
+        self.assertIn("a second", done.stderr)
+        self.assertIn("load", done.stderr)
+
+    def test_figures(self):
+        self.write(DISKS)
+        summary = json.loads(self.sweep("--json").stdout)
+        with h5py.File(self.folder / "sweep.h5") as file:
+            values = file["outputs/rz_end"][:]
+        rz = next(output for output in summary["outputs"] if output["name"] == "rz_end")
+        # Sums of 60 numbers in another order.
+        self.assertTrue(math.isclose(rz["mean"], values.mean(), rel_tol=1e-14))
+        self.assertTrue(math.isclose(rz["deviation"], values.std(ddof=1), rel_tol=1e-12))
+        self.assertEqual((rz["least"], rz["case_of_least"]), (values.min(), 1 + values.argmin()))
+        self.assertEqual((rz["most"], rz["case_of_most"]), (values.max(), 1 + values.argmax()))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,156 @@
+! SPDX-License-Identifier: MIT
+!> Sweeps for tests: their files put together, run, and compared.
+module sweeps
+    use asserts, only: check_close, check_no_failure, check_true
+    use model_faulty, only: faulty_models
+    use tandem, only: failure_type => error_type, long, wp
+    use tandem_io, only: case_runner_type, distribute, plan_type, processes_type, read_sweep, record_type, settings_of, &
+        sweep_journal_type, watcher_type
+    use tandem_io_study_files, only: make_folder, write_whole
+    use tandem_io_sweep_plan, only: is_uniform
+    use testdrive, only: error_type
+    implicit none (type, external)
+    private
+
+    public :: compare, folder, keep, make_plan, newline, read_text, run_text, varied, vary
+
+    !> Where files of these tests go; removed by `make clean`.
+    character(len=*), parameter :: folder = 'build/test_sweep', newline = new_line('a')
+
+    !> Does not look, but can end the sweep after so many cases.
+    type, extends(watcher_type) :: quiet_type
+        integer(long) :: most = huge(1_long)
+        logical :: is_reached = .false.
+    contains
+        procedure :: tell
+        procedure :: stops
+    end type quiet_type
+
+contains
+
+    subroutine tell(self, journal, workers, busy)
+        class(quiet_type), intent(inout) :: self
+        type(sweep_journal_type), intent(in) :: journal
+        integer, intent(in) :: workers
+        real(wp), intent(in) :: busy
+
+        self%is_reached = journal%done >= self%most
+    end subroutine tell
+
+    logical function stops(self)
+        class(quiet_type), intent(inout) :: self
+
+        stops = self%is_reached
+    end function stops
+
+    !> The records of two journals are the same but for their times.
+    subroutine compare(error, one, other, keeps)
+        type(error_type), allocatable, intent(inout) :: error
+        type(sweep_journal_type), intent(inout) :: one, other
+        !> Whether the files stay.
+        logical, intent(in), optional :: keeps
+        type(record_type) :: first, second
+        type(failure_type), allocatable :: failure
+        integer(long) :: i
+
+        call check_true(error, one%done == other%done, 'as many are done')
+        do i = 1, one%last
+            if (allocated(error)) return
+            call one%read(i, first, failure)
+            call check_no_failure(error, failure)
+            call other%read(i, second, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, first%values, second%values, 0.0_wp, 'values of a case')
+        end do
+        if (present(keeps)) return
+        call one%close(.true.)
+        call other%close(.true.)
+    end subroutine compare
+
+    !> A plan of numbers between 0 and 1.
+    subroutine make_plan(plan, n, draws, points)
+        type(plan_type), intent(out) :: plan
+        integer, intent(in) :: n, draws, points
+        integer :: i
+
+        allocate (plan%inputs(n), plan%kept(0))
+        do i = 1, n
+            plan%inputs(i)%kind = is_uniform
+        end do
+        plan%draws = draws
+        plan%points = points
+        call plan%complete()
+    end subroutine make_plan
+
+    !> Two inputs that are drawn.
+    pure function varied() result(text)
+        character(len=:), allocatable :: text
+
+        text = vary('model.mass', 'uniform = [1.0, 2.0]')//vary('model.pull', 'normal = [1.0, 0.5]')
+    end function varied
+
+    !> A table [[vary]].
+    pure function vary(key, values) result(text)
+        character(len=*), intent(in) :: key, values
+        character(len=:), allocatable :: text
+
+        text = '[[vary]]'//newline//'key = "'//key//'"'//newline//values//newline
+    end function vary
+
+    !> A table [[keep]].
+    pure function keep(quantity, rest) result(text)
+        character(len=*), intent(in) :: quantity
+        character(len=*), intent(in), optional :: rest
+        character(len=:), allocatable :: text
+
+        text = '[[keep]]'//newline//'quantity = "'//quantity//'"'//newline
+        if (present(rest)) text = text//rest//newline
+    end function keep
+
+    !> Read a sweep of the faulty model.
+    subroutine read_text(table, rest, plan, failure)
+        !> What [sweep] has besides the scene, and what follows it.
+        character(len=*), intent(in) :: table, rest
+        type(plan_type), intent(out) :: plan
+        type(failure_type), allocatable, intent(out) :: failure
+
+        call make_folder(folder, failure)
+        if (allocated(failure)) return
+        call write_whole(folder//'/scene.toml', '[scene]'//newline//'model = "faulty"'//newline//'[time]'//newline//'end = 1.0'// &
+            newline//'[solver]'//newline//'stepper = "rk4"'//newline//'step = 0.1'//newline//'[[event]]'//newline// &
+            'name = "half"'//newline//'watch = "q1"'//newline//'value = 0.5'//newline, failure)
+        if (allocated(failure)) return
+        call write_whole(folder//'/sweep.toml', '[sweep]'//newline//'scene = "scene.toml"'//newline//table//newline//rest, failure)
+        if (.not. allocated(failure)) call read_sweep(folder//'/sweep.toml', faulty_models(), plan, failure)
+    end subroutine read_text
+
+    !> Read and run a sweep of the faulty model; the journal stays open.
+    subroutine run_text(table, rest, plan, journal, jobs, failure, most, name, goes_on)
+        character(len=*), intent(in) :: table, rest
+        type(plan_type), intent(out), target :: plan
+        type(sweep_journal_type), intent(inout) :: journal
+        integer, intent(in) :: jobs
+        type(failure_type), allocatable, intent(out) :: failure
+        !> End it after so many cases.
+        integer(long), intent(in), optional :: most
+        !> Of the journal.
+        character(len=*), intent(in), optional :: name
+        !> Whether with what is there already.
+        logical, intent(in), optional :: goes_on
+        type(case_runner_type), target :: runner
+        type(processes_type) :: team
+        type(quiet_type) :: watcher
+        character(len=:), allocatable :: path
+
+        call read_text(table, rest, plan, failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (allocated(failure)) return
+        path = folder//'/sweep.journal'
+        if (present(name)) path = folder//'/'//name//'.journal'
+        call journal%open(path, settings_of(plan), plan%n_outputs(), 1_long, plan%n_cases(), .not. present(goes_on), failure)
+        if (allocated(failure)) return
+        if (present(most)) watcher%most = most
+        call team%prepare(runner, jobs)
+        call distribute(journal, plan%n_outputs(), plan%max_seconds, team, watcher, failure)
+    end subroutine run_text
+end module sweeps
