@@ -55,6 +55,7 @@ contains
         call reader%count('stiff', merge(1_long, 0_long, s%is_stiff))
         call reader%value('stiff_from', s%stiff_from)
         call reader%count('stiff_steps', s%stiff_steps)
+        call reader%value('implicit_part', s%implicit_part)
         call reader%count('charts', s%charts)
         do i = 1, n_reasons
             call reader%count('charts_by_'//trim(as_name(reason_name(i))), s%charts_by(i))
