@@ -274,7 +274,7 @@ contains
         type(statistics_type) :: statistics
 
         statistics = simulation%statistics()
-        wants_estimate = arguments%error .or. (statistics%wall_seconds <= short_run .and. .not. arguments%no_error)
+        wants_estimate = arguments%error .or. (statistics%cpu_seconds <= short_run .and. .not. arguments%no_error)
     end function wants_estimate
 
     !> The second run, with a model of its own, since a run may change its model.

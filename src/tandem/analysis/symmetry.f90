@@ -39,7 +39,6 @@ module tandem_analysis_symmetry
         procedure :: name_of
         procedure :: knows
         procedure, nopass :: all_names
-        procedure, private :: choose_motions
         procedure, private :: add_rows
         procedure, private :: reduce
     end type symmetry_type
@@ -59,10 +58,11 @@ contains
         character(len=*), intent(in), optional :: names(:)
         type(singular_type) :: svd
         real(wp), allocatable :: rows(:, :), span(:, :)
+        integer, allocatable :: kept(:)
         integer :: n_samples, seed, i, k, per_sample, used
         real(wp) :: size_of_move
 
-        call self%choose_motions(point%model, names)
+        call list_motions(point%model, self%motions)
         k = size(self%motions)
         per_sample = max(point%nh + 2*point%m, 1) + point%n
         n_samples = 4 + 2*(k + 1)/max(point%n, 1)
@@ -84,31 +84,19 @@ contains
             if (stat /= status_ok) return
             used = used + per_sample
         end do
+        ! All fields have told what is large in a row before those that were not named go: what a single one leaves may be rounding.
+        if (present(names)) then
+            allocate (kept, source=pack([(i, i=1, k)], [(is_named(trim(self%motions(i)%name), names), i=1, k)]))
+            rows = rows(:, [kept, k + 1])
+            self%motions = self%motions(kept)
+            k = size(kept)
+        end if
         call svd%allocate(used, k + 1)
-        call svd%factor(rows)
+        call svd%factor(rows(:used, :))
         svd%rank = count(svd%values > merge(exact_bound, difference_bound, point%has_gradients)*max(svd%values(1), 1.0_wp))
         call svd%get_null_basis(span)
         call self%reduce(span)
     end subroutine find
-
-    !> The fields that are tried: all, or those that are named.
-    subroutine choose_motions(self, model, names)
-        class(symmetry_type), intent(inout) :: self
-        class(model_type), intent(inout) :: model
-        character(len=*), intent(in), optional :: names(:)
-        type(affine_motion_type), allocatable :: all_motions(:)
-        integer :: i
-
-        allocate (all_motions(0))
-        call list_motions(model, all_motions)
-        allocate (self%motions(0))
-        do i = 1, size(all_motions)
-            if (present(names)) then
-                if (.not. is_named(trim(all_motions(i)%name), names)) cycle
-            end if
-            self%motions = [self%motions, all_motions(i)]
-        end do
-    end subroutine choose_motions
 
     !> The fields that the model lists, or all translations and rotations of its coordinates.
     subroutine list_motions(model, motions)

@@ -16,7 +16,8 @@ module tandem_simulate_error_warnings
 
     public :: find_error_warnings, allowed_error, short_run
 
-    !> Seconds of a run that one need not hesitate to make twice, to know its error.
+    !> Seconds of the processor's time of a run that one need not hesitate to make twice, to know its error: wall time would let the
+    !> load of the machine decide who is warned.
     real(wp), parameter :: short_run = 2.0_wp
 
 contains

@@ -189,6 +189,9 @@ contains
         call open_events(self, simulation)
         call self%checksums%make(self%file, summed_paths(self, simulation))
         call self%checksums%note_texts(self%file)
+        ! A shorter text leaves its room to later ones, so that these need no space where the disk is full: last, or those of the
+        ! datasets would take it.
+        call self%file%attach('/', 'status_message', '')
         call self%file%start_appending(self%path)
         if (allocated(self%file%problem)) then
             call self%fail(error)
@@ -644,8 +647,6 @@ contains
             'and Python, (nt) or (n, nt) in Fortran')
         if (present(command)) call file%attach('/', 'command', command)
         if (present(scene)) call file%attach('/', 'scene', scene)
-        ! A shorter text leaves its room to later ones, so that these need no space where the disk is full.
-        call file%attach('/', 'status_message', '')
     end subroutine attach_head
 
     !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it is

@@ -161,7 +161,7 @@ contains
             trial%remark = error%message
             return
         end if
-        if (trial%statistics%wall_seconds <= short_run) then
+        if (trial%statistics%cpu_seconds <= short_run) then
             call global_error%estimate(subject%model, options, subject%q, subject%qd, failure)
         end if
         call find_error_warnings(options, trial%statistics, doubts, global_error, failure)
