@@ -476,6 +476,7 @@ contains
         self%rollers = [roller_type ::]
         self%sensors = [sensor_type ::]
         self%n_held = 0
+        if (allocated(self%held_name)) deallocate (self%held_name, self%held_unit)
         allocate (self%held_name(16), self%held_unit(16))
         self%rolling_name = [character(len=label_length) ::]
         self%rolling_unit = [character(len=label_length) ::]

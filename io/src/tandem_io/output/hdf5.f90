@@ -55,6 +55,7 @@ module tandem_io_output_hdf5
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
         procedure :: reserve
+        procedure :: reserve_text
         procedure :: detach_all
         procedure :: get_attribute
         procedure :: get_text
@@ -300,6 +301,13 @@ module tandem_io_output_hdf5
             integer, intent(in) :: bytes
             character(len=*), intent(in) :: meaning
         end subroutine reserve
+
+        !> Leave room for a text that comes after `start_appending`.
+        module subroutine reserve_text(self, path, name)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            character(len=*), intent(in) :: path, name
+        end subroutine reserve_text
 
         !> Take all attributes but the meaning from an object.
         module subroutine detach_all(self, path)

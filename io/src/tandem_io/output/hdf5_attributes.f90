@@ -159,6 +159,21 @@ contains
         call h5oclose_f(object, stat)
     end subroutine reserve
 
+    !> Leave room for a text of some hundred letters where texts stand, so that it needs no space where the disk is full. They stand
+    !> in collections of 4 kB, or of what one has grown to; old texts stay there. Of five texts of a quarter of one, the last begins
+    !> a collection or finds much room, unless the room that was left before was just enough for all.
+    module subroutine reserve_text(self, path, name)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path, name
+        integer, parameter :: times = 5, length = 1024
+        integer :: i
+
+        do i = 1, times
+            call self%attach(path, name, repeat('.', length))
+        end do
+        call self%attach(path, name, '')
+    end subroutine reserve_text
+
     !> Take all attributes but the meaning from an object.
     module subroutine detach_all(self, path)
         class(hdf5_type), intent(inout) :: self

@@ -32,8 +32,6 @@ module tandem_io_output_trajectory
     integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
     !> Most warnings that come with the report.
     integer, parameter :: most_later = 8
-    !> Letters for the status and its message: as many as messages have.
-    integer, parameter :: room_for_texts = 512
     !> Most steps between two looks at the clock: such that take less than a millisecond, or it would cost more than the rows.
     integer, parameter :: most_unwatched = 16
 
@@ -189,9 +187,8 @@ contains
         call open_events(self, simulation)
         call self%checksums%make(self%file, summed_paths(self, simulation))
         call self%checksums%note_texts(self%file)
-        ! A shorter text leaves its room to later ones, so that these need no space where the disk is full: last, or those of the
-        ! datasets would take it.
-        call self%file%attach('/', 'status_message', '')
+        ! Behind all other texts, which would take the room.
+        call self%file%reserve_text('/', 'status_message')
         call self%file%start_appending(self%path)
         if (allocated(self%file%problem)) then
             call self%fail(error)
@@ -642,7 +639,7 @@ contains
         call file%attach('/', 'tandem_version', tandem_version)
         call file%attach('/', 'created', time_stamp())
         call file%attach('/', 'status', 'running')
-        call file%attach('/', 'status_message', repeat('.', room_for_texts))
+        call file%attach('/', 'status_message', '')
         call file%attach('/', 'layout', 'row i of every dataset belongs to /trajectory/time[i]: shape (nt) or (nt, n) in C '// &
             'and Python, (nt) or (n, nt) in Fortran')
         if (present(command)) call file%attach('/', 'command', command)

@@ -75,7 +75,7 @@ contains
             select type (found)
             type is (toml_table)
                 call found%get_keys(below)
-                if (index(path, '.') == 0 .and. size(below) == 0) then
+                if (size(below) == 0) then
                     call set_input_error(error, source%describe(path//'.'//names(i)%key//' is empty', place_of(found), &
                         'give it keys, or leave it out'))
                     return
