@@ -93,6 +93,7 @@ contains
         character(len=*), intent(in), optional :: names(:)
         type(point_type), allocatable :: point
         real(wp), allocatable :: rates(:)
+        character(len=:), allocatable :: known
         integer :: stat, k
 
         call check_model(model, error)
@@ -103,8 +104,9 @@ contains
         if (present(names)) then
             do k = 1, size(names)
                 if (self%symmetry%knows(names(k))) cycle
+                call self%symmetry%list_names(point%model, known)
                 call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" cannot be moved along "'// &
-                    trim(names(k))//'"', 'name one of '//self%symmetry%all_names(point%model))
+                    trim(names(k))//'"', 'name one of '//known)
                 return
             end do
         end if

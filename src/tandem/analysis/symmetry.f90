@@ -38,7 +38,7 @@ module tandem_analysis_symmetry
         procedure :: matrix
         procedure :: name_of
         procedure :: knows
-        procedure, nopass :: all_names
+        procedure, nopass :: list_names
         procedure, private :: add_rows
         procedure, private :: reduce
     end type symmetry_type
@@ -140,9 +140,10 @@ contains
     end function knows
 
     !> The names of all fields of a model, with commas; of many the first.
-    function all_names(model) result(text)
+    subroutine list_names(model, text)
         class(model_type), intent(inout) :: model
-        character(len=:), allocatable :: text
+        !> No function: results of deferred length stand in static memory (gfortran).
+        character(len=:), allocatable, intent(out) :: text
         integer, parameter :: most = 40
         type(affine_motion_type), allocatable :: motions(:)
         integer :: i
@@ -154,7 +155,7 @@ contains
         end do
         text = text(3:)
         if (size(motions) > most) text = text//', ...'
-    end function all_names
+    end subroutine list_names
 
     !> Whether a field is one of those that were named.
     pure logical function is_named(name, names)
