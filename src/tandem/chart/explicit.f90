@@ -10,6 +10,7 @@ module tandem_chart_explicit
 
     public :: explicit_chart_type
 
+    !> A chart for explicit steppers alone: what implicit stages ask of a chart is refused.
     type, abstract, extends(chart_type) :: explicit_chart_type
     contains
         procedure :: factor_stage

@@ -11,6 +11,7 @@ module tandem_model_affine_motion
 
     public :: affine_motion_type, motion_name_length
 
+    !> Length of the name of a motion.
     integer, parameter :: motion_name_length = 64
 
     type :: affine_motion_type
