@@ -148,6 +148,7 @@ contains
         type(affine_motion_type), allocatable :: motions(:)
         integer :: i
 
+        allocate (motions(0))
         call list_motions(model, motions)
         text = ''
         do i = 1, min(most, size(motions))
