@@ -12,7 +12,7 @@ module tandem_io_scene
     use tandem_io_scene_settling, only: read_settling, settle
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_source, only: check_text
-    use tandem_io_scene_text, only: listed, to_toml
+    use tandem_io_scene_text, only: to_toml
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -189,13 +189,13 @@ contains
 
         if (reader%failed()) return
         source = max(reader%source_of('q'), reader%source_of('qd'))
-        associate (n => scene%model%n, names => scene%model%coordinate_name)
+        associate (n => scene%model%n)
             if (source >= 0) then
                 call reader%hide(source, 'cannot be combined with q and qd, which give the whole start')
-                call reader%get_reals('q', scene%q, n, help='coordinates '//some_of(names), required=.true.)
+                call reader%get_reals('q', scene%q, n, help='coordinates '//some_of(scene%model), required=.true.)
                 call reader%get_reals('qd', scene%qd, n, help='velocities', required=.true.)
             else
-                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//some_of(names))
+                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//some_of(scene%model))
                 call reader%propose('q')
                 call reader%propose('qd')
             end if
@@ -208,17 +208,23 @@ contains
         call reader%close_table()
     end subroutine read_start
 
-    !> Names for a line: of many the first and the last, since a line is bounded and nobody reads a thousand.
-    pure function some_of(names) result(text)
-        character(len=*), intent(in) :: names(:)
+    !> The names of coordinates for a line: of many the first and the last, since a line is bounded and nobody reads a thousand.
+    pure function some_of(model) result(text)
+        class(model_type), intent(in) :: model
         character(len=:), allocatable :: text
         integer, parameter :: most = 30
+        integer :: i
 
-        if (size(names) <= most) then
-            text = listed(names)
-        else
-            text = listed(names(:most - 1))//' ... '//trim(names(size(names)))
-        end if
+        text = ''
+        do i = 1, model%n
+            if (model%n > most .and. i >= most .and. i < model%n) cycle
+            if (i == model%n .and. model%n > most) then
+                text = text//' ... '
+            else if (i > 1) then
+                text = text//', '
+            end if
+            text = text//model%coordinate_label(i)
+        end do
     end function some_of
 
     !> [time]
