@@ -9,9 +9,9 @@ module tandem_io_scene_reader
     use tandem_io_scene_ledger, only: heading, key_length, ledger_type
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_tables, only: count_elements, first_source, table_of
-    use tandem_io_scene_text, only: listed, nearest_name, to_toml
+    use tandem_io_scene_text, only: listed, nearest_name
     use tandem_io_scene_values, only: convert, place_of
-    use tomlf, only: toml_array, toml_key, toml_table, toml_value
+    use tomlf, only: toml_key, toml_table, toml_value
     implicit none (type, external)
     private
 
@@ -105,6 +105,120 @@ module tandem_io_scene_reader
             character(len=*), intent(in) :: table, key
             character(len=:), allocatable :: text
         end function value_of
+    end interface
+
+    ! The values, by their kind.
+    interface
+        !> A number.
+        module subroutine get_real(self, key, value, check, unit, help, required)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            real(wp), intent(inout) :: value
+            !> `anything` (default), `positive` or `not_negative`.
+            integer, intent(in), optional :: check
+            !> Unit and meaning, for the complete scene.
+            character(len=*), intent(in), optional :: unit, help
+            !> Whether there is no default.
+            logical, intent(in), optional :: required
+        end subroutine get_real
+
+        !> An integer.
+        module subroutine get_integer(self, key, value, check, help)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            integer, intent(inout) :: value
+            integer, intent(in), optional :: check
+            character(len=*), intent(in), optional :: help
+        end subroutine get_integer
+
+        !> True or false.
+        module subroutine get_logical(self, key, value, help)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            logical, intent(inout) :: value
+            character(len=*), intent(in), optional :: help
+        end subroutine get_logical
+
+        !> A text of any length.
+        module subroutine get_string(self, key, value, help, required)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            character(len=:), allocatable, intent(inout) :: value
+            character(len=*), intent(in), optional :: help
+            logical, intent(in), optional :: required
+        end subroutine get_string
+
+        !> One of some texts.
+        module subroutine get_choice(self, key, value, choices, help, required)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            character(len=*), intent(inout) :: value
+            !> What it may be.
+            character(len=*), intent(in) :: choices(:)
+            character(len=*), intent(in), optional :: help
+            logical, intent(in), optional :: required
+        end subroutine get_choice
+
+        !> As many numbers as `values` has.
+        module subroutine get_vector(self, key, values, check, unit, help)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The defaults before, the values after.
+            real(wp), intent(inout) :: values(:)
+            integer, intent(in), optional :: check
+            character(len=*), intent(in), optional :: unit, help
+        end subroutine get_vector
+
+        !> Some numbers.
+        module subroutine get_reals(self, key, values, length, check, unit, help, required)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            real(wp), allocatable, intent(inout) :: values(:)
+            !> How many there must be.
+            integer, intent(in) :: length
+            integer, intent(in), optional :: check
+            character(len=*), intent(in), optional :: unit, help
+            logical, intent(in), optional :: required
+        end subroutine get_reals
+
+        !> One number for all of something, or one for each in a list.
+        module subroutine get_for_each(self, key, length, values, value, help)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> How many there are.
+            integer, intent(in) :: length
+            !> The list; not allocated where there is none.
+            real(wp), allocatable, intent(inout) :: values(:)
+            !> The number for all, the default before. Where it is absent, the key has no default, and a number fills the list.
+            real(wp), intent(inout), optional :: value
+            character(len=*), intent(in), optional :: help
+        end subroutine get_for_each
+
+        !> Some of some texts, each once at most.
+        module subroutine get_strings(self, key, values, choices, help)
+            implicit none (type, external)
+            class(reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after.
+            character(len=*), allocatable, intent(inout) :: values(:)
+            !> What each may be.
+            character(len=*), intent(in) :: choices(:)
+            character(len=*), intent(in), optional :: help
+        end subroutine get_strings
     end interface
 
 contains
@@ -405,242 +519,6 @@ contains
         if (.not. self%is_brief) call self%ledger%add(path_to_toml(table), path_to_toml(key), value_to_toml(value), comment, 0)
     end subroutine show
 
-    !> A number.
-    subroutine get_real(self, key, value, check, unit, help, required)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        real(wp), intent(inout) :: value
-        !> `anything` (default), `positive` or `not_negative`.
-        integer, intent(in), optional :: check
-        !> Unit and meaning, for the complete scene.
-        character(len=*), intent(in), optional :: unit, help
-        !> Whether there is no default.
-        logical, intent(in), optional :: required
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source
-
-        call self%find(key, found, source, required)
-        if (associated(found)) then
-            call convert(self%sources(source), found, value, problem)
-            if (problem == '') problem = violated(value, check)
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (.not. self%is_brief) call self%record(key, to_toml(value), source, unit, help)
-    end subroutine get_real
-
-    !> An integer.
-    subroutine get_integer(self, key, value, check, help)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        integer, intent(inout) :: value
-        integer, intent(in), optional :: check
-        character(len=*), intent(in), optional :: help
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source
-
-        call self%find(key, found, source)
-        if (associated(found)) then
-            call convert(self%sources(source), found, value, problem)
-            if (problem == '') problem = violated(real(value, wp), check)
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
-    end subroutine get_integer
-
-    !> True or false.
-    subroutine get_logical(self, key, value, help)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        logical, intent(inout) :: value
-        character(len=*), intent(in), optional :: help
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source
-
-        call self%find(key, found, source)
-        if (associated(found)) then
-            call convert(self%sources(source), found, value, problem)
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
-    end subroutine get_logical
-
-    !> A text of any length.
-    subroutine get_string(self, key, value, help, required)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        character(len=:), allocatable, intent(inout) :: value
-        character(len=*), intent(in), optional :: help
-        logical, intent(in), optional :: required
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source
-
-        call self%find(key, found, source, required)
-        if (associated(found)) then
-            call convert(self%sources(source), found, value, problem)
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (.not. allocated(value)) value = ''
-        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
-    end subroutine get_string
-
-    !> One of some texts.
-    subroutine get_choice(self, key, value, choices, help, required)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        character(len=*), intent(inout) :: value
-        !> What it may be.
-        character(len=*), intent(in) :: choices(:)
-        character(len=*), intent(in), optional :: help
-        logical, intent(in), optional :: required
-        character(len=:), allocatable :: text, comment
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source
-
-        call self%find(key, found, source, required)
-        text = trim(value)
-        if (associated(found)) then
-            call convert(self%sources(source), found, text, problem)
-            if (problem == '' .and. .not. any(text == choices)) then
-                problem = 'must be one of '//listed(choices)
-                if (nearest_name(text, choices) /= '') problem = problem//'; did you mean "'//nearest_name(text, choices)//'"?'
-            end if
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        value = text
-        comment = listed(choices)
-        if (present(help)) comment = help//': '//comment
-        if (.not. self%is_brief) call self%record(key, to_toml(text), source, help=comment)
-    end subroutine get_choice
-
-    !> As many numbers as `values` has.
-    subroutine get_vector(self, key, values, check, unit, help)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The defaults before, the values after.
-        real(wp), intent(inout) :: values(:)
-        integer, intent(in), optional :: check
-        character(len=*), intent(in), optional :: unit, help
-        real(wp), allocatable :: numbers(:)
-
-        allocate (numbers, source=values)
-        call self%get_reals(key, numbers, size(values), check, unit, help)
-        if (size(numbers) == size(values)) values = numbers
-    end subroutine get_vector
-
-    !> Some numbers.
-    subroutine get_reals(self, key, values, length, check, unit, help, required)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        real(wp), allocatable, intent(inout) :: values(:)
-        !> How many there must be.
-        integer, intent(in) :: length
-        integer, intent(in), optional :: check
-        character(len=*), intent(in), optional :: unit, help
-        logical, intent(in), optional :: required
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source, i
-
-        call self%find(key, found, source, required)
-        if (associated(found)) then
-            call convert(self%sources(source), found, values, problem)
-            if (problem /= '') then
-                call self%refuse_value(key, found, source, problem)
-                return
-            end if
-            if (size(values) /= length) problem = 'has '//to_toml(size(values))//' elements; it must have '//to_toml(length)
-            do i = 1, size(values)
-                if (problem /= '') exit
-                problem = violated(values(i), check)
-                if (problem /= '') problem = 'element '//to_toml(i)//' '//problem
-            end do
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (self%failed()) return
-        if (.not. self%is_brief) call self%record(key, to_toml(values), source, unit, help)
-    end subroutine get_reals
-
-    !> One number for all of something, or one for each in a list.
-    subroutine get_for_each(self, key, length, values, value, help)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> How many there are.
-        integer, intent(in) :: length
-        !> The list; not allocated where there is none.
-        real(wp), allocatable, intent(inout) :: values(:)
-        !> The number for all, the default before. Where it is absent, the key has no default, and a number fills the list.
-        real(wp), intent(inout), optional :: value
-        character(len=*), intent(in), optional :: help
-        class(toml_value), pointer :: found
-        real(wp) :: number
-        integer :: source
-
-        call self%find(key, found, source)
-        if (.not. (associated(found) .or. present(value))) then
-            call self%propose(key)
-            return
-        end if
-        if (associated(found)) then
-            select type (found)
-            type is (toml_array)
-                call self%get_reals(key, values, length, help=help)
-                return
-            end select
-        end if
-        number = 0.0_wp
-        if (present(value)) number = value
-        call self%get_real(key, number, help=help)
-        if (present(value)) then
-            value = number
-        else
-            values = spread(number, 1, length)
-        end if
-    end subroutine get_for_each
-
-    !> Some of some texts, each once at most.
-    subroutine get_strings(self, key, values, choices, help)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after.
-        character(len=*), allocatable, intent(inout) :: values(:)
-        !> What each may be.
-        character(len=*), intent(in) :: choices(:)
-        character(len=*), intent(in), optional :: help
-        class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
-        integer :: source, i
-
-        call self%find(key, found, source)
-        if (associated(found)) then
-            call convert(self%sources(source), found, values, problem)
-            do i = 1, size(values)
-                if (problem /= '') exit
-                if (.not. any(values(i) == choices)) then
-                    problem = '"'//trim(values(i))//'" is none of '//listed(choices)
-                    if (nearest_name(trim(values(i)), choices) /= '') then
-                        problem = problem//'; did you mean "'//nearest_name(trim(values(i)), choices)//'"?'
-                    end if
-                else if (count(values == values(i)) > 1) then
-                    problem = 'has "'//trim(values(i))//'" more than once'
-                end if
-            end do
-            if (problem /= '') call self%refuse_value(key, found, source, problem)
-        end if
-        if (self%failed()) return
-        if (.not. self%is_brief) call self%record(key, to_toml(values), source, help=help)
-    end subroutine get_strings
-
     !> The complete scene as TOML, with every key that was asked for.
     pure function text(self)
         class(reader_type), intent(in) :: self
@@ -706,18 +584,6 @@ contains
         call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(found), &
             'in '//heading(self%table, self%element)))
     end subroutine refuse_value
-
-    !> What a number violates; nothing where it is as it must be.
-    pure function violated(value, check) result(problem)
-        real(wp), intent(in) :: value
-        integer, intent(in), optional :: check
-        character(len=:), allocatable :: problem
-
-        problem = ''
-        if (.not. present(check)) return
-        if (check == positive .and. .not. value > 0.0_wp) problem = 'must be positive'
-        if (check == not_negative .and. .not. value >= 0.0_wp) problem = 'must not be negative'
-    end function violated
 
     !> The question whether another word was meant.
     pure function meant(word, names) result(question)

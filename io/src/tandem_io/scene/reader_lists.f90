@@ -3,7 +3,7 @@
 submodule(tandem_io_scene_reader) tandem_io_scene_reader_lists
     use tandem, only: is_text, is_truth
     use tandem_io_scene_flattening, only: convert_value
-    use tomlf, only: toml_keyval
+    use tomlf, only: toml_array, toml_keyval
     use tomlf_constants, only: tfi, toml_type
     implicit none (type, external)
 

@@ -1,0 +1,191 @@
+! SPDX-License-Identifier: MIT
+!> The values that a reader gives, by their kind: the default before the call, what the last source says after it.
+submodule(tandem_io_scene_reader) tandem_io_scene_reader_values
+    use tandem_io_scene_text, only: to_toml
+    use tomlf, only: toml_array
+    implicit none (type, external)
+
+contains
+
+    !> A number.
+    module procedure get_real
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem == '') problem = violated(value, check)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, unit, help)
+    end procedure get_real
+
+    !> An integer.
+    module procedure get_integer
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem == '') problem = violated(real(value, wp), check)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
+    end procedure get_integer
+
+    !> True or false.
+    module procedure get_logical
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
+    end procedure get_logical
+
+    !> A text of any length.
+    module procedure get_string
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, value, problem)
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (.not. allocated(value)) value = ''
+        if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
+    end procedure get_string
+
+    !> One of some texts.
+    module procedure get_choice
+        character(len=:), allocatable :: text, comment
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source
+
+        call self%find(key, found, source, required)
+        text = trim(value)
+        if (associated(found)) then
+            call convert(self%sources(source), found, text, problem)
+            if (problem == '' .and. .not. any(text == choices)) then
+                problem = 'must be one of '//listed(choices)
+                if (nearest_name(text, choices) /= '') problem = problem//'; did you mean "'//nearest_name(text, choices)//'"?'
+            end if
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        value = text
+        comment = listed(choices)
+        if (present(help)) comment = help//': '//comment
+        if (.not. self%is_brief) call self%record(key, to_toml(text), source, help=comment)
+    end procedure get_choice
+
+    !> As many numbers as `values` has.
+    module procedure get_vector
+        real(wp), allocatable :: numbers(:)
+
+        allocate (numbers, source=values)
+        call self%get_reals(key, numbers, size(values), check, unit, help)
+        if (size(numbers) == size(values)) values = numbers
+    end procedure get_vector
+
+    !> Some numbers.
+    module procedure get_reals
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source, i
+
+        call self%find(key, found, source, required)
+        if (associated(found)) then
+            call convert(self%sources(source), found, values, problem)
+            if (problem /= '') then
+                call self%refuse_value(key, found, source, problem)
+                return
+            end if
+            if (size(values) /= length) problem = 'has '//to_toml(size(values))//' elements; it must have '//to_toml(length)
+            do i = 1, size(values)
+                if (problem /= '') exit
+                problem = violated(values(i), check)
+                if (problem /= '') problem = 'element '//to_toml(i)//' '//problem
+            end do
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (self%failed()) return
+        if (.not. self%is_brief) call self%record(key, to_toml(values), source, unit, help)
+    end procedure get_reals
+
+    !> One number for all of something, or one for each in a list.
+    module procedure get_for_each
+        class(toml_value), pointer :: found
+        real(wp) :: number
+        integer :: source
+
+        call self%find(key, found, source)
+        if (.not. (associated(found) .or. present(value))) then
+            call self%propose(key)
+            return
+        end if
+        if (associated(found)) then
+            select type (found)
+            type is (toml_array)
+                call self%get_reals(key, values, length, help=help)
+                return
+            end select
+        end if
+        number = 0.0_wp
+        if (present(value)) number = value
+        call self%get_real(key, number, help=help)
+        if (present(value)) then
+            value = number
+        else
+            values = spread(number, 1, length)
+        end if
+    end procedure get_for_each
+
+    !> Some of some texts, each once at most.
+    module procedure get_strings
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        integer :: source, i
+
+        call self%find(key, found, source)
+        if (associated(found)) then
+            call convert(self%sources(source), found, values, problem)
+            do i = 1, size(values)
+                if (problem /= '') exit
+                if (.not. any(values(i) == choices)) then
+                    problem = '"'//trim(values(i))//'" is none of '//listed(choices)
+                    if (nearest_name(trim(values(i)), choices) /= '') then
+                        problem = problem//'; did you mean "'//nearest_name(trim(values(i)), choices)//'"?'
+                    end if
+                else if (count(values == values(i)) > 1) then
+                    problem = 'has "'//trim(values(i))//'" more than once'
+                end if
+            end do
+            if (problem /= '') call self%refuse_value(key, found, source, problem)
+        end if
+        if (self%failed()) return
+        if (.not. self%is_brief) call self%record(key, to_toml(values), source, help=help)
+    end procedure get_strings
+
+    !> What a number violates; nothing where it is as it must be.
+    pure function violated(value, check) result(problem)
+        real(wp), intent(in) :: value
+        integer, intent(in), optional :: check
+        character(len=:), allocatable :: problem
+
+        problem = ''
+        if (.not. present(check)) return
+        if (check == positive .and. .not. value > 0.0_wp) problem = 'must be positive'
+        if (check == not_negative .and. .not. value >= 0.0_wp) problem = 'must not be negative'
+    end function violated
+end submodule tandem_io_scene_reader_values
