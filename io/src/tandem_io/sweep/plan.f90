@@ -9,15 +9,19 @@ module tandem_io_sweep_plan
     use tandem_io_sweep_kept, only: kept_type
     use tandem_io_sweep_quantile, only: normal_quantile
     use tandem_io_sweep_random, only: permuted, random_number_at, random_words, stream_draw, stream_shift, stream_stratum
-    use tandem_io_sweep_sobol, only: sobol_type
+    use tandem_io_sweep_sobol, only: most_columns, sobol_type
     implicit none (type, external)
     private
 
     public :: plan_type, input_type, is_listed, is_from_file, is_uniform, is_log_uniform, is_normal, points_names, name_length
-    public :: random_points, latin_points, sobol_points
+    public :: no_slash, own_names, random_points, latin_points, sobol_points
 
     !> Length of the names of inputs.
     integer, parameter :: name_length = 96
+    !> What is said of a name that has one.
+    character(len=*), parameter :: no_slash = 'must have no slash, since it names a dataset'
+    !> Columns that every table has.
+    character(len=7), parameter :: own_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
     !> Where the values of an input come from.
     integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5
     !> How draws fill their space, by name.
@@ -52,6 +56,8 @@ module tandem_io_sweep_plan
     type :: plan_type
         !> Path and text of the sweep's file, and path of the scene.
         character(len=:), allocatable :: path, text, scene_path
+        !> Path of the file of cases; empty where there is none.
+        character(len=:), allocatable :: cases_path
         !> What the scene is given besides, as on the command line.
         character(len=:), allocatable :: settings(:)
         !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
@@ -146,7 +152,8 @@ contains
         end do
         self%n_draws = self%draws
         if (self%is_for_indices) self%n_draws = self%n_draws*(self%n_drawn + 2)
-        if (self%points == sobol_points) call self%sobol%prepare(merge(2, 1, self%is_for_indices)*self%n_drawn)
+        if (self%points == sobol_points) call self%sobol%prepare(min(most_columns, &
+            merge(2, 1, self%is_for_indices)*self%n_drawn))
     end subroutine complete
 
     !> How many cases there are.
