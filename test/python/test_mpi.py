@@ -9,6 +9,7 @@ import random
 import shutil
 import signal
 import subprocess
+import sys
 import time
 import unittest
 from pathlib import Path
@@ -51,6 +52,19 @@ class Ranks(Case):
         self.ranks(2, "--output", "ranks.h5", "--merge", "ranks.h5.1-30.journal", "ranks.h5.31-60.journal", "--quiet")
         self.ranks(1, "--output", "whole.h5", "--quiet")
         self.assertEqual(table(self.folder / "ranks.h5"), table(self.folder / "whole.h5"))
+
+    def test_the_installed_program(self):
+        if not (ROOT / "build" / "tandem").exists():
+            self.skipTest("build/tandem is not there")
+        prefix = self.folder / "prefix"
+        library = [sys.executable, str(ROOT / "tools" / "library.py")]
+        subprocess.run([*library, "install", "--prefix", str(prefix), "--parts", "program", "mpi"], check=True, capture_output=True)
+        environment = {key: value for key, value in ENVIRONMENT.items() if key != "TANDEM_SCENES"}
+        subprocess.run([*MPIRUN, "-n", "2", str(prefix / "bin/tandem-mpi"), "sweep", "sweep.toml", "--quiet"], cwd=self.folder,
+                       env=environment, check=True, timeout=300)
+        self.assertTrue((self.folder / "sweep.h5").exists())
+        subprocess.run([*library, "uninstall", "--prefix", str(prefix)], check=True)
+        self.assertFalse(prefix.exists() and any(prefix.iterdir()))
 
     def test_wrong_input_ends_all_ranks(self):
         self.write(DISKS.replace("draws", "drawz"))

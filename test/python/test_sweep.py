@@ -355,6 +355,38 @@ class Points(Case):
         # Half a unit of the last of 32 bits is added; the ends of the normal distribution are rounded back with 1e-12.
         np.testing.assert_allclose(self.inputs("sobol"), known + 2.0**-33, rtol=0, atol=1e-12)
 
+    def test_distributions(self):
+        """Each value is the quantile of SciPy at the place where uniform draws of the same column lie."""
+        from scipy.stats import lognorm, triang, truncnorm
+
+        head = '[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = 200\npoints = "latin"\n'
+        ways = {"normal = [1.0, 0.3]\nlimits = [0.5, 1.2]": truncnorm(-0.5 / 0.3, 0.2 / 0.3, 1.0, 0.3),
+                # Both limits far above the mean.
+                "normal = [1.0, 0.1]\nlimits = [1.5, 1.6]": truncnorm(5, 6, 1.0, 0.1),
+                "log_normal = [0.1, 0.5]": lognorm(0.5, scale=math.exp(0.1)),
+                "triangular = [1.0, 1.2, 3.0]": triang(0.1, 1.0, 2.0),
+                "triangular = [1.0, 1.0, 3.0]": triang(0.0, 1.0, 2.0)}
+
+        def draws(way):
+            self.write(f'{head}[[vary]]\nkey = "model.mass"\n{way}\n')
+            self.sweep("--quiet", "--force")
+            with h5py.File(self.folder / "sweep.h5") as file:
+                return file["inputs/model.mass"][:]
+
+        u = draws("uniform = [1.0, 2.0]") - 1
+        for way, known in ways.items():
+            # The place is known to a unit of the last digit of 1 to 2, and quantiles of both to 1e-12 or better.
+            np.testing.assert_allclose(draws(way), known.ppf(u), rtol=1e-11, err_msg=way)
+        cut = draws("log_normal = [0.0, 1.0]\nlimits = [0.5, 2.0]")
+        normal = self.norm.cdf([-math.log(2), math.log(2)])
+        np.testing.assert_allclose(cut, np.exp(self.norm.ppf(normal[0] + u * (normal[1] - normal[0]))), rtol=1e-11)
+        places = np.floor(4 * u).astype(int)
+        self.assertEqual(draws("choice = [1.0, 2.0, 5.0, 7.0]").tolist(), np.array([1.0, 2.0, 5.0, 7.0])[places].tolist())
+        self.write(f'{head}[[vary]]\nkey = "solver.stepper"\nchoice = ["rk4", "dopri5", "dop853", "trapezoid"]\n')
+        self.sweep("--quiet", "--force")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual((file["inputs/solver.stepper"][:] - 1).tolist(), places.tolist())
+
     def test_latin_draws_have_low_discrepancy(self):
         u = self.inputs("latin")
         for column in u.T:
@@ -676,6 +708,15 @@ WRONG = [
      + "".join(f'[[vary]]\nkey = "initial.{q}[{i}]"\nuniform = [0.0, 1.0]\n' for q in ("q", "qd") for i in range(1, 10))
      + "".join(f'[[vary]]\nkey = "{key}"\nuniform = [1.0, 2.0]\n' for key in ("model.mass", "model.gravity", "model.radius")),
      "40 columns at most, and there are 42"),
+    (HEAD + VARY + "limits = [1.0, 2.0]\n", "belongs to normal or log_normal"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nnormal = [1.0, 0.1]\nlimits = [2.0, 1.0]\n', "the latter larger"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nnormal = [1.0, 0.1]\nlimits = [2.0, 3.0]\n', "less than 1e-12"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nlog_normal = [1.0, 0.0]\n', "the latter positive"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nlog_normal = [1.0, 0.1]\nlimits = [-1.0, 3.0]\n', "must be positive"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\ntriangular = [1.0, 3.0, 2.0]\n', "in that order"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\ntriangular = [1.0, 3.0]\n', "triangular has 2 elements"),
+    (HEAD + '[[vary]]\nkey = "solver.stepper"\nchoice = ["rk4", "rk5"]\n', 'did you mean "rk4"'),
+    (HEAD + '[[vary]]\nkey = "solver.stepper"\nchoice = []\n', "empty list"),
     ("[sweep\n", "sweep.toml"),
     ("\x00\x01", "binary"),
 ]

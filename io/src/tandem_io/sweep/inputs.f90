@@ -8,8 +8,8 @@ module tandem_io_sweep_inputs
     use tandem_io_scene_source, only: set_input_error
     use tandem_io_sweep_carriers, only: atom_to_toml, count_elements_of, with_element
     use tandem_io_sweep_columns, only: read_columns
-    use tandem_io_sweep_plan, only: input_type, is_from_file, is_listed, is_log_uniform, is_normal, is_uniform, name_length, &
-        no_slash, own_names, plan_type
+    use tandem_io_sweep_plan, only: input_type, is_choice, is_from_file, is_listed, is_log_normal, is_log_uniform, is_normal, &
+        is_triangular, is_uniform, name_length, no_slash, own_names, plan_type
     implicit none (type, external)
     private
 
@@ -123,11 +123,10 @@ contains
     subroutine read_values(reader, input)
         type(reader_type), intent(inout) :: reader
         type(input_type), intent(inout) :: input
-        character(len=11), parameter :: ways(5) = [character(len=11) :: 'values', 'from', 'uniform', 'log_uniform', 'normal']
-        character(len=7), parameter :: of_range(3) = [character(len=7) :: 'to', 'count', 'spacing']
-        integer, parameter :: kinds(5) = [is_listed, is_listed, is_uniform, is_log_uniform, is_normal]
-        type(value_type), allocatable :: values
-        real(wp), allocatable :: pair(:)
+        character(len=11), parameter :: ways(8) = [character(len=11) :: 'values', 'from', 'uniform', 'log_uniform', 'normal', &
+            'log_normal', 'triangular', 'choice']
+        integer, parameter :: kinds(8) = [is_listed, is_listed, is_uniform, is_log_uniform, is_normal, is_log_normal, &
+            is_triangular, is_choice]
         integer :: i, way, n
 
         n = 0
@@ -140,42 +139,107 @@ contains
         do i = 1, size(ways)
             if (i /= way) call reader%propose(trim(ways(i)))
         end do
-        do i = 1, size(of_range)
-            if (way == 2) exit
-            call reader%propose(trim(of_range(i)))
-            if (reader%source_of(trim(of_range(i))) >= 0) call reader%refuse(trim(of_range(i)), 'belongs to from, which is missing')
-        end do
+        if (way /= 2) call leave_out(reader, [character(len=7) :: 'to', 'count', 'spacing'], 'belongs to from, which is missing')
+        if (way < 5 .or. way > 6) call leave_out(reader, ['limits'], 'belongs to normal or log_normal, which is missing')
         if (n /= 1) then
             call reader%refuse('key', trim(merge('needs its values:', 'must have one:   ', n == 0))// &
-                ' one of values, from (with to and count), uniform, log_uniform, normal')
+                ' one of values, from (with to and count), uniform, log_uniform, normal, log_normal, triangular, choice')
             return
         end if
-        select case (way)
-        case (1)
-            call reader%get_list('values', values)
-            if (reader%failed()) return
-            call move_alloc(values%atoms, input%values)
-            if (size(input%values) > most_values) call reader%refuse('values', 'are more than '//to_text(most_values))
-            if (any(input%values%kind /= input%values(1)%kind)) call reader%refuse('values', &
-                'must be numbers, or texts, or truth values, not some of each')
-        case (2)
+        input%kind = kinds(way)
+        if (ways(way) == 'from') then
             call read_range(reader, input)
+        else if (any(input%kind == [is_listed, is_choice])) then
+            call read_list(reader, trim(ways(way)), input)
+        else
+            call read_distribution(reader, trim(ways(way)), input)
+        end if
+    end subroutine read_values
+
+    !> Refuse keys that belong to another one.
+    subroutine leave_out(reader, keys, problem)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: keys(:), problem
+        integer :: i
+
+        do i = 1, size(keys)
+            call reader%propose(trim(keys(i)))
+            if (reader%source_of(trim(keys(i))) >= 0) call reader%refuse(trim(keys(i)), problem)
+        end do
+    end subroutine leave_out
+
+    !> Values one by one.
+    subroutine read_list(reader, key, input)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: key
+        type(input_type), intent(inout) :: input
+        type(value_type), allocatable :: values
+
+        call reader%get_list(key, values)
+        if (reader%failed()) return
+        call move_alloc(values%atoms, input%values)
+        if (size(input%values) > most_values) call reader%refuse(key, 'are more than '//to_text(most_values))
+        if (any(input%values%kind /= input%values(1)%kind)) call reader%refuse(key, &
+            'must be numbers, or texts, or truth values, not some of each')
+    end subroutine read_list
+
+    !> The numbers of a distribution.
+    subroutine read_distribution(reader, key, input)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: key
+        type(input_type), intent(inout) :: input
+        real(wp), allocatable :: numbers(:)
+        integer :: n
+
+        n = merge(3, 2, input%kind == is_triangular)
+        allocate (numbers(n), source=0.0_wp)
+        call reader%get_reals(key, numbers, n)
+        if (reader%failed()) return
+        input%a = numbers(1)
+        input%b = numbers(n)
+        select case (input%kind)
+        case (is_normal)
+            if (.not. input%b > 0.0_wp) call reader%refuse(key, 'must be [mean, standard deviation], the latter positive')
+        case (is_log_normal)
+            if (.not. input%b > 0.0_wp) call reader%refuse(key, 'must be [mean, standard deviation] of the logarithm, the '// &
+                'latter positive')
+        case (is_triangular)
+            input%mode = numbers(2)
+            if (.not. (input%b > input%a .and. input%mode >= input%a .and. input%mode <= input%b)) then
+                call reader%refuse(key, 'must be [lower, most likely, upper], in that order')
+            end if
         case default
-            input%kind = kinds(way)
-            allocate (pair(2), source=0.0_wp)
-            call reader%get_reals(trim(ways(way)), pair, 2)
-            if (reader%failed()) return
-            input%a = pair(1)
-            input%b = pair(2)
-            if (input%kind == is_normal) then
-                if (.not. input%b > 0.0_wp) call reader%refuse('normal', 'must be [mean, standard deviation], the latter positive')
-            else if (.not. input%b > input%a) then
-                call reader%refuse(trim(ways(way)), 'must be [lower, upper], the latter larger')
+            if (.not. input%b > input%a) then
+                call reader%refuse(key, 'must be [lower, upper], the latter larger')
             else if (input%kind == is_log_uniform .and. .not. input%a > 0.0_wp) then
-                call reader%refuse('log_uniform', 'must have positive ends')
+                call reader%refuse(key, 'must have positive ends')
             end if
         end select
-    end subroutine read_values
+        if (any(input%kind == [is_normal, is_log_normal])) call read_limits(reader, input)
+    end subroutine read_distribution
+
+    !> Where a distribution is cut off, if it is.
+    subroutine read_limits(reader, input)
+        type(reader_type), intent(inout) :: reader
+        type(input_type), intent(inout) :: input
+        real(wp), parameter :: least = 1.0e-12_wp
+        real(wp), allocatable :: limits(:)
+
+        input%is_limited = reader%source_of('limits') >= 0
+        allocate (limits(2), source=0.0_wp)
+        if (.not. input%is_limited) call reader%propose('limits')
+        if (input%is_limited) call reader%get_reals('limits', limits, 2)
+        if (reader%failed() .or. .not. input%is_limited) return
+        input%low = limits(1)
+        input%high = limits(2)
+        if (.not. input%high > input%low) then
+            call reader%refuse('limits', 'must be [lower, upper], the latter larger')
+        else if (input%kind == is_log_normal .and. .not. input%low > 0.0_wp) then
+            call reader%refuse('limits', 'must be positive, as all that log_normal gives')
+        else if (.not. input%held() > least) then
+            call reader%refuse('limits', 'hold less than 1e-12 of the distribution')
+        end if
+    end subroutine read_limits
 
     !> Numbers from one to another.
     subroutine read_range(reader, input)
@@ -300,7 +364,7 @@ contains
         do i = 1, size(plan%inputs)
             if (.not. plan%inputs(i)%holds_texts) cycle
             associate (input => plan%inputs(i), setting => settings(size(plan%settings) + plan%inputs(i)%setting))
-                do j = 2, merge(size(input%values), 1, input%kind == is_listed)
+                do j = 2, merge(size(input%values), 1, any(input%kind == [is_listed, is_choice]))
                     setting = input%path//'='//atom_to_toml(input%values(j), .false.)
                     call read_scene(plan%scene_path, settings, scene, error, models=models)
                     if (.not. allocated(error)) cycle

@@ -11,7 +11,8 @@ module tandem_io_sweep_table
     use tandem_io_sweep_disk, only: sync_file, sync_folder_of
     use tandem_io_sweep_journal, only: sweep_journal_type
     use tandem_io_sweep_kept, only: kept_type, take_names, take_times
-    use tandem_io_sweep_plan, only: input_type, is_log_uniform, is_normal, is_uniform, plan_type
+    use tandem_io_sweep_plan, only: input_type, is_choice, is_log_normal, is_log_uniform, is_normal, is_triangular, is_uniform, &
+        plan_type
     use tandem_io_sweep_record, only: message_length, name_of_status, record_type
     use tandem_io_sweep_summary, only: index_type, sensitivities
     use tandem_io_version, only: format_version, tandem_version
@@ -189,6 +190,12 @@ contains
             way = 'log_uniform'
         case (is_normal)
             way = 'normal'
+        case (is_log_normal)
+            way = 'log_normal'
+        case (is_triangular)
+            way = 'triangular'
+        case (is_choice)
+            way = 'choice'
         case default
             way = 'listed'
         end select
