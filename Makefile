@@ -20,7 +20,8 @@ DESTDIR ?=
 PARTS ?=
 INSTALLED = $(or $(PARTS),library program command-line)
 REMOVED = $(or $(PARTS),library program command-line mpi)
-INSTALL_NEEDS = $(if $(filter mpi,$(INSTALLED)),mpi,) $(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
+INSTALL_NEEDS = $(filter mpi,$(INSTALLED)) \
+	$(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
 
 export ARCH
 # The systems are small: threads inside BLAS cost more than they bring.

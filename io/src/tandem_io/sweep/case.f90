@@ -31,9 +31,6 @@ module tandem_io_sweep_case
     contains
         procedure :: prepare
         procedure :: run
-        procedure, private :: read_case
-        procedure, private :: integrate
-        procedure, private :: estimate
     end type case_runner_type
 
 contains
@@ -74,8 +71,8 @@ contains
         call system_clock(from)
         self%recorder%values = ieee_value(1.0_wp, ieee_quiet_nan)
         call self%plan%numbers_of(case, self%numbers)
-        call self%read_case(case, scene, error)
-        if (.not. allocated(error)) call self%integrate(case, scene, remark, error)
+        call read_case(self, case, scene, error)
+        if (.not. allocated(error)) call integrate(self, case, scene, remark, error)
         call system_clock(to, rate)
         record%case = case
         record%seconds = real(to - from, wp)/real(rate, wp)
@@ -91,7 +88,7 @@ contains
 
     !> Make the scene of a case.
     subroutine read_case(self, case, scene, error)
-        class(case_runner_type), intent(inout) :: self
+        type(case_runner_type), intent(inout) :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
@@ -124,7 +121,7 @@ contains
 
     !> The run.
     subroutine integrate(self, case, scene, remark, error)
-        class(case_runner_type), intent(inout), target :: self
+        type(case_runner_type), intent(inout), target :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout), target :: scene
         !> What is to be said of a case that did not fail; empty where nothing is.
@@ -164,7 +161,7 @@ contains
         else
             call integrate_into_file()
         end if
-        if (self%recorder%needs_estimate .and. .not. allocated(error)) call self%estimate(case, scene, global_error, remark)
+        if (self%recorder%needs_estimate .and. .not. allocated(error)) call estimate(self, case, scene, global_error, remark)
     contains
         !> With the whole trajectory.
         subroutine integrate_into_file()
@@ -183,7 +180,7 @@ contains
     !> The error of the run, by a second one with a model of its own, since a run may change its model. That there is none is no
     !> failure of the case: its numbers are NaN, and the remark says why.
     subroutine estimate(self, case, scene, global_error, remark)
-        class(case_runner_type), intent(inout) :: self
+        type(case_runner_type), intent(inout) :: self
         integer(long), intent(in) :: case
         !> The case, and what has watched it.
         type(scene_type), intent(in) :: scene
@@ -192,7 +189,7 @@ contains
         type(scene_type), target :: again
         type(error_type), allocatable :: error
 
-        call self%read_case(case, again, error)
+        call read_case(self, case, again, error)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
         if (allocated(error)) then
             remark = 'no estimate of the error: '//error%message
