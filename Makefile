@@ -16,10 +16,12 @@ INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem
 # Where `make install` puts the program and the libraries; DESTDIR stands before it, for packagers.
 PREFIX  ?= /usr/local
 DESTDIR ?=
-# Parts, all if empty: of the tests (tools/verify.py --list), or of what is installed (library program command-line).
+# Parts, all if empty: of the tests (tools/verify.py --list), or of what is installed (library program command-line, mpi by name).
 PARTS ?=
 INSTALLED = $(or $(PARTS),library program command-line)
-INSTALL_NEEDS = $(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
+REMOVED = $(or $(PARTS),library program command-line mpi)
+INSTALL_NEEDS = $(filter mpi,$(INSTALLED)) \
+	$(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
 
 export ARCH
 # The systems are small: threads inside BLAS cost more than they bring.
@@ -74,7 +76,7 @@ install: $(INSTALL_NEEDS) ## program with scenes, and libraries, below PREFIX (/
 	@python3 tools/library.py install --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
 
 uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
-	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
+	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(REMOVED)
 
 python: build ## the package for Python in an environment of its own, build/python; also for tandem plot and view
 	@tools/python.sh

@@ -8,11 +8,13 @@ module sweeps
         sweep_journal_type, watcher_type
     use tandem_io_study_files, only: make_folder, write_whole
     use tandem_io_sweep_plan, only: is_uniform
+    use tandem_io_sweep_record, only: words_of_record
+    use tandem_io_sweep_team, only: a_loss, a_record, event_type, nothing, team_type
     use testdrive, only: error_type
     implicit none (type, external)
     private
 
-    public :: compare, folder, keep, make_plan, newline, read_text, run_text, varied, vary
+    public :: compare, folder, keep, late_type, make_plan, newline, quiet_type, read_text, run_text, varied, vary
 
     !> Where files of these tests go; removed by `make clean`.
     character(len=*), parameter :: folder = 'build/test_sweep', newline = new_line('a')
@@ -26,7 +28,91 @@ module sweeps
         procedure :: stops
     end type quiet_type
 
+    !> A worker that does nothing but tell that its cases are done, all in order, except that it is lost before the first one and
+    !> tells of that one when it has begun anew.
+    type, extends(team_type) :: late_type
+        !> The cases that it has.
+        integer(long) :: cases(1000) = 0
+        integer :: n = 0, told = 0
+    contains
+        procedure :: size => count_one
+        procedure :: start => start_late
+        procedure :: give => give_late
+        procedure :: next => next_late
+        procedure :: end_worker => end_late
+        procedure :: dismiss => dismiss_late
+    end type late_type
+
 contains
+
+    integer function count_one(self)
+        class(late_type), intent(in) :: self
+
+        count_one = 1
+    end function count_one
+
+    subroutine start_late(self, worker, error)
+        class(late_type), intent(inout) :: self
+        integer, intent(in) :: worker
+        type(failure_type), allocatable, intent(out) :: error
+
+        self%n = 0
+    end subroutine start_late
+
+    subroutine give_late(self, worker, first, last)
+        class(late_type), intent(inout) :: self
+        integer, intent(in) :: worker
+        integer(long), intent(in) :: first, last
+        integer(long) :: case
+
+        do case = first, last
+            self%n = self%n + 1
+            self%cases(self%n) = case
+        end do
+    end subroutine give_late
+
+    subroutine next_late(self, milliseconds, event)
+        class(late_type), intent(inout) :: self
+        integer, intent(in) :: milliseconds
+        type(event_type), intent(inout) :: event
+        type(record_type) :: record
+        integer(long) :: case
+
+        event%kind = nothing
+        event%worker = 1
+        if (.not. allocated(event%words)) allocate (event%words(words_of_record(1)))
+        if (self%n == 0 .or. milliseconds == 0) return
+        self%told = self%told + 1
+        if (self%told == 1) then
+            event%kind = a_loss
+            event%words(1) = 9
+            event%n = 1
+            return
+        end if
+        case = 1
+        if (self%told > 2) then
+            case = self%cases(1)
+            self%cases(:self%n - 1) = self%cases(2:self%n)
+            self%n = self%n - 1
+        end if
+        allocate (record%values(1), source=1.0_wp)
+        record%case = case
+        event%kind = a_record
+        call record%to_words(event%words, event%n)
+    end subroutine next_late
+
+    subroutine end_late(self, worker)
+        class(late_type), intent(inout) :: self
+        integer, intent(in) :: worker
+
+        self%n = 0
+    end subroutine end_late
+
+    subroutine dismiss_late(self)
+        class(late_type), intent(inout) :: self
+
+        self%n = 0
+    end subroutine dismiss_late
 
     subroutine tell(self, journal, workers, busy)
         class(quiet_type), intent(inout) :: self

@@ -4,14 +4,15 @@
 module test_sweep
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
     use model_faulty, only: faulty_models
-    use sweeps, only: compare, folder, keep, make_plan, newline, read_text, run_text, varied, vary
+    use sweeps, only: compare, folder, keep, late_type, make_plan, newline, quiet_type, read_text, run_text, varied, vary
     use tandem, only: failure_type => error_type, long, wp
-    use tandem_io, only: case_runner_type, index_type, name_of_status, plan_type, record_type, sensitivities, sweep_journal_type
+    use tandem_io, only: case_runner_type, distribute, index_type, name_of_status, plan_type, record_type, sensitivities, &
+        settings_of, sweep_journal_type
     use tandem_io_study_files, only: read_whole, write_whole
     use tandem_io_sweep_plan, only: latin_points, random_points, sobol_points
     use tandem_io_sweep_quantile, only: normal_quantile
     use tandem_io_sweep_random, only: permuted, philox
-    use tandem_io_sweep_sobol, only: sobol_type
+    use tandem_io_sweep_sobol, only: most_columns, sobol_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -28,6 +29,7 @@ contains
             new_unittest('random-words-are-philox', test_philox), &
             new_unittest('normal-quantiles-are-known', test_quantile), &
             new_unittest('sobol-points-are-known', test_sobol), &
+            new_unittest('more-columns-than-sobol-points-have', test_many_columns), &
             new_unittest('permutations-take-every-place-once', test_permuted), &
             new_unittest('latin-draws-hit-every-stratum-once', test_latin), &
             new_unittest('normal-draws-have-their-moments', test_moments), &
@@ -37,9 +39,11 @@ contains
             new_unittest('indices-leave-out-blocks-that-failed', test_failed_blocks), &
             new_unittest('a-case-is-the-run-of-its-scene', test_case), &
             new_unittest('cases-do-not-know-of-each-other', test_order), &
+            new_unittest('cases-do-not-know-of-kinds-of-values', test_kinds), &
             new_unittest('a-case-that-fails-is-a-row', test_failed), &
             new_unittest('a-case-that-ends-its-process-takes-no-other', test_crash), &
             new_unittest('a-case-that-never-returns-is-ended', test_hung), &
+            new_unittest('late-words-of-a-lost-worker-pass-no-case', test_late), &
             new_unittest('a-sweep-goes-on-where-it-was', test_goes_on), &
             new_unittest('a-journal-that-was-cut-goes-on', test_cut), &
             new_unittest('a-journal-of-another-sweep-is-refused', test_foreign)]
@@ -98,6 +102,15 @@ contains
             end do
         end do
     end subroutine test_sobol
+
+    !> A plan of too many columns can be made, so that what reads it can say so.
+    subroutine test_many_columns(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(plan_type) :: plan
+
+        call make_plan(plan, most_columns + 1, 8, sobol_points)
+        call check_count(error, plan%n_drawn, most_columns + 1, 'columns')
+    end subroutine test_many_columns
 
     subroutine test_permuted(error)
         type(error_type), allocatable, intent(out) :: error
@@ -326,6 +339,49 @@ contains
         end do
         call check_count(error, count(records%status /= 0), 2, 'failures')
     end subroutine test_order
+
+    !> An integer is one after a case in which it was none.
+    subroutine test_kinds(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(plan_type), target :: plan
+        type(case_runner_type) :: runner, other
+        type(record_type) :: record, alone
+        type(failure_type), allocatable :: failure
+        integer(long) :: i
+
+        call read_text('', vary('solver.max_steps', 'values = [100, 100.5, 200]')//keep('q1'), plan, failure)
+        call check_no_failure(error, failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (allocated(error)) return
+        do i = 1, 3
+            call runner%run(i, record)
+            call check_text(error, name_of_status(record%status), trim(merge('invalid_option', 'ok            ', i == 2)))
+        end do
+        call other%prepare(plan, faulty_models(), failure)
+        call other%run(3_long, alone)
+        call check_close(error, record%values, alone%values, 0.0_wp, 'values of a case')
+        call check_true(error, record%message == alone%message, 'the message is the same')
+    end subroutine test_kinds
+
+    !> A worker is lost with a case, begins anew with others, and only then tells what became of that case.
+    subroutine test_late(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(plan_type), target :: plan
+        type(sweep_journal_type) :: journal
+        type(late_type) :: team
+        type(quiet_type) :: watcher
+        type(failure_type), allocatable :: failure
+
+        call read_text('draws = 20', varied()//keep('q1'), plan, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call journal%open(folder//'/late.journal', settings_of(plan), plan%n_outputs(), 1_long, plan%n_cases(), .true., failure)
+        call check_no_failure(error, failure)
+        call distribute(journal, plan%n_outputs(), 0.0_wp, team, watcher, failure)
+        call check_no_failure(error, failure)
+        call check_count(error, journal%done, 20, 'cases done')
+        call journal%close(.true.)
+    end subroutine test_late
 
     !> Values that the scene refuses, and runs that fail.
     subroutine test_failed(error)

@@ -6,10 +6,11 @@ Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
        tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR] [--parts PART...]
        tools/library.py uninstall [--prefix DIR] [--destdir DIR] [--parts PART...]
 
-The parts, all of them unless --parts names some:
+The parts, all of them but the last unless --parts names some:
   library       the solver, static and shared. Needs gfortran, LAPACK and BLAS, and nothing else.
   program       build/tandem, which `make build` leaves there, and the shipped scenes.
   command-line  the command line as a static library, for models of one's own. Needs HDF5 and toml-f (tools/setup.sh) too.
+  mpi           build/tandem-mpi, which `make mpi` leaves there; its scenes are those of the program.
 
 `build` builds the solver. Sources are compiled in the order of their modules, those that have changed since the last time. FC
 names another gfortran, CC another C compiler.
@@ -28,6 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FC = os.environ.get("FC", "gfortran")
 CC = os.environ.get("CC", "cc")
 PARTS = ["library", "program", "command-line"]
+OPTIONAL = ["mpi"]
 TOML_F = ROOT / "build" / "dependencies" / "toml-f"
 HDF5 = ROOT / "io" / "include" / "hdf5"
 # Procedures are inlined although others could replace them in a shared library; local arrays stay off static memory, so that
@@ -254,6 +256,14 @@ def program_part():
     return files | {f"share/tandem/scenes/{scene.name}": scene for scene in sorted((ROOT / "scenes").glob("*.toml"))}, {}, {}
 
 
+def mpi_part():
+    """The program that distributes sweeps over ranks of MPI."""
+    program = ROOT / "build" / "tandem-mpi"
+    if not program.exists():
+        raise SystemExit("library: build/tandem-mpi is missing: make mpi")
+    return {"bin/tandem-mpi": program, "share/tandem/licences/mpi-toml-f.txt": TOML_F / "LICENSE-MIT"}, {}, {}
+
+
 def command_line_part(build, prefix):
     """The library of the command line. Of its modules only those that programs use: a module file needs no other one."""
     tandem, _, _ = versions()
@@ -286,6 +296,8 @@ def install(build, flags, prefix, destdir, parts):
         found["library"] = library_part(build, prefix)
     if "program" in parts:
         found["program"] = program_part()
+    if "mpi" in parts:
+        found["mpi"] = mpi_part()
     if "command-line" in parts:
         found["command-line"] = command_line_part(build_command_line(build, flags), prefix)
     target = below(prefix, destdir)
@@ -338,9 +350,11 @@ def main():
     parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
     parser.add_argument("--prefix", default="/usr/local")
     parser.add_argument("--destdir", default="")
-    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--parts", nargs="+", choices=PARTS + OPTIONAL)
     given = parser.parse_args()
     prefix = os.path.abspath(given.prefix)
+    if given.parts is None:
+        given.parts = PARTS + OPTIONAL * (given.action == "uninstall")
     if given.action == "build":
         build_libraries(given.build, given.flags.split())
     elif given.action == "install":

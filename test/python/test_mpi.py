@@ -9,6 +9,7 @@ import random
 import shutil
 import signal
 import subprocess
+import sys
 import time
 import unittest
 from pathlib import Path
@@ -52,6 +53,19 @@ class Ranks(Case):
         self.ranks(1, "--output", "whole.h5", "--quiet")
         self.assertEqual(table(self.folder / "ranks.h5"), table(self.folder / "whole.h5"))
 
+    def test_the_installed_program(self):
+        if not (ROOT / "build" / "tandem").exists():
+            self.skipTest("build/tandem is not there")
+        prefix = self.folder / "prefix"
+        library = [sys.executable, str(ROOT / "tools" / "library.py")]
+        subprocess.run([*library, "install", "--prefix", str(prefix), "--parts", "program", "mpi"], check=True, capture_output=True)
+        environment = {key: value for key, value in ENVIRONMENT.items() if key != "TANDEM_SCENES"}
+        subprocess.run([*MPIRUN, "-n", "2", str(prefix / "bin/tandem-mpi"), "sweep", "sweep.toml", "--quiet"], cwd=self.folder,
+                       env=environment, check=True, timeout=300)
+        self.assertTrue((self.folder / "sweep.h5").exists())
+        subprocess.run([*library, "uninstall", "--prefix", str(prefix)], check=True)
+        self.assertFalse(prefix.exists() and any(prefix.iterdir()))
+
     def test_wrong_input_ends_all_ranks(self):
         self.write(DISKS.replace("draws", "drawz"))
         done = self.ranks(3, "--quiet", code=2, says='did you mean "draws"')
@@ -77,8 +91,8 @@ class Ranks(Case):
             (self.folder / "killed.h5").unlink()
 
     def see_the_end_of(self, process):
-        """mpirun of OpenMPI 4.1 was seen to hang, with all its ranks dead, when one was killed on a machine with much to do: that is
-        nothing that a rank could do anything about, and nobody waits for it for ever."""
+        """mpirun of OpenMPI 4.1 was seen to hang, with all its ranks dead, when one was killed on a machine with much to do: that
+        is nothing that a rank could do anything about, and nobody waits for it for ever."""
         try:
             process.wait(timeout=60)
         except subprocess.TimeoutExpired:

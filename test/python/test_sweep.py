@@ -10,6 +10,7 @@ import math
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -197,6 +198,124 @@ class Tables(Case):
         self.sweep("--quiet", code=2, says="exists")
         self.sweep("--quiet", "--force")
 
+    def test_files_of_others_are_not_overwritten(self):
+        cases = "model.mass\n5.0\n7.5\n"
+        text = '[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.01"]\ncsv = "cases.csv"\n'
+        self.write(cases, "cases.csv")
+        self.write(text)
+        # The values of a table with the name of the file of cases; also by force, and by another spelling.
+        for output in ("cases.h5", "./cases.h5", str(self.folder / "cases.h5")):
+            for force in ([], ["--force"]):
+                self.sweep("--output", output, *force, "--quiet", code=2,
+                           says="would overwrite the sweep, the scene or the file of cases")
+        self.write("mine\n", "other.csv")
+        self.sweep("--output", "other.h5", "--quiet", code=2, says="other.csv exists")
+        self.write(text.replace("cases.csv", "sweep.csv"))
+        (self.folder / "cases.csv").rename(self.folder / "sweep.csv")
+        self.sweep("--quiet", code=2, says="would overwrite")
+        self.assertEqual((self.folder / "sweep.csv").read_text(), cases)
+        self.assertEqual((self.folder / "other.csv").read_text(), "mine\n")
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["other.csv", "sweep.csv", "sweep.toml"])
+        self.sweep("--output", "other.h5", "--quiet", "--force")
+        self.assertIn("model.mass", (self.folder / "other.csv").read_text())
+
+    def test_starts_that_settle(self):
+        # The bob's lowest place, from the middle of its way: at rest in the equilibrium it is there, for each length.
+        self.write('[sweep]\nscene = "a01_pendulum"\nset = ["time.end=0.1", "initial.equilibrium=true"]\n[[vary]]\n'
+                   'key = "parameters.l"\nvalues = [0.5, 1.0, 2.0]\n[[keep]]\nquantity = "sensor:mass/position[1]"\ntake = "max"\n'
+                   'name = "x"\n[[keep]]\nquantity = "sensor:mass/position[2]"\nname = "y"\n')
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            # Equilibria are found to 1e-10 or so of the forces.
+            np.testing.assert_allclose(file["outputs/x"][:], 0, atol=1e-8)
+            np.testing.assert_allclose(abs(file["outputs/y"][:]), [0.5, 1.0, 2.0], rtol=1e-8)
+
+    def test_models_of_another_shape(self):
+        # Where a coordinate, a row and a sensor stand in the model depends on how many bodies there are.
+        self.write('[sweep]\nscene = "a02_four_bars"\nset = ["time.end=0.1"]\n[[vary]]\nkey = "parameters.n"\n'
+                   'values = [2, 3, 1, 4, 2]\n[[keep]]\nquantity = "coupler1.x"\n[[keep]]\nquantity = "coupler2.x"\n'
+                   '[[keep]]\nquantity = "lambda:LAST"\n'.replace("LAST", self.last_row()))
+        summary = json.loads(self.sweep("--json").stdout)
+        self.assertEqual(summary["failures"], {"invalid_option": 1})
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual(file["failures/case"][:].tolist(), [3])
+            self.assertIn('"coupler2.x" names no coordinate', file["failures/message"][0].decode())
+            for case, n in ((1, 2), (2, 3), (4, 4), (5, 2)):
+                subprocess.run([TANDEM, "run", "a02_four_bars", "--set", f"parameters.n={n}", "--set", "time.end=0.1", "--set",
+                                'output.fields=["q", "lambda"]', "--output", "run.h5", "--force", "--quiet"],
+                               cwd=self.folder, env=ENVIRONMENT, check=True)
+                with h5py.File(self.folder / "run.h5") as run:
+                    names = [str(name) for name in run["trajectory/q"].attrs["names"]]
+                    for name in ("coupler1.x", "coupler2.x"):
+                        self.assertEqual(file[f"outputs/{name}_end"][case - 1], run["trajectory/q"][-1, names.index(name)])
+                    rows = [str(name) for name in run["trajectory/lambda"].attrs["names"]]
+                    self.assertEqual(file["outputs/row"][case - 1], run["trajectory/lambda"][-1, rows.index(self.row)])
+
+    def last_row(self):
+        """The name of the last constraint row of the two four-bars."""
+        subprocess.run([TANDEM, "run", "a02_four_bars", "--set", "time.end=0.01", "--set", 'output.fields=["q", "lambda"]',
+                        "--output", "rows.h5", "--force", "--quiet"], cwd=self.folder, env=ENVIRONMENT, check=True)
+        with h5py.File(self.folder / "rows.h5") as run:
+            self.row = str(run["trajectory/lambda"].attrs["names"][-1])
+        return f'{self.row}"\nname = "row'
+
+    def test_errors_of_cases(self):
+        # The error of each case is what tandem run states of the same run; a second run changes nothing in the first.
+        kept = '[[keep]]\nquantity = "error:{0}"\n'
+        text = ('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.5", "solver.step=0.02"]\n[[vary]]\nkey = "model.mass"\n'
+                'values = [5.0, 8.0]\n[[keep]]\nquantity = "rz"\n')
+        self.write(text)
+        self.sweep("--output", "without.h5", "--quiet")
+        self.write(text + "".join(kept.format(name) for name in ("end", "largest", "q", "qd")))
+        self.sweep("--quiet")
+        with h5py.File(self.folder / "sweep.h5") as file, h5py.File(self.folder / "without.h5") as without:
+            self.assertEqual(file["outputs/rz_end"][:].tolist(), without["outputs/rz_end"][:].tolist())
+            for case, mass in enumerate((5.0, 8.0)):
+                run = subprocess.run([TANDEM, "run", "rolling_disk", "--set", "time.end=0.5", "--set", "solver.step=0.02", "--set",
+                                      f"model.mass={mass}", "--error", "--json", "--force"], cwd=self.folder, env=ENVIRONMENT,
+                                     capture_output=True, text=True, check=True)
+                error = json.loads(run.stdout)["error_at_end"]
+                for name in ("largest", "q", "qd"):
+                    self.assertEqual(file[f"outputs/error_{name}"][case], error[name])
+                self.assertLessEqual(file["outputs/error_end"][case], error["largest"])
+                self.assertGreater(file["outputs/error_end"][case], 0)
+            # The step is coarse enough for the error to be one of the method: against a run of a twentieth of the step.
+            subprocess.run([TANDEM, "run", "rolling_disk", "--set", "time.end=0.5", "--set", "solver.step=0.001", "--set",
+                            "model.mass=5.0", "--output", "fine.h5", "--force", "--quiet"], cwd=self.folder, env=ENVIRONMENT,
+                           check=True)
+            with h5py.File(self.folder / "fine.h5") as fine:
+                self.assertLess(abs(fine["trajectory/q"][-1, 2] - file["outputs/rz_end"][0]), 2 * file["outputs/error_q"][0])
+
+    def test_errors_that_are_not_known(self):
+        self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.05", \'event=[{name="half", watch="ry", '
+                   'value=0.02, action="stop"}]\']\n'
+                   '[[vary]]\nkey = "model.mass"\nvalues = [5.0]\n[[keep]]\nquantity = "error:q"\n[[keep]]\nquantity = "rz"\n')
+        self.sweep("--quiet")
+        with open(self.folder / "sweep.csv", newline="", encoding="utf-8") as text:
+            row = next(csv.DictReader(text))
+        self.assertEqual((row["status"], row["error_q"]), ("ok", ""))
+        self.assertNotEqual(row["rz_end"], "")
+        self.assertIn("no estimate of the error: invalid_option: an event has stopped", row["message"])
+
+    def test_a_pipe(self):
+        """What comes through a pipe is read once; another sweep does not take over its journal."""
+        def piped(text, *arguments):
+            return subprocess.run([TANDEM, "sweep", "/dev/stdin", "--output", "piped.h5", "--quiet", *arguments], cwd=self.folder,
+                                  env=ENVIRONMENT, input=text, capture_output=True, text=True, timeout=60)
+
+        text = DISKS.replace("draws = 60", "draws = 4")
+        self.assertEqual(piped(text, "--cases", "1:2").returncode, 0)
+        other = piped(text.replace("[5.0, 15.0]", "[50.0, 150.0]"), "--cases", "1:2")
+        self.assertEqual(other.returncode, 2, other.stderr)
+        self.assertIn("another sweep", other.stderr)
+        done = piped(text)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.write(text)
+        self.assertEqual(table(self.folder / "piped.h5"), self.whole())
+        # A scene is read several times.
+        self.write(text.replace('"rolling_disk"', '"/dev/stdin"'))
+        self.sweep("--quiet", code=2, says="must be a regular file", input="[scene]\n")
+
     def test_indices_of_a_line(self):
         # The end of a free disk's x is linear in nothing simple, but a sum of squares of its own inputs is: the energy.
         self.write(DISKS.replace('points = "latin"', 'points = "sobol"\nindices = true').replace("draws = 60", "draws = 64"))
@@ -235,6 +354,38 @@ class Points(Case):
         known = self.qmc.Sobol(3, scramble=False, bits=32).random(64)
         # Half a unit of the last of 32 bits is added; the ends of the normal distribution are rounded back with 1e-12.
         np.testing.assert_allclose(self.inputs("sobol"), known + 2.0**-33, rtol=0, atol=1e-12)
+
+    def test_distributions(self):
+        """Each value is the quantile of SciPy at the place where uniform draws of the same column lie."""
+        from scipy.stats import lognorm, triang, truncnorm
+
+        head = '[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = 200\npoints = "latin"\n'
+        ways = {"normal = [1.0, 0.3]\nlimits = [0.5, 1.2]": truncnorm(-0.5 / 0.3, 0.2 / 0.3, 1.0, 0.3),
+                # Both limits far above the mean.
+                "normal = [1.0, 0.1]\nlimits = [1.5, 1.6]": truncnorm(5, 6, 1.0, 0.1),
+                "log_normal = [0.1, 0.5]": lognorm(0.5, scale=math.exp(0.1)),
+                "triangular = [1.0, 1.2, 3.0]": triang(0.1, 1.0, 2.0),
+                "triangular = [1.0, 1.0, 3.0]": triang(0.0, 1.0, 2.0)}
+
+        def draws(way):
+            self.write(f'{head}[[vary]]\nkey = "model.mass"\n{way}\n')
+            self.sweep("--quiet", "--force")
+            with h5py.File(self.folder / "sweep.h5") as file:
+                return file["inputs/model.mass"][:]
+
+        u = draws("uniform = [1.0, 2.0]") - 1
+        for way, known in ways.items():
+            # The place is known to a unit of the last digit of 1 to 2, and quantiles of both to 1e-12 or better.
+            np.testing.assert_allclose(draws(way), known.ppf(u), rtol=1e-11, err_msg=way)
+        cut = draws("log_normal = [0.0, 1.0]\nlimits = [0.5, 2.0]")
+        normal = self.norm.cdf([-math.log(2), math.log(2)])
+        np.testing.assert_allclose(cut, np.exp(self.norm.ppf(normal[0] + u * (normal[1] - normal[0]))), rtol=1e-11)
+        places = np.floor(4 * u).astype(int)
+        self.assertEqual(draws("choice = [1.0, 2.0, 5.0, 7.0]").tolist(), np.array([1.0, 2.0, 5.0, 7.0])[places].tolist())
+        self.write(f'{head}[[vary]]\nkey = "solver.stepper"\nchoice = ["rk4", "dopri5", "dop853", "trapezoid"]\n')
+        self.sweep("--quiet", "--force")
+        with h5py.File(self.folder / "sweep.h5") as file:
+            self.assertEqual((file["inputs/solver.stepper"][:] - 1).tolist(), places.tolist())
 
     def test_latin_draws_have_low_discrepancy(self):
         u = self.inputs("latin")
@@ -383,8 +534,93 @@ class Disks(Case):
             resource.setrlimit(resource.RLIMIT_FSIZE, (journal, journal))
 
         self.sweep("--quiet", "--jobs", "1", code=1, says="no case is lost", preexec_fn=limit)
+        # What could not be finished is not left.
+        self.assertEqual(list(self.folder.glob("*.new")), [])
         self.sweep("--quiet", "--jobs", "1")
         self.assertEqual(table(self.folder / "sweep.h5"), expected)
+
+
+#: Tells what is brought to the disk, renamed and removed, in that order.
+SHIM = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+static void tell(const char *what, const char *path)
+{
+    FILE *log = fopen(getenv("TOLD"), "a");
+    const char *slash = strrchr(path, '/');
+    fprintf(log, "%s %s\n", what, slash ? slash + 1 : path);
+    fclose(log);
+}
+int fsync(int file)
+{
+    char name[64], path[4096];
+    snprintf(name, sizeof name, "/proc/self/fd/%d", file);
+    ssize_t length = readlink(name, path, sizeof path - 1);
+    path[length < 0 ? 0 : length] = 0;
+    tell("sync", path);
+    return ((int (*)(int))dlsym(RTLD_NEXT, "fsync"))(file);
+}
+int rename(const char *from, const char *to)
+{
+    tell("rename", from);
+    return ((int (*)(const char *, const char *))dlsym(RTLD_NEXT, "rename"))(from, to);
+}
+int unlink(const char *path)
+{
+    tell("unlink", path);
+    return ((int (*)(const char *))dlsym(RTLD_NEXT, "unlink"))(path);
+}
+"""
+
+
+class Power(Case):
+    """What a loss of power leaves: only what was brought to the disk is there for sure, and what was not, in any part."""
+
+    def test_what_is_on_the_disk_when(self):
+        if shutil.which("gcc") is None:
+            self.skipTest("gcc is not there")
+        self.write(SHIM, "shim.c")
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", "shim.so", "shim.c", "-ldl"], cwd=self.folder, check=True)
+        self.write(DISKS.replace("draws = 60", "draws = 3"))
+        environment = ENVIRONMENT | {"LD_PRELOAD": str(self.folder / "shim.so"), "TOLD": str(self.folder / "told")}
+        subprocess.run(self.command("--quiet"), cwd=self.folder, env=environment, check=True)
+        told = (self.folder / "told").read_text().splitlines()
+        folder = f"sync {self.folder.name}"
+        # The journal and its name; then both files before either takes its name, and these before the journal goes.
+        self.assertEqual(told, ["sync sweep.h5.journal", folder, "sync sweep.csv.new", "sync sweep.h5.new", "rename sweep.csv.new",
+                                "rename sweep.h5.new", folder, "unlink sweep.h5.journal"])
+        # A task leaves its journal on the disk.
+        (self.folder / "told").unlink()
+        subprocess.run(self.command("--quiet", "--cases", "1:2"), cwd=self.folder, env=environment, check=True)
+        self.assertEqual((self.folder / "told").read_text().splitlines()[-1], "sync sweep.h5.1-2.journal")
+
+    def test_journals_of_which_parts_are_missing(self):
+        """Blocks of 512 bytes after the head that never came to the disk, or the end of the file; also all of it."""
+        self.write(DISKS)
+        expected = self.whole()
+        self.sweep("--quiet", "--cases", "1:60")
+        part = self.folder / "sweep.h5.1-60.journal"
+        whole = part.read_bytes()
+        part.unlink()
+        draw = random.Random(2)
+        head = 512 * -(-(len(whole) - 60 * 14 * 8) // 512)
+        states = [b"", bytes(len(whole)), bytes(600), whole[:100]]
+        for _ in range(max(4, KILLS)):
+            blocks = bytearray(whole[:draw.randrange(head, len(whole) + 1)])
+            for place in range(head, len(blocks), 512):
+                if draw.random() < 0.2:
+                    blocks[place:place + 512] = bytes(len(blocks[place:place + 512]))
+            states.append(bytes(blocks))
+        for state in states:
+            (self.folder / "sweep.h5.journal").write_bytes(state)
+            self.sweep("--quiet")
+            self.assertEqual(table(self.folder / "sweep.h5"), expected)
+            (self.folder / "sweep.h5").unlink()
+            (self.folder / "sweep.csv").unlink()
 
 
 VARY = '[[vary]]\nkey = "model.mass"\nuniform = [1.0, 2.0]\n'
@@ -458,6 +694,29 @@ WRONG = [
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nat = [-1.0]\n', "must not begin before"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\n[[keep]]\nquantity = "rz"\n', "has the name of another"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "a/b"\n', "no slash"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n[[keep]]\nquantity = "rx"\nname = "z.times"\n', "times"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z.times"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z@0.0"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
+    (HEAD + "indices = true\ndraws = 8\n" + VARY + '[[keep]]\nquantity = "rz"\nname = "inputs"\n', "table of indices"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "status"\n', "the table has itself"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "model.mass"\n', "the name of an input"),
+    (HEAD + VARY + 'name = "seconds"\n', "the table has itself"),
+    (HEAD + VARY + '[[keep]]\nquantity = "error:qdd"\n', "names no error of a run"),
+    (HEAD + VARY + '[[keep]]\nquantity = "error:q"\nat = [0.0]\n', "number of the whole run"),
+    (HEAD + 'points = "sobol"\nindices = true\ndraws = 8\nset = ["initial.q=[0,0,1,1,0,0,0,0,0]", '
+     '"initial.qd=[0,0,0,0,0,0,0,0,0]"]\n'
+     + "".join(f'[[vary]]\nkey = "initial.{q}[{i}]"\nuniform = [0.0, 1.0]\n' for q in ("q", "qd") for i in range(1, 10))
+     + "".join(f'[[vary]]\nkey = "{key}"\nuniform = [1.0, 2.0]\n' for key in ("model.mass", "model.gravity", "model.radius")),
+     "40 columns at most, and there are 42"),
+    (HEAD + VARY + "limits = [1.0, 2.0]\n", "belongs to normal or log_normal"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nnormal = [1.0, 0.1]\nlimits = [2.0, 1.0]\n', "the latter larger"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nnormal = [1.0, 0.1]\nlimits = [2.0, 3.0]\n', "less than 1e-12"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nlog_normal = [1.0, 0.0]\n', "the latter positive"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\nlog_normal = [1.0, 0.1]\nlimits = [-1.0, 3.0]\n', "must be positive"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\ntriangular = [1.0, 3.0, 2.0]\n', "in that order"),
+    (HEAD + '[[vary]]\nkey = "model.mass"\ntriangular = [1.0, 3.0]\n', "triangular has 2 elements"),
+    (HEAD + '[[vary]]\nkey = "solver.stepper"\nchoice = ["rk4", "rk5"]\n', 'did you mean "rk4"'),
+    (HEAD + '[[vary]]\nkey = "solver.stepper"\nchoice = []\n', "empty list"),
     ("[sweep\n", "sweep.toml"),
     ("\x00\x01", "binary"),
 ]
@@ -481,7 +740,9 @@ class Wrong(Case):
         for text, words in [("", "no list of keys"), ("model.mass\n", "holds no cases"), ("model.mass,\n1,2\n", "no list of keys"),
                             ("model.mass\n1,2\n", "line 2 has not 1 values"), ("model.mass\n1\nx\n", "line 3 has"),
                             ("model.mass,model.mass\n1,2\n", "two columns"), ("mass\n1\n", "must be table.key"),
-                            ("model.weight\n1\n", "refused by the scene"), ("model.mass,initial.tilt\n1,\n", "no value of")]:
+                            ("model.weight\n1\n", "refused by the scene"), ("model.mass\n1-5\n", "refused by the scene"),
+                            ("model.mass\n2+3\n", "refused by the scene"), ("model.mass\n+1.5e+0\n1.2.3\n", "line 3 has"),
+                            ("model.mass,initial.tilt\n1,\n", "no value of")]:
             with self.subTest(text=text):
                 (self.folder / "cases.csv").write_text(text)
                 self.write(HEAD + 'csv = "cases.csv"\n')
@@ -493,7 +754,7 @@ class Wrong(Case):
                                  (["--cases", "3:2"], "first:last"), (["--cases", "a:b"], "first:last"),
                                  (["--cases", "7:9"], "there are 1"), (["other.toml"], "takes one SWEEP"),
                                  (["--merge", "--cases", "1:1"], "not both"), (["--merge", "none.journal"], "none.journal"),
-                                 (["--output", "sweep.toml"], "the sweep or the scene itself"), (["--steps", "3"], "no option")]:
+                                 (["--output", "sweep.toml"], "overwrite the sweep"), (["--steps", "3"], "no option")]:
             with self.subTest(arguments=arguments):
                 done = subprocess.run(self.command(*arguments, "--quiet"), cwd=self.folder, env=ENVIRONMENT, capture_output=True,
                                       text=True, timeout=60)
@@ -539,8 +800,9 @@ class Pictures(Case):
         self.sweep("--quiet")
 
     def plot(self, *arguments, code=0, says=""):
-        done = subprocess.run([sys.executable, "-m", "tandem", "plot", "sweep.h5", *arguments], cwd=self.folder, capture_output=True,
-                              text=True, env=ENVIRONMENT | {"PYTHONPATH": str(ROOT / "python" / "src")}, timeout=120)
+        done = subprocess.run([sys.executable, "-m", "tandem", "plot", "sweep.h5", *arguments], cwd=self.folder,
+                              capture_output=True, text=True, timeout=120,
+                              env=ENVIRONMENT | {"PYTHONPATH": str(ROOT / "python" / "src")})
         self.assertEqual(done.returncode != 0, code != 0, done.stdout + done.stderr)
         self.assertIn(says, done.stderr)
 

@@ -72,7 +72,7 @@ contains
         type(sweep_setup_type), intent(inout), target :: setup
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: name
-        logical :: exists, goes_on
+        logical :: exists, csv_exists, goes_on
 
         call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
         if (allocated(error)) return
@@ -87,8 +87,11 @@ contains
         inquire (file=setup%output, exist=exists)
         ! One that was to be overwritten when the sweep was ended is overwritten now.
         inquire (file=setup%output//'.journal', exist=goes_on)
-        if (exists .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
-            call refuse(setup%output//' exists; choose another table with --output, or overwrite with --force', error)
+        inquire (file=csv_path(setup%output), exist=csv_exists)
+        if ((exists .or. csv_exists) .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
+            name = setup%output
+            if (.not. exists) name = csv_path(setup%output)
+            call refuse(name//' exists; choose another table with --output, or overwrite with --force', error)
             return
         end if
         call setup%runner%prepare(setup%plan, arguments%models, error)
@@ -110,16 +113,29 @@ contains
         type(sweep_setup_type), intent(inout) :: setup
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: name
+        character(len=*), parameter :: would_overwrite = ' would overwrite the sweep, the scene or the file of cases; choose '// &
+            'another table with --output'
         integer :: last
 
         name = setup%plan%path(index(setup%plan%path, '/', back=.true.) + 1:)
         last = index(name, '.toml', back=.true.) - 1
         if (last < 1) last = len(name)
         setup%output = arguments%value_of('--output', name(:last)//'.h5')
-        if (is_same_file(setup%output, setup%plan%path) .or. is_same_file(setup%output, setup%plan%scene_path)) then
-            call refuse('the table '//setup%output//' is the sweep or the scene itself; choose another with --output', error)
+        if (is_read(setup%plan, setup%output)) then
+            call refuse('the table '//setup%output//would_overwrite, error)
+        else if (is_read(setup%plan, csv_path(setup%output))) then
+            call refuse('the comma-separated values of the table, '//csv_path(setup%output)//would_overwrite, error)
         end if
     end subroutine find_output
+
+    !> Whether a file is one that the sweep reads.
+    logical function is_read(plan, path)
+        type(plan_type), intent(in) :: plan
+        character(len=*), intent(in) :: path
+
+        is_read = is_same_file(path, plan%path) .or. is_same_file(path, plan%scene_path)
+        if (plan%cases_path /= '') is_read = is_read .or. is_same_file(path, plan%cases_path)
+    end function is_read
 
     !> --cases a:b
     subroutine read_range(arguments, setup, error)

@@ -139,12 +139,15 @@ contains
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
             call move_alloc(reader%error, error)
-        else if (.not. reader%is_brief) then
+            return
+        end if
+        if (.not. reader%is_brief) then
             scene%text = reader%text()
             ! It must be one that can be read again, however long the defaults of many events are.
             call check_text(path//' with every default', scene%text, error)
-            if (.not. allocated(error) .and. (scene%rests .or. size(scene%steady) > 0)) call settle_start(scene, error)
+            if (allocated(error)) return
         end if
+        if (scene%rests .or. size(scene%steady) > 0) call settle_start(scene, error)
     end subroutine interpret_scene
 
     !> Let the start settle.

@@ -13,7 +13,7 @@ module tandem_io_scene_source
     implicit none (type, external)
     private
 
-    public :: source_type, check_text, set_input_error
+    public :: source_type, check_text, read_text, set_input_error
 
     !> Largest scene file, in bytes. A scene has a few kilobytes; what is much larger is something else.
     integer, parameter :: largest = 131072
@@ -62,7 +62,7 @@ contains
         character(len=*), intent(in) :: name, text
         type(error_type), allocatable, intent(out) :: error
 
-        call check_text(name, text, error)
+        call check_text(name, text, error, trim(self%kind))
         if (.not. allocated(error)) call parse_text(text, name, self, error)
     end subroutine load_text
 

@@ -64,7 +64,7 @@ contains
             text = to_toml(atom%truth)
         case default
             text = to_toml(atom%number)
-            if (as_integer .and. abs(atom%number) < 1.0e9_wp .and. .not. abs(atom%number - anint(atom%number)) > 0.0_wp) then
+            if (as_integer .and. abs(atom%number) <= huge(1) .and. .not. abs(atom%number - anint(atom%number)) > 0.0_wp) then
                 text = to_toml(nint(atom%number))
             end if
         end select

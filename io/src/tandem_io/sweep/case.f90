@@ -3,7 +3,7 @@
 !> was read, and the model, the start and the options are made from that anew: so all checks of a scene hold for each case, and no
 !> case knows of those before it.
 module tandem_io_sweep_case
-    use tandem, only: error_type, long, simulation_type, to_text, wp
+    use tandem, only: error_type, global_error_type, long, simulation_type, wp
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_output_trajectory, only: trajectory_type
     use tandem_io_scene, only: interpret_scene, open_scene, read_scene, scene_type
@@ -31,8 +31,6 @@ module tandem_io_sweep_case
     contains
         procedure :: prepare
         procedure :: run
-        procedure, private :: read_case
-        procedure, private :: integrate
     end type case_runner_type
 
 contains
@@ -67,18 +65,20 @@ contains
         type(record_type), intent(inout) :: record
         type(scene_type), target :: scene
         type(error_type), allocatable :: error
+        character(len=:), allocatable :: remark
         integer(long) :: from, to, rate
 
         call system_clock(from)
         self%recorder%values = ieee_value(1.0_wp, ieee_quiet_nan)
         call self%plan%numbers_of(case, self%numbers)
-        call self%read_case(case, scene, error)
-        if (.not. allocated(error)) call self%integrate(case, scene, error)
+        call read_case(self, case, scene, error)
+        if (.not. allocated(error)) call integrate(self, case, scene, remark, error)
         call system_clock(to, rate)
         record%case = case
         record%seconds = real(to - from, wp)/real(rate, wp)
         record%status = 0
         record%message = ''
+        if (allocated(remark)) record%message = on_one_line(remark)
         record%values = self%recorder%values
         if (.not. allocated(error)) return
         record%status = error%stat
@@ -88,7 +88,7 @@ contains
 
     !> Make the scene of a case.
     subroutine read_case(self, case, scene, error)
-        class(case_runner_type), intent(inout) :: self
+        type(case_runner_type), intent(inout) :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
@@ -108,7 +108,8 @@ contains
             ! Once more from its text: for the message, which is to show the value, and for the complete scene of a trajectory.
             if (allocated(error) .or. plan%folder /= '') then
                 call read_scene(plan%scene_path, settings_of_case(plan, case), scene, same, models=self%models)
-                if (allocated(same)) call move_alloc(same, error)
+                ! This reading decides: what was changed in the first one may have the kind of an earlier value.
+                call move_alloc(same, error)
             end if
             if (plan%max_seconds > 0.0_wp) then
                 if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) then
@@ -119,37 +120,84 @@ contains
     end subroutine read_case
 
     !> The run.
-    subroutine integrate(self, case, scene, error)
-        class(case_runner_type), intent(inout), target :: self
+    subroutine integrate(self, case, scene, remark, error)
+        type(case_runner_type), intent(inout), target :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout), target :: scene
+        !> What is to be said of a case that did not fail; empty where nothing is.
+        character(len=:), allocatable, intent(out) :: remark
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory
         type(observer_list_type) :: observers
         type(error_type), allocatable :: output_error
+        type(global_error_type), target :: global_error
         character(len=20) :: number
         integer :: i
 
+        call self%recorder%resolve(scene, error)
+        if (allocated(error)) return
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return
         do i = 1, size(scene%events)
             call simulation%add_event(scene%events(i))
         end do
-        if (self%plan%folder == '') then
+        if (self%plan%folder == '' .and. .not. self%recorder%needs_estimate) then
             call simulation%integrate(scene%t_end, error, self%recorder)
             return
         end if
-        write (number, '(i0.6)') case
-        scene%output%file = self%plan%folder//'/case_'//trim(number)//'.h5'
-        call trajectory%open(scene%output, simulation, error, scene%text, 'case '//trim(number)//' of '//self%plan%path, .true.)
-        if (allocated(error)) return
         call observers%add(self%recorder)
-        call observers%add(trajectory)
-        call simulation%integrate(scene%t_end, error, observers)
-        call trajectory%close(simulation, error, output_error)
-        if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        if (self%recorder%needs_estimate) then
+            if (allocated(scene%assembly)) then
+                ! What was assembled is where the second run starts.
+                scene%q = simulation%state%q
+                scene%qd = simulation%state%qd
+            end if
+            call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
+            call observers%add(global_error)
+        end if
+        if (self%plan%folder == '') then
+            call simulation%integrate(scene%t_end, error, observers)
+        else
+            call integrate_into_file()
+        end if
+        if (self%recorder%needs_estimate .and. .not. allocated(error)) call estimate(self, case, scene, global_error, remark)
+    contains
+        !> With the whole trajectory.
+        subroutine integrate_into_file()
+            write (number, '(i0.6)') case
+            scene%output%file = self%plan%folder//'/case_'//trim(number)//'.h5'
+            call trajectory%open(scene%output, simulation, error, scene%text, 'case '//trim(number)//' of '//self%plan%path, &
+                .true.)
+            if (allocated(error)) return
+            call observers%add(trajectory)
+            call simulation%integrate(scene%t_end, error, observers)
+            call trajectory%close(simulation, error, output_error)
+            if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
+        end subroutine integrate_into_file
     end subroutine integrate
+
+    !> The error of the run, by a second one with a model of its own, since a run may change its model. That there is none is no
+    !> failure of the case: its numbers are NaN, and the remark says why.
+    subroutine estimate(self, case, scene, global_error, remark)
+        type(case_runner_type), intent(inout) :: self
+        integer(long), intent(in) :: case
+        !> The case, and what has watched it.
+        type(scene_type), intent(in) :: scene
+        type(global_error_type), intent(inout) :: global_error
+        character(len=:), allocatable, intent(inout) :: remark
+        type(scene_type), target :: again
+        type(error_type), allocatable :: error
+
+        call read_case(self, case, again, error)
+        if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
+        if (allocated(error)) then
+            remark = 'no estimate of the error: '//error%message
+            return
+        end if
+        call self%recorder%take_estimate(global_error)
+        if (global_error%is_bound) remark = 'the estimate of the error is a bound only: the tolerances cannot be smaller'
+    end subroutine estimate
 
     !> A message as a cell of a table.
     pure function on_one_line(message) result(text)

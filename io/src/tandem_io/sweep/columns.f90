@@ -113,7 +113,7 @@ contains
 
         atom%kind = is_number
         stat = 1
-        if (verify(text, '0123456789.+-eE') == 0 .and. scan(text, '0123456789') > 0) read (text, *, iostat=stat) atom%number
+        if (is_decimal(text)) read (text, *, iostat=stat) atom%number
         if (stat == 0) then
             if (ieee_is_finite(atom%number)) return
         end if
@@ -125,4 +125,24 @@ contains
             atom%text = text
         end if
     end function atom_from
+
+    !> Whether a text is a decimal number, with an exponent or without: Fortran would read 1-5 as 1e-5.
+    pure logical function is_decimal(text)
+        character(len=*), intent(in) :: text
+        character(len=*), parameter :: digits = '0123456789'
+        integer :: from, e
+
+        from = 1
+        if (scan(text(:min(1, len(text))), '+-') > 0) from = 2
+        e = scan(text, 'eE')
+        if (e == 0) e = len(text) + 1
+        associate (mantissa => text(from:e - 1))
+            is_decimal = verify(mantissa, digits//'.') == 0 .and. scan(mantissa, digits) > 0 .and. &
+                index(mantissa, '.') == index(mantissa, '.', back=.true.)
+        end associate
+        if (e > len(text)) return
+        from = e + 1
+        if (scan(text(from:min(from, len(text))), '+-') > 0) from = from + 1
+        is_decimal = is_decimal .and. from <= len(text) .and. verify(text(from:), digits) == 0
+    end function is_decimal
 end module tandem_io_sweep_columns

@@ -1,10 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> The journal of a sweep: the records of the cases that are done, appended as they come, each with a checksum. Whatever ends the
-!> program leaves one from which the sweep goes on; a record that was cut is done again. Where each case's record stands is kept in
+!> program leaves one from which the sweep goes on; a record that was cut is done again. What is in it is brought to the disk every
+!> some seconds, so that a loss of power costs what came since, and when it is closed. Where each case's record stands is kept in
 !> memory, 8 bytes a case; nothing else grows with their number.
 module tandem_io_sweep_journal
     use tandem, only: error_type, long, set_error, status_output_failed, to_text
     use tandem_fletcher, only: fletcher_type
+    use tandem_io_sweep_disk, only: sync_folder_of, sync_open
     use tandem_io_sweep_record, only: record_type, words_of_record
     use tandem_io_study_files, only: remove_file
     use tandem_status, only: status_invalid_option
@@ -20,6 +22,8 @@ module tandem_io_sweep_journal
     integer, parameter :: bytes_a_word = 8
     !> Words that wait at most.
     integer, parameter :: most_waiting = 65536
+    !> Seconds between two times at which it is brought to the disk.
+    integer(long), parameter :: seconds_unsynced = 10
 
     type :: sweep_journal_type
         character(len=:), allocatable :: path
@@ -33,6 +37,9 @@ module tandem_io_sweep_journal
         integer(c_int64_t), allocatable, private :: waiting(:)
         integer(c_int), private :: file = -1
         integer, private :: outputs = 0
+        !> When it was last brought to the disk, and whether something was written since.
+        integer(long), private :: synced = 0
+        logical, private :: is_unsynced = .false.
         !> One record.
         integer(c_int64_t), allocatable, private :: words(:)
     contains
@@ -47,6 +54,7 @@ module tandem_io_sweep_journal
         procedure, private :: write_head
         procedure, private :: check_head
         procedure, private :: scan
+        procedure, private :: sync
         procedure, private :: say_problem
     end type sweep_journal_type
 
@@ -122,6 +130,8 @@ contains
         if (.not. force) call self%check_head(settings, is_ours, is_something)
         if (.not. is_something) then
             call self%write_head(settings, error)
+            if (.not. allocated(error)) call self%sync(error)
+            if (.not. allocated(error)) call sync_folder_of(path, error)
         else if (is_ours) then
             call self%scan()
         else
@@ -206,6 +216,8 @@ contains
         ! An empty one, and one whose head was cut, hold nothing that could be lost.
         is_something = c_size(self%file, -1_c_int64_t) > 0
         if (got < size(head) .and. found(1) == head(1)) is_something = .false.
+        ! So does what a loss of power left without its beginning.
+        if (all(found == 0)) is_something = .false.
         self%end = bytes_a_word*size(head, kind=long)
     end subroutine check_head
 
@@ -277,6 +289,7 @@ contains
     subroutine flush_journal(self, error)
         class(sweep_journal_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
+        integer(long) :: now, rate
 
         if (self%n == 0) return
         if (c_write(self%file, self%waiting, int(self%n, c_int64_t), self%end) /= 0) then
@@ -285,7 +298,23 @@ contains
         end if
         self%end = self%end + bytes_a_word*self%n
         self%n = 0
+        self%is_unsynced = .true.
+        call system_clock(now, rate)
+        if (now - self%synced > seconds_unsynced*rate) call self%sync(error)
     end subroutine flush_journal
+
+    !> Bring what was written to the disk.
+    subroutine sync(self, error)
+        class(sweep_journal_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        if (sync_open(self%file) /= 0) then
+            call self%say_problem('bring to the disk', error)
+            return
+        end if
+        self%is_unsynced = .false.
+        call system_clock(self%synced)
+    end subroutine sync
 
     !> Read the record of a case that is done.
     subroutine read_record(self, case, record, error)
@@ -335,8 +364,13 @@ contains
     subroutine close_journal(self, removes)
         class(sweep_journal_type), intent(inout) :: self
         logical, intent(in) :: removes
+        integer(c_int) :: stat
 
         if (self%file < 0) return
+        ! That it cannot be is no news: whoever reads it later finds out by its checksums.
+        stat = 0
+        if (self%is_unsynced .and. .not. removes) stat = sync_open(self%file)
+        if (stat /= 0) self%is_unsynced = .true.
         if (removes) call remove_file(self%path)
         call c_close(self%file)
         self%file = -1

@@ -11,6 +11,7 @@ module tandem_io_sweep_kept
     public :: kept_type, take_names, take_default, take_end, take_start, take_min, take_max, take_time_of_min, take_time_of_max
     public :: take_mean, take_first, take_last, take_count, take_times, find_figure
     public :: of_q, of_qd, of_qdd, of_lambda, of_kinetic, of_potential, of_energy, of_error, of_step, of_sensor, of_event, of_figure
+    public :: of_estimate
 
     !> What is taken of a quantity, in the order of their names.
     integer, parameter :: take_default = 0, take_end = 1, take_start = 2, take_min = 3, take_max = 4, take_time_of_min = 5, &
@@ -21,7 +22,7 @@ module tandem_io_sweep_kept
 
     !> What a quantity is.
     integer, parameter :: of_q = 1, of_qd = 2, of_qdd = 3, of_lambda = 4, of_kinetic = 5, of_potential = 6, of_energy = 7, &
-        of_error = 8, of_step = 9, of_sensor = 10, of_event = 11, of_figure = 12
+        of_error = 8, of_step = 9, of_sensor = 10, of_event = 11, of_figure = 12, of_estimate = 13
 
     !> The quantities without an index.
     character(len=18), parameter :: words(7) = [character(len=18) :: 'kinetic_energy', 'potential_energy', 'energy', &
@@ -29,6 +30,10 @@ module tandem_io_sweep_kept
     integer, parameter :: word_kind(7) = [of_kinetic, of_potential, of_energy, of_error, of_error, of_error, of_step]
     integer, parameter :: word_index(7) = [1, 1, 1, 1, 2, 3, 1]
     character(len=4), parameter :: word_unit(7) = [character(len=4) :: 'J', 'J', 'J', '1', '1', '1', 's']
+
+    !> What the second run of a case tells: the error at the end and the largest one at all times compared, both on the scale of
+    !> each coordinate; and that of q and of qd at the end, max-norms.
+    character(len=7), parameter :: estimate_names(4) = [character(len=7) :: 'end', 'largest', 'q', 'qd']
 
     !> One entry of `[[keep]]`.
     type :: kept_type
@@ -106,19 +111,24 @@ contains
             self%kind = of_figure
             self%figure = wanted
             call find_figure(statistics, wanted, number, problem)
+        case ('error')
+            self%kind = of_estimate
+            self%index = findloc(estimate_names == wanted, .true., dim=1)
+            if (self%index == 0) problem = 'names no error of a run; there are '//listed(estimate_names)
+            if (self%index == 1 .or. self%index == 2) self%unit = '1'
         case ('')
             i = findloc(words == wanted, .true., dim=1)
             if (i == 0) then
                 call self%find_indexed(scene%model, of_q, wanted, problem)
                 if (problem /= '') problem = problem//'; or '//listed(words)// &
-                    ', q:, qd:, qdd:, lambda:, sensor:, event: or figure: with a name behind it'
+                    ', q:, qd:, qdd:, lambda:, sensor:, event:, figure: or error: with a name behind it'
             else
                 self%kind = word_kind(i)
                 self%index = word_index(i)
                 self%unit = word_unit(i)
             end if
         case default
-            problem = 'begins with none of q:, qd:, qdd:, lambda:, sensor:, event:, figure:'
+            problem = 'begins with none of q:, qd:, qdd:, lambda:, sensor:, event:, figure:, error:'
         end select
         if (problem /= '') return
         if (any(self%kind == [of_potential, of_energy]) .and. .not. associated(scene%model%potential_energy)) then
@@ -130,8 +140,8 @@ contains
         end if
         if (self%kind == of_event .neqv. any(self%take == [take_first, take_last, take_count])) then
             problem = 'cannot have take = "'//trim(take_names(self%take))//'"; an event has first, last or count, others do not'
-        else if (self%kind == of_figure .and. self%take /= take_end) then
-            problem = 'is a figure of the whole run: leave out take'
+        else if (any(self%kind == [of_figure, of_estimate]) .and. self%take /= take_end) then
+            problem = 'is a number of the whole run: leave out take and at'
         end if
         if (self%take == take_time_of_min .or. self%take == take_time_of_max) self%unit = 's'
         if (self%take == take_count) self%unit = '1'

@@ -9,17 +9,23 @@ module tandem_io_sweep_plan
     use tandem_io_sweep_kept, only: kept_type
     use tandem_io_sweep_quantile, only: normal_quantile
     use tandem_io_sweep_random, only: permuted, random_number_at, random_words, stream_draw, stream_shift, stream_stratum
-    use tandem_io_sweep_sobol, only: sobol_type
+    use tandem_io_sweep_sobol, only: most_columns, sobol_type
     implicit none (type, external)
     private
 
     public :: plan_type, input_type, is_listed, is_from_file, is_uniform, is_log_uniform, is_normal, points_names, name_length
-    public :: random_points, latin_points, sobol_points
+    public :: is_log_normal, is_triangular, is_choice
+    public :: no_slash, own_names, random_points, latin_points, sobol_points
 
     !> Length of the names of inputs.
     integer, parameter :: name_length = 96
+    !> What is said of a name that has one.
+    character(len=*), parameter :: no_slash = 'must have no slash, since it names a dataset'
+    !> Columns that every table has.
+    character(len=7), parameter :: own_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
     !> Where the values of an input come from.
-    integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5
+    integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5, &
+        is_log_normal = 6, is_triangular = 7, is_choice = 8
     !> How draws fill their space, by name.
     character(len=6), parameter :: points_names(3) = [character(len=6) :: 'random', 'latin', 'sobol']
     !> The places of these names.
@@ -35,10 +41,13 @@ module tandem_io_sweep_plan
         character(len=32) :: unit = ''
         !> One of the kinds above.
         integer :: kind = is_listed
-        !> The values of a list or of a file's column.
+        !> The values of a list, of a file's column, or of a choice.
         type(atom_type), allocatable :: values(:)
-        !> Ends of an interval, or mean and standard deviation.
-        real(wp) :: a = 0.0_wp, b = 1.0_wp
+        !> Ends of an interval, or mean and standard deviation, of the logarithm for `is_log_normal`; where a triangle is highest.
+        real(wp) :: a = 0.0_wp, b = 1.0_wp, mode = 0.5_wp
+        !> Where a normal distribution is cut off, if it is.
+        logical :: is_limited = .false.
+        real(wp) :: low = 0.0_wp, high = 0.0_wp
         !> Its number among those that are drawn, and of the setting that gives it to the scene.
         integer :: column = 0, setting = 0
         !> Whether its values are no numbers; their places in the list stand for them then.
@@ -46,12 +55,16 @@ module tandem_io_sweep_plan
     contains
         procedure :: is_drawn
         procedure :: drawn
+        procedure :: held
+        procedure, private :: normal_place
         procedure :: typical
     end type input_type
 
     type :: plan_type
         !> Path and text of the sweep's file, and path of the scene.
         character(len=:), allocatable :: path, text, scene_path
+        !> Path of the file of cases; empty where there is none.
+        character(len=:), allocatable :: cases_path
         !> What the scene is given besides, as on the command line.
         character(len=:), allocatable :: settings(:)
         !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
@@ -104,17 +117,66 @@ contains
             value = self%a + (self%b - self%a)*u
         case (is_log_uniform)
             value = exp(log(self%a) + (log(self%b) - log(self%a))*u)
+        case (is_triangular)
+            if (u*(self%b - self%a) < self%mode - self%a) then
+                value = self%a + sqrt(u*(self%b - self%a)*(self%mode - self%a))
+            else
+                value = self%b - sqrt((1.0_wp - u)*(self%b - self%a)*(self%b - self%mode))
+            end if
+        case (is_choice)
+            value = real(min(size(self%values), 1 + int(u*size(self%values))), wp)
+            if (.not. self%holds_texts) value = self%values(nint(value))%number
         case default
-            value = self%a + self%b*normal_quantile(u)
+            value = self%a + self%b*self%normal_place(u)
+            if (self%kind == is_log_normal) value = exp(value)
+            ! Rounding may cross the limits.
+            if (self%is_limited) value = max(self%low, min(self%high, value))
         end select
     end function drawn
+
+    !> The place in a standard normal distribution, or in what limits leave of it.
+    pure real(wp) function normal_place(self, u) result(z)
+        class(input_type), intent(in) :: self
+        real(wp), intent(in) :: u
+        real(wp) :: p(2)
+
+        if (.not. self%is_limited) then
+            z = normal_quantile(u)
+            return
+        end if
+        p = probabilities(self)
+        z = normal_quantile(p(1) + (p(2) - p(1))*u)
+        if (p(2) < p(1)) z = -z
+    end function normal_place
+
+    !> The part of a normal distribution that its limits hold.
+    pure real(wp) function held(self)
+        class(input_type), intent(in) :: self
+        real(wp) :: p(2)
+
+        p = [0.0_wp, 1.0_wp]
+        if (self%is_limited) p = probabilities(self)
+        held = abs(p(2) - p(1))
+    end function held
+
+    !> The probabilities of less than each limit; where both are above the middle, those of more, which keep their digits.
+    pure function probabilities(self) result(p)
+        class(input_type), intent(in) :: self
+        real(wp) :: p(2), ends(2)
+
+        ends = [self%low, self%high]
+        if (self%kind == is_log_normal) ends = log(ends)
+        ends = (ends - self%a)/self%b
+        if (ends(1) > 0.0_wp) ends = -ends
+        p = 0.5_wp*erfc(-ends/sqrt(2.0_wp))
+    end function probabilities
 
     !> A value that stands for all: the first of a list, the middle of what is drawn.
     pure function typical(self) result(atom)
         class(input_type), intent(in) :: self
         type(atom_type) :: atom
 
-        if (self%is_drawn()) then
+        if (self%is_drawn() .and. self%kind /= is_choice) then
             atom%number = self%drawn(0.5_wp)
         else
             atom = self%values(1)
@@ -146,7 +208,8 @@ contains
         end do
         self%n_draws = self%draws
         if (self%is_for_indices) self%n_draws = self%n_draws*(self%n_drawn + 2)
-        if (self%points == sobol_points) call self%sobol%prepare(merge(2, 1, self%is_for_indices)*self%n_drawn)
+        if (self%points == sobol_points) call self%sobol%prepare(min(most_columns, &
+            merge(2, 1, self%is_for_indices)*self%n_drawn))
     end subroutine complete
 
     !> How many cases there are.

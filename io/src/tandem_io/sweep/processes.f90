@@ -147,6 +147,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer(c_int) :: end
 
+        ! One may be there that is thought to be lost.
+        call self%end_worker(worker)
         associate (process => self%workers(worker))
             process%bytes = 0
             process%taken = 0

@@ -1,11 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> The observer of a case: takes what is to be kept while the motion goes by. Nothing is looked at that nobody asks for.
 module tandem_io_sweep_recorder
-    use tandem, only: at_end, at_event, at_start, error_type, observer_type, set_error, simulation_type, to_text, wp
-    use tandem_io_sweep_kept, only: find_figure, kept_type, of_energy, of_error, of_event, of_figure, of_kinetic, of_lambda, &
-        of_potential, of_q, of_qd, of_qdd, of_sensor, take_count, take_end, take_first, take_last, take_max, take_mean, &
-        take_min, take_start, take_time_of_max, take_time_of_min, take_times
-    use tandem_status, only: status_callback_failed
+    use tandem, only: at_end, at_event, at_start, error_type, global_error_type, observer_type, set_error, simulation_type, &
+        to_text, wp
+    use tandem_io_scene, only: scene_type
+    use tandem_io_sweep_kept, only: find_figure, kept_type, of_energy, of_error, of_estimate, of_event, of_figure, of_kinetic, &
+        of_lambda, of_potential, of_q, of_qd, of_qdd, of_sensor, take_count, take_end, take_first, take_last, take_max, &
+        take_mean, take_min, take_start, take_time_of_max, take_time_of_min, take_times
+    use tandem_status, only: status_callback_failed, status_invalid_option
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -25,9 +27,13 @@ module tandem_io_sweep_recorder
         !> What the sensors and the multipliers are at the current look.
         real(wp), allocatable, private :: sensors(:), lambda(:)
         logical, private :: needs_sensors = .false., needs_lambda = .false.
+        !> Whether the error of the run is asked for, which takes a second one.
+        logical :: needs_estimate = .false.
     contains
         procedure :: initialize
+        procedure :: resolve
         procedure :: observe
+        procedure :: take_estimate
         procedure, private :: begin
         procedure, private :: take_step
         procedure, private :: take_between
@@ -55,9 +61,30 @@ contains
         allocate (self%values(n))
         self%needs_sensors = any(kept%kind == of_sensor)
         self%needs_lambda = any(kept%kind == of_lambda)
+        self%needs_estimate = any(kept%kind == of_estimate)
         self%looks_at_steps = any(kept%take >= take_min .and. kept%take <= take_mean)
         self%looks_between = any(kept%take == take_times)
     end subroutine initialize
+
+    !> Find what is kept in the scene of a case, whose model may have another shape than the one before.
+    subroutine resolve(self, scene, error)
+        class(recorder_type), intent(inout) :: self
+        type(scene_type), intent(in) :: scene
+        !> The scene does not have it.
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: problem
+        integer :: i
+
+        do i = 1, size(self%kept)
+            ! What every run has.
+            if (any(self%kept(i)%kind == [of_figure, of_error, of_estimate])) cycle
+            call self%kept(i)%resolve(scene, problem)
+            if (problem == '') cycle
+            call set_error(error, status_invalid_option, 'what is kept as "'//trim(self%kept(i)%name)//'", '// &
+                self%kept(i)%quantity//', '//problem, 'vary only what leaves it in the model, or keep something else')
+            return
+        end do
+    end subroutine resolve
 
     !> Look at the motion.
     subroutine observe(self, simulation, occasion, error)
@@ -90,12 +117,10 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer :: i, stat
 
-        if (.not. allocated(self%lambda)) then
-            allocate (self%lambda(simulation%model%n_constraints()))
-            i = 0
-            if (allocated(simulation%model%quantities)) i = sum(max(1, simulation%model%quantities%width))
-            allocate (self%sensors(i))
-        end if
+        call fit(self%lambda, simulation%model%n_constraints())
+        i = 0
+        if (allocated(simulation%model%quantities)) i = sum(max(1, simulation%model%quantities%width))
+        call fit(self%sensors, i)
         self%values = ieee_value(1.0_wp, ieee_quiet_nan)
         self%passed = 0
         self%t_start = simulation%state%t
@@ -130,6 +155,18 @@ contains
         end do
         call refuse(stat, simulation, error)
     end subroutine begin
+
+    !> Room for so many numbers.
+    pure subroutine fit(numbers, n)
+        real(wp), allocatable, intent(inout) :: numbers(:)
+        integer, intent(in) :: n
+
+        if (allocated(numbers)) then
+            if (size(numbers) == n) return
+            deallocate (numbers)
+        end if
+        allocate (numbers(n))
+    end subroutine fit
 
     !> Extremes and means, at the end of a step.
     subroutine take_step(self, simulation, error)
@@ -215,7 +252,9 @@ contains
         stat = 0
         do i = 1, size(self%kept)
             associate (kept => self%kept(i), place => self%values(self%first(i)))
-                if (kept%kind == of_figure) then
+                if (kept%kind == of_estimate) then
+                    cycle
+                else if (kept%kind == of_figure) then
                     call find_figure(simulation%statistics(), kept%figure, place, problem)
                 else if (kept%kind == of_event) then
                     call take_event(simulation, kept, place)
@@ -228,6 +267,29 @@ contains
         end do
         call refuse(stat, simulation, error)
     end subroutine finish
+
+    !> What a second run has told, after the end.
+    subroutine take_estimate(self, global_error)
+        class(recorder_type), intent(inout) :: self
+        type(global_error_type), intent(in) :: global_error
+        integer :: i
+
+        do i = 1, size(self%kept)
+            if (self%kept(i)%kind /= of_estimate) cycle
+            associate (place => self%values(self%first(i)))
+                select case (self%kept(i)%index)
+                case (1)
+                    place = global_error%relative
+                case (2)
+                    place = global_error%largest
+                case (3)
+                    place = global_error%error_q
+                case default
+                    place = global_error%error_qd
+                end select
+            end associate
+        end do
+    end subroutine take_estimate
 
     !> When an event came, or how often.
     subroutine take_event(simulation, kept, value)

@@ -205,7 +205,8 @@ contains
                 schedule%busy = schedule%busy + record%seconds
                 schedule%cases = schedule%cases + 1
                 call journal%append(record, error)
-                call pass_case(duty)
+                ! The last words of a worker that was ended may come after it has begun anew.
+                if (duty%n > 0 .and. duty%ranges(1, 1) == record%case) call pass_case(duty)
                 return
             end if
             duty%is_there = .false.

@@ -7,10 +7,12 @@ module tandem_io_sweep_table
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_csv, only: csv_line
-    use tandem_io_study_files, only: replace_file
+    use tandem_io_study_files, only: remove_file, replace_file
+    use tandem_io_sweep_disk, only: sync_file, sync_folder_of
     use tandem_io_sweep_journal, only: sweep_journal_type
     use tandem_io_sweep_kept, only: kept_type, take_names, take_times
-    use tandem_io_sweep_plan, only: input_type, is_log_uniform, is_normal, is_uniform, plan_type
+    use tandem_io_sweep_plan, only: input_type, is_choice, is_log_normal, is_log_uniform, is_normal, is_triangular, is_uniform, &
+        plan_type
     use tandem_io_sweep_record, only: message_length, name_of_status, record_type
     use tandem_io_sweep_summary, only: index_type, sensitivities
     use tandem_io_version, only: format_version, tandem_version
@@ -70,29 +72,39 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
         type(columns_type) :: columns
-        integer :: unit, stat
+        integer :: unit, stat, unit_stat
         character(len=:), allocatable :: csv
 
         csv = csv_path(path)
         call file%create(path//'.new')
         call describe(file, plan, journal)
         call add_columns(file, plan, columns)
-        open (newunit=unit, file=csv//'.new', status='replace', action='write', iostat=stat)
+        open (newunit=unit, file=csv//'.new', status='replace', action='write', iostat=unit_stat)
+        stat = unit_stat
         if (stat == 0) write (unit, '(a)', iostat=stat) heading(plan)
         if (stat == 0) call fill(file, plan, journal, columns, unit, stat, error)
         if (.not. allocated(error)) call write_failures(file, journal, error)
         if (plan%is_for_indices .and. .not. allocated(error)) call write_indices(file, plan)
         call file%close()
         if (stat == 0) flush (unit, iostat=stat)
-        if (stat == 0) close (unit, iostat=stat)
+        if (unit_stat == 0) close (unit, iostat=unit_stat)
+        if (stat == 0) stat = unit_stat
+        ! Both are on the disk before either takes a name, and their names before the caller removes the journal.
+        if (.not. (allocated(error) .or. allocated(file%problem)) .and. stat == 0) then
+            call sync_file(csv//'.new', error)
+            if (.not. allocated(error)) call sync_file(path//'.new', error)
+            if (.not. allocated(error)) call replace_file(csv, csv//'.new', error)
+            if (.not. allocated(error)) call replace_file(path, path//'.new', error)
+            if (.not. allocated(error)) call sync_folder_of(path, error)
+            if (.not. allocated(error)) return
+        end if
+        call remove_file(csv//'.new')
+        call remove_file(path//'.new')
         if (allocated(error)) return
         if (allocated(file%problem)) then
             call set_error(error, status_output_failed, path//': '//file%problem, 'make room, then start again: no case is lost')
-        else if (stat /= 0) then
-            call set_error(error, status_output_failed, csv//' cannot be written', 'make room, then start again: no case is lost')
         else
-            call replace_file(csv, csv//'.new', error)
-            if (.not. allocated(error)) call replace_file(path, path//'.new', error)
+            call set_error(error, status_output_failed, csv//' cannot be written', 'make room, then start again: no case is lost')
         end if
     end subroutine write_table
 
@@ -178,6 +190,12 @@ contains
             way = 'log_uniform'
         case (is_normal)
             way = 'normal'
+        case (is_log_normal)
+            way = 'log_normal'
+        case (is_triangular)
+            way = 'triangular'
+        case (is_choice)
+            way = 'choice'
         case default
             way = 'listed'
         end select
