@@ -80,7 +80,8 @@ contains
             do j = 1, 2
                 ! At 1e8 the stretch is below the rounding of the length.
                 if (i == 4 .and. j == 2) exit
-                call move_slowly(options_type(stepper='sdirk54', rtol=rtol), ratios(i), j == 1, .true., simulation, statistics, error)
+                call move_slowly(options_type(stepper='sdirk54', rtol=rtol), ratios(i), j == 1, .true., simulation, &
+                    statistics, error)
                 if (allocated(error)) return
                 ! Seen: 0.3 to 0.5 tolerances; 141 steps at 1e2, else 74 and 75.
                 call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtol, 'position')
@@ -101,7 +102,8 @@ contains
 
         do i = 1, size(ratios)
             do j = 1, size(rtols)
-                call move_slowly(options_type(stepper='sdirk54', rtol=rtols(j)), ratios(i), .true., .true., simulation, statistics, error)
+                call move_slowly(options_type(stepper='sdirk54', rtol=rtols(j)), ratios(i), .true., .true., simulation, &
+                    statistics, error)
                 if (allocated(error)) return
                 ! Seen: at most 0.47 tolerances; 24, 235 and 1230 steps, as rtol**-(1/4) has it from 74 at 1e-6.
                 call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtols(j), 'position')
@@ -122,7 +124,8 @@ contains
         integer :: i
 
         do i = 1, size(rtols)
-            call move_slowly(options_type(stepper='sdirk54', rtol=rtols(i)), 1.0e2_wp, .true., .true., simulation, statistics, error)
+            call move_slowly(options_type(stepper='sdirk54', rtol=rtols(i)), 1.0e2_wp, .true., .true., simulation, &
+                statistics, error)
             if (allocated(error)) return
             ! Seen: at most 0.6 tolerances; 141, 698 and 2328 steps.
             call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(1.0e2_wp))), 10*rtols(i), 'position')
