@@ -64,7 +64,9 @@ program main
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
     use test_statuses, only: collect_statuses
+    use test_auto, only: collect_auto
     use test_stiff, only: collect_stiff
+    use test_stiff_charts, only: collect_stiff_charts
     use test_stiff_springs, only: collect_stiff_springs
     use test_stability, only: collect_stability
     use test_stability_limit, only: collect_stability_limit
@@ -102,7 +104,9 @@ program main
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &
         new_testsuite('verification', collect_verification), &
+        new_testsuite('auto', collect_auto), &
         new_testsuite('stiff', collect_stiff), &
+        new_testsuite('stiff_charts', collect_stiff_charts), &
         new_testsuite('stiff_springs', collect_stiff_springs), &
         new_testsuite('expression', collect_expression), &
         new_testsuite('parameters', collect_parameters), &

@@ -15,6 +15,8 @@ module model_stiff_pendulum
         real(wp) :: k = 9810000.0_wp, c = 12.52836781069266_wp
         !> From when on, within `fading` seconds, the stiffness grows a thousandfold, and the damping by the root of that.
         real(wp) :: stiffens_at = huge(1.0_wp), fading = 1.0e-2_wp
+        !> From when on that is undone, within the same time.
+        real(wp) :: softens_at = huge(1.0_wp)
         !> Whether the third coordinate is the stretch l - l0, which resolves a force that the length does not.
         logical :: has_stretch = .false.
         !> Whether the derivatives are given.
@@ -50,13 +52,19 @@ contains
     pure real(wp) function times(self, t)
         class(stiff_pendulum_type), intent(in) :: self
         real(wp), intent(in) :: t
-        real(wp) :: x
 
         times = 1.0_wp
-        if (t <= self%stiffens_at) return
-        x = min(1.0_wp, (t - self%stiffens_at)/self%fading)
-        times = 1.0e3_wp**(x**3*(10.0_wp - x*(15.0_wp - 6.0_wp*x)))
+        if (t > self%stiffens_at) times = grown(min(1.0_wp, (t - self%stiffens_at)/self%fading))
+        if (t > self%softens_at) times = times/grown(min(1.0_wp, (t - self%softens_at)/self%fading))
     end function times
+
+    !> From 1 to 1000.
+    pure real(wp) function grown(x)
+        !> 0 to 1.
+        real(wp), intent(in) :: x
+
+        grown = 1.0e3_wp**(x**3*(10.0_wp - x*(15.0_wp - 6.0_wp*x)))
+    end function grown
 
     !> l.
     pure real(wp) function length(self, q)

@@ -11,11 +11,13 @@ module tandem_options
     private
 
     public :: options_type, option_row_type, option_visitor_type, check_word
-    public :: stepper_names, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
+    public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
 
-    !> Every stepper that can be asked for by name; `tandem_stepper_factory` makes them.
+    !> Every method; `tandem_stepper_factory` makes them.
     character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
         'radau5']
+    !> Every stepper that can be asked for by name: the methods, and the one that goes from one to another.
+    character(len=16), parameter :: stepper_choices(size(stepper_names) + 1) = [stepper_names, [character(len=16) :: 'auto']]
     !> What a chart is made of: the program chooses; dense matrices; blocks of a sparse factor.
     character(len=9), parameter :: chart_kinds(3) = [character(len=9) :: 'automatic', 'dense', 'sparse']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
@@ -75,7 +77,7 @@ module tandem_options
 
     !> What a user may choose, each with its default; `check` refuses what cannot be.
     type :: options_type
-        !> One of `stepper_names`.
+        !> One of `stepper_choices`.
         character(len=16) :: stepper = 'rk4'
         !> Step size h of fixed steps, in units of time.
         real(wp) :: step = 1.0e-3_wp
@@ -199,7 +201,7 @@ contains
         class(options_type), intent(inout) :: self
         class(option_visitor_type), intent(inout) :: visitor
 
-        call visitor%take(option_row_type('stepper', '', 'the method'), word=self%stepper, choices=stepper_names)
+        call visitor%take(option_row_type('stepper', '', 'the method'), word=self%stepper, choices=stepper_choices)
         call visitor%take(option_row_type('step', 's', 'size of fixed steps', positive), number=self%step)
         call visitor%take(option_row_type('rtol', '', &
             'relative tolerance, for all or one a coordinate; above 0, steps follow an error estimate', unset_or_tolerance), &

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem list: the scenes that can be run by name, and the steppers.
 module tandem_cli_list
-    use tandem, only: error_type, new_stepper, properties_type, stepper_names, to_text
+    use tandem, only: error_type, new_stepper, properties_type, stepper_choices, to_text
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: done, say
     use tandem_io, only: json_type, path_length, read_scene, scene_type, shipped_scenes
@@ -81,14 +81,23 @@ contains
         integer :: i
 
         call say(row('stepper', 'order, stages', 'kind, stability'))
-        do i = 1, size(stepper_names)
-            call new_stepper(stepper_names(i), stepper)
+        do i = 1, size(stepper_choices)
+            call new_stepper(stepper_choices(i), stepper)
             properties = stepper%properties()
             call say(row(trim(properties%name), to_text(properties%order)//', '// &
-                to_text(properties%stages), trim(merge('implicit', 'explicit', properties%implicit))//', '// &
+                to_text(properties%stages), trim(kind_of(properties))//', '// &
                 trim(properties%stability)))
         end do
     end subroutine list_steppers
+
+    !> Explicit, implicit, or both.
+    pure function kind_of(properties) result(kind)
+        type(properties_type), intent(in) :: properties
+        character(len=8) :: kind
+
+        kind = merge('implicit', 'explicit', properties%implicit)
+        if (properties%partner /= '') kind = 'both'
+    end function kind_of
 
     !> All of it as one object.
     subroutine list_as_json(arguments)
@@ -120,8 +129,8 @@ contains
         end do
         call json%end_array()
         call json%begin_array('steppers')
-        do i = 1, size(stepper_names)
-            call new_stepper(stepper_names(i), stepper)
+        do i = 1, size(stepper_choices)
+            call new_stepper(stepper_choices(i), stepper)
             properties = stepper%properties()
             call json%begin_object()
             call json%add('name', properties%name)

@@ -66,6 +66,8 @@ contains
             short(s%largest_step, 3)//' s, '//counted(s%rejected, 'step')//' rejected for the error, '// &
             count_text(s%failed)//' not completed')
         if (s%is_stiff .or. s%advised /= '') call print_line('stiff', stiff(s, scene%options%is_adaptive()))
+        if (s%switches > 0) call print_line('methods', counted(s%switches, 'exchange')//', '//count_text(s%implicit_steps)// &
+            ' steps implicit')
         call print_line('charts', charts(s))
         call print_line('run time', short(s%wall_seconds, 3)//' s, CPU '//short(s%cpu_seconds, 3)//' s, '// &
             short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds a step')
@@ -340,7 +342,7 @@ contains
         if (s%kinetic_energies + s%potential_energies == 0) call phrase%add('energies (not asked for)')
         call new_stepper(scene%options%stepper, stepper)
         properties = stepper%properties()
-        if (properties%implicit) then
+        if (properties%implicit .or. s%implicit_steps > 0) then
             do i = 1, n_derivatives
                 if (s%derivatives(i) == 0) call phrase%add(trim(derivative_name(i))//' (zero or by differences)')
             end do

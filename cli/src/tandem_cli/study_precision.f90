@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study precision: error against run time of every stepper, over step sizes and tolerances.
 module tandem_cli_study_precision
-    use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
+    use tandem, only: error_type, is_input_error, stepper_choices, stepper_names, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
@@ -81,13 +81,13 @@ contains
             comma = index(names//',', ',')
             name = names(:comma - 1)
             names = names(min(comma + 1, len(names) + 1):)
-            if (any(name == stepper_names)) then
+            if (any(name == stepper_choices)) then
                 request%steppers = [character(len=16) :: request%steppers, name]
                 cycle
             end if
             allocate (error)
             error%message = 'there is no stepper "'//name//'"'
-            name = nearest_name(name, stepper_names)
+            name = nearest_name(name, stepper_choices)
             if (name /= '') error%message = error%message//'; did you mean "'//name//'"?'
             return
         end do

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem study stability: a verdict for every stiff and extreme case with every stepper.
 module tandem_cli_study_stability
-    use tandem, only: error_type, is_input_error, stepper_names, to_text, wp
+    use tandem, only: error_type, is_input_error, stepper_choices, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
@@ -130,14 +130,14 @@ contains
             line = 'fixed steps'
             if (k == 2) line = 'error control'
             line = line//repeat(' ', first - len(line))
-            do j = 1, size(stepper_names)
-                line = line//fitted(trim(stepper_names(j)), wide)
+            do j = 1, size(stepper_choices)
+                line = line//fitted(trim(stepper_choices(j)), wide)
             end do
             call say(trim(line))
             do i = 1, size(stability%cases)
                 line = fitted(trim(stability%cases(i)), first)
-                do j = 1, size(stepper_names)
-                    line = line//fitted(cell(stability, trim(stability%cases(i)), trim(stepper_names(j)), controls(k)), wide)
+                do j = 1, size(stepper_choices)
+                    line = line//fitted(cell(stability, trim(stability%cases(i)), trim(stepper_choices(j)), controls(k)), wide)
                 end do
                 if (len_trim(line) > first) call say(trim(line))
             end do

@@ -9,7 +9,7 @@ module tandem_profile_factory
     use tandem_profile_ledger, only: profile_type
     use tandem_profile_sparse_chart, only: profiled_sparse_chart_type
     use tandem_stepper, only: properties_type, stepper_type
-    use tandem_stepper_factory, only: new_stepper, stepper_names
+    use tandem_stepper_factory, only: new_stepper, stepper_choices
     implicit none (type, external)
     private
 
@@ -31,7 +31,7 @@ contains
         logical :: is_sparse
 
         is_sparse = .false.
-        if (any(stepper_names == options%stepper)) then
+        if (any(stepper_choices == options%stepper)) then
             call new_stepper(options%stepper, stepper)
             method = stepper%properties()
             is_sparse = wants_sparse(model, options, method%implicit)

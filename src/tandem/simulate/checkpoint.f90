@@ -176,6 +176,7 @@ contains
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
+        if (self%switching%is_on) call pack_stepper(self, pack)
         call self%model%pack_state(pack)
         call pack%item(self%model%segment)
         call self%state%pack_state(pack)
@@ -212,6 +213,20 @@ contains
         call pack%item(self%stopped_by)
         if (allocated(self%watched)) call pack_events(self, pack)
     end subroutine pack_run
+
+    !> Which of two methods is at work; where reading, put it in its place before what it remembers is read.
+    subroutine pack_stepper(self, pack)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        logical :: is_implicit
+        integer :: stat
+
+        is_implicit = self%switching%is_implicit
+        call pack%item(is_implicit)
+        if (is_implicit .neqv. self%switching%is_implicit) call self%take_stepper(is_implicit, stat)
+        self%switching%is_implicit = is_implicit
+        call self%switching%pack_state(pack)
+    end subroutine pack_stepper
 
     !> What there is to say.
     subroutine pack_warnings(self, pack)

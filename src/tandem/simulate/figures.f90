@@ -56,6 +56,8 @@ contains
         call reader%value('stiff_from', s%stiff_from)
         call reader%count('stiff_steps', s%stiff_steps)
         call reader%value('implicit_part', s%implicit_part)
+        call reader%count('switches', s%switches)
+        call reader%count('implicit_steps', s%implicit_steps)
         call reader%count('charts', s%charts)
         do i = 1, n_reasons
             call reader%count('charts_by_'//trim(as_name(reason_name(i))), s%charts_by(i))

@@ -19,6 +19,7 @@ contains
         call self%work%set(options%max_evaluations, options%max_seconds)
         call new_stepper(options%stepper, self%stepper)
         self%method = self%stepper%properties()
+        self%explicit_method = self%method
         call check_method(self%method, options, error)
         if (allocated(error)) return
         self%stepper%projects_stages = options%projection == projections(1)
@@ -79,7 +80,15 @@ contains
         type(options_type), intent(in) :: options
         type(error_type), allocatable, intent(out) :: error
 
-        if (options%is_adaptive() .and. method%estimate_order == 0) then
+        if (method%partner /= '' .and. .not. options%is_adaptive()) then
+            call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" chooses between '// &
+                'methods by what their steps cost under error control, but rtol is not set', &
+                'set rtol, or choose a method for fixed steps')
+        else if (options%projection /= projections(1) .and. method%partner /= '') then
+            call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but '// &
+                trim(options%stepper)//' may go over to implicit steps, which project their stages', &
+                'use projection = "stages", or an explicit stepper')
+        else if (options%is_adaptive() .and. method%estimate_order == 0) then
             call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
                 ' has no error estimate', 'choose another stepper, or a fixed step')
         else if (options%projection /= projections(1) .and. method%implicit) then
@@ -132,6 +141,7 @@ contains
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
         if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
+        call self%switching%begin(self%method%partner /= '', self%model%n, self%t_start)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)

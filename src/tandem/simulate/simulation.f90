@@ -19,6 +19,7 @@ module tandem_simulation
     use tandem_simulate_warning, only: warning_limit, warning_type
     use tandem_simulate_event_memory, only: watched_type
     use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
+    use tandem_simulate_switching, only: cost_of_implicit, switching_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
         status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
@@ -121,7 +122,9 @@ module tandem_simulation
         type(work_limit_type), private :: work
         type(stiffness_type), private :: stiffness
         type(local_error_type), private :: local_error
-        type(properties_type), private :: method
+        !> The method at work, and the one that a run with `auto` begins with.
+        type(properties_type), private :: method, explicit_method
+        type(switching_type), private :: switching
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
         !> Whether `integrate` is at work, and when the time that the tally does not have yet began: wall clock and processor time.
@@ -152,6 +155,9 @@ module tandem_simulation
         procedure, private :: choose_rows_anew
         procedure, private :: allocate_chart
         procedure, private :: renew_chart
+        procedure, private :: consider_exchange
+        procedure, private :: take_stepper
+        procedure, private :: set_method
         procedure, private :: measure_errors
         procedure, private :: fail
         procedure, private :: explain
@@ -206,6 +212,36 @@ module tandem_simulation
             integer, intent(in) :: reason
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_chart
+
+        !> What the run has cost and how wrong it was, so far.
+        module function statistics(self) result(statistics_)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            type(statistics_type) :: statistics_
+        end function statistics
+
+        !> Take the other stepper where the run shows that it is cheaper from here on.
+        module subroutine consider_exchange(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine consider_exchange
+
+        !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
+        module subroutine take_stepper(self, is_implicit, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Which of the two.
+            logical, intent(in) :: is_implicit
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine take_stepper
+
+        !> What depends on the method.
+        module subroutine set_method(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine set_method
 
         !> Make a new chart before the step where the policy wants one.
         module subroutine renew_by_policy(self, error)
@@ -530,39 +566,6 @@ contains
         self%clock_from = now
         self%cpu_from = cpu
     end subroutine book_time
-
-    !> What the run has cost and how wrong it was, so far.
-    function statistics(self) result(statistics_)
-        class(simulation_type), intent(in) :: self
-        type(statistics_type) :: statistics_
-
-        statistics_ = self%tally
-        statistics_%is_stiff = self%stiffness%is_stiff
-        statistics_%stiff_from = self%stiffness%since
-        statistics_%stiff_steps = self%stiffness%steps
-        if (associated(self%model)) call weigh_implicit(self, statistics_)
-        if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
-        associate (local => self%local_error)
-            if (local%steps == 0) return
-            statistics_%local_error = local%largest
-            statistics_%local_error_steps = local%steps
-            ! Steps in no full window count like the others.
-            statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
-        end associate
-    end function statistics
-
-    !> What an implicit stepper would have cost, and whether it is worth advice: estimates are right to a factor of two.
-    subroutine weigh_implicit(self, statistics_)
-        class(simulation_type), intent(in) :: self
-        type(statistics_type), intent(inout) :: statistics_
-        real(wp), parameter :: worth = 0.5_wp
-
-        associate (s => statistics_, model => self%model)
-            s%implicit_part = self%stiffness%part_of_implicit(s%steps + s%rejected + s%failed, self%method%stages, &
-                merge(0, model%n, model%provides_derivatives == need_all_derivatives))
-            if (s%implicit_part > 0.0_wp .and. s%implicit_part < worth) s%advised = implicit_advice
-        end associate
-    end subroutine weigh_implicit
 
     !> The constraint errors of the current state; with `factor` they must be within the tolerance.
     subroutine measure_errors(self, error)

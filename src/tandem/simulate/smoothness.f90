@@ -24,6 +24,7 @@ module tandem_simulate_smoothness
         real(wp), allocatable, private :: error_q(:), error_qd(:)
     contains
         procedure :: initialize
+        procedure :: pause
         procedure :: observe
         procedure :: pack_state
     end type smoothness_type
@@ -42,6 +43,13 @@ contains
         self%error_q = self%first%q
         self%error_qd = self%first%q
     end subroutine initialize
+
+    !> Take no further note of the window that is open.
+    pure subroutine pause(self)
+        class(smoothness_type), intent(inout) :: self
+
+        self%n_known = 0
+    end subroutine pause
 
     !> Take note of the state at the end of a step.
     subroutine observe(self, state, weight_q, weight_qd)

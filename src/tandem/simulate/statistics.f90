@@ -53,6 +53,8 @@ module tandem_simulate_statistics
         !> smooth its motion was; the stepper, where that would be faster.
         real(wp) :: implicit_part = 0.0_wp
         character(len=16) :: advised = ''
+        !> With the stepper `auto`: how often the other method took over, and the steps of the implicit one.
+        integer(long) :: switches = 0, implicit_steps = 0
         !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
         real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
         !> Evaluations of the functions of events.

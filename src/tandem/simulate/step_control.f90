@@ -33,6 +33,8 @@ module tandem_simulate_step_control
         real(wp), private :: integral = 0.0_wp, damped_from = 0.0_wp
         !> Whether the last step was at the limit of stability: nearly there, or not followed by a larger one for that reason.
         logical :: is_at_limit = .false.
+        !> Whether the last accepted step was as long as errors and stability let it.
+        logical :: is_free = .false.
         !> h |lambda| at the limit, 0 where there is none; the largest |lambda| of the last steps, 0 where none is known.
         real(wp), private :: stability_limit = 0.0_wp, lambda = 0.0_wp
         logical, private :: was_rejected = .false.
@@ -41,6 +43,7 @@ module tandem_simulate_step_control
         real(wp), private :: last_step = 0.0_wp
     contains
         procedure :: initialize
+        procedure :: set_method
         procedure :: set_weights
         procedure :: accept
         procedure :: reject
@@ -76,6 +79,24 @@ contains
         self%max_step = huge(1.0_wp)
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%first_step = min(options%first_step, self%max_step)
+        call self%set_method(method)
+        self%weight_q = scale
+        self%weight_qd = scale
+        self%rtol_q = scale
+        self%rtol_qd = scale
+        self%atol_q = scale
+        self%atol_qd = scale
+        call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
+        self%atol_q = self%atol_q*scale
+        self%atol_qd = self%atol_qd*scale
+        call self%begin()
+    end subroutine initialize
+
+    !> Control the steps of a method with an estimate.
+    pure subroutine set_method(self, method)
+        class(step_control_type), intent(inout) :: self
+        type(properties_type), intent(in) :: method
+
         self%exponent = 1.0_wp/real(method%estimate_order + 1, wp)
         ! Implicit steppers have no integral part: their errors jump with Newton's.
         self%safety = 0.8_wp
@@ -90,17 +111,7 @@ contains
         self%aim = self%safety**(1.0_wp/self%exponent)
         self%stability_limit = method%stability_limit
         self%is_predictive = method%is_predictive
-        self%weight_q = scale
-        self%weight_qd = scale
-        self%rtol_q = scale
-        self%rtol_qd = scale
-        self%atol_q = scale
-        self%atol_qd = scale
-        call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
-        self%atol_q = self%atol_q*scale
-        self%atol_qd = self%atol_qd*scale
-        call self%begin()
-    end subroutine initialize
+    end subroutine set_method
 
     !> Weights for a step from (q0, qd0) to (q, qd).
     pure subroutine set_weights(self, q0, q, qd0, qd)
@@ -144,6 +155,7 @@ contains
             end if
         end if
         if (was_cut) wanted = max(wanted, self%h)
+        self%is_free = .not. was_cut .and. h < 0.9_wp*self%max_step
         self%h = self%limit(wanted)
         self%last_norm = max(norm, 1.0e-4_wp)
         self%was_rejected = .false.
@@ -230,5 +242,6 @@ contains
         call pack%item(self%last_step)
         call pack%item(self%lambda)
         call pack%item(self%was_rejected)
+        call pack%item(self%is_free)
     end subroutine pack_state
 end module tandem_simulate_step_control

@@ -37,6 +37,7 @@ contains
         if (allocated(error)) return
         ! What has failed there may work now.
         if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
+        if (.not. allocated(error) .and. self%switching%is_on) call self%consider_exchange(error)
         if (allocated(error)) return
         before%errors = self%errors
         before%largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
@@ -51,8 +52,7 @@ contains
         if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
         self%has_step = .true.
         self%segment_of_step = self%model%segment
-        ! Steps show it if a procedure of the model is wrong. Looked at are those with a power of two for their number, and one that
-        ! shows more than those before it.
+        ! A wrong procedure shows in steps. Looked at are those with a power of two for their number, and ones that show more.
         if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
             if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
         end if
@@ -314,9 +314,9 @@ contains
         logical, intent(out) :: is_cut, is_short
 
         h = min(self%control%h, 0.5_wp*self%room)
+        self%next%t = stop_at
         ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
         is_cut = self%state%t + 1.01_wp*h >= stop_at
-        self%next%t = stop_at
         if (.not. is_cut) then
             if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
             self%next%t = self%state%t + h

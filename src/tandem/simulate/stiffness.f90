@@ -7,6 +7,7 @@ module tandem_simulate_stiffness
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
     use tandem_simulate_smoothness, only: smoothness_type
+    use tandem_simulate_switching, only: cost_of_implicit
     implicit none (type, external)
     private
 
@@ -29,12 +30,22 @@ module tandem_simulate_stiffness
         integer, private :: in_a_row = 0, others = 0
         real(wp), private :: first = 0.0_wp
     contains
+        procedure :: pause
         procedure :: observe
         procedure :: part_of_implicit
         procedure :: pack_state
     end type stiffness_type
 
 contains
+
+    !> Another stepper goes on.
+    pure subroutine pause(self)
+        class(stiffness_type), intent(inout) :: self
+
+        self%in_a_row = 0
+        self%others = 0
+        call self%smoothness%pause()
+    end subroutine pause
 
     !> Take note of an accepted step.
     pure subroutine observe(self, t, is_at_limit)
@@ -66,13 +77,10 @@ contains
         integer, intent(in) :: stages
         !> Coordinates by which derivatives are made by differences; 0 where the model gives them.
         integer, intent(in) :: n_differences
-        !> What a step of the implicit method costs, in explicit stages: 27 to 37 on the scenes, with the model's derivatives. A new
-        !> matrix is made in less than every third step.
-        real(wp), parameter :: cost = 40.0_wp, matrices = 0.3_wp
 
         part_of_implicit = 0.0_wp
         if (tries == 0) return
-        part_of_implicit = self%smoothness%needed*(cost + matrices*2*real(n_differences, wp))/(real(tries, wp)*real(stages, wp))
+        part_of_implicit = self%smoothness%needed*cost_of_implicit(n_differences)/(real(tries, wp)*real(stages, wp))
     end function part_of_implicit
 
     !> What was seen so far.

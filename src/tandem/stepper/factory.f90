@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Steppers by name.
 module tandem_stepper_factory
-    use tandem_options, only: stepper_names
+    use tandem_options, only: stepper_choices, stepper_names
     use tandem_stepper, only: stepper_type
+    use tandem_stepper_auto, only: auto_type
     use tandem_stepper_dop853, only: dop853_type
     use tandem_stepper_dopri5, only: dopri5_type
     use tandem_stepper_radau5, only: radau5_type
@@ -12,13 +13,13 @@ module tandem_stepper_factory
     implicit none (type, external)
     private
 
-    public :: new_stepper, stepper_names
+    public :: new_stepper, stepper_choices, stepper_names
 
 contains
 
     !> Allocate the stepper of a name; left unallocated where the name is unknown.
     subroutine new_stepper(name, stepper)
-        !> One of `stepper_names`.
+        !> One of `stepper_choices`.
         character(len=*), intent(in) :: name
         class(stepper_type), allocatable, intent(out) :: stepper
 
@@ -35,6 +36,8 @@ contains
             allocate (sdirk54_type :: stepper)
         case ('radau5')
             allocate (radau5_type :: stepper)
+        case ('auto')
+            allocate (auto_type :: stepper)
         case default
             return
         end select

@@ -31,6 +31,8 @@ module tandem_stepper
         logical :: damps = .false.
         !> Whether the step size controller foresees the next error from the last two (Gustafsson).
         logical :: is_predictive = .false.
+        !> The stepper that takes its place where a run shows that it is cheaper; blank for none.
+        character(len=16) :: partner = ''
     end type properties_type
 
     !> A one-step method: each file of this folder extends it.

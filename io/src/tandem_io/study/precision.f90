@@ -6,7 +6,7 @@
 !> in a series follows from its rows alone, so that a study that was interrupted continues where it was.
 module tandem_io_study_precision
     use tandem, only: error_type, long, n_derivatives, new_stepper, options_type, properties_type, statistics_type, &
-        stepper_names, wp
+        stepper_choices, wp
     use tandem_io_scene, only: scene_type
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_measure, only: motion_of, outcome_type, over_budget, sample_run, time_run
@@ -114,12 +114,12 @@ contains
         self%useful = 0.1_wp*motion_of(scene, self%reference)
         if (allocated(self%series)) deallocate (self%series)
         allocate (self%series(0))
-        do i = 1, size(stepper_names)
-            if (.not. any(steppers == stepper_names(i))) cycle
-            self%series = [self%series, series_type(stepper_names(i), by_step)]
-            call new_stepper(stepper_names(i), stepper)
+        do i = 1, size(stepper_choices)
+            if (.not. any(steppers == stepper_choices(i))) cycle
+            call new_stepper(stepper_choices(i), stepper)
             properties = stepper%properties()
-            if (properties%estimate_order > 0) self%series = [self%series, series_type(stepper_names(i), by_rtol)]
+            if (properties%partner == '') self%series = [self%series, series_type(stepper_choices(i), by_step)]
+            if (properties%estimate_order > 0) self%series = [self%series, series_type(stepper_choices(i), by_rtol)]
         end do
     end subroutine start
 

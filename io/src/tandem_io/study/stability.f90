@@ -3,7 +3,7 @@
 !>
 !> What is not there yet is done next, so that a study that was interrupted continues where it was.
 module tandem_io_study_stability
-    use tandem, only: error_type, long, new_stepper, options_type, properties_type, stepper_names, to_text, wp
+    use tandem, only: error_type, long, new_stepper, options_type, properties_type, stepper_choices, to_text, wp
     use tandem_io_study_cases, only: build_case, case_groups, case_name_length, case_names, case_type
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_table, only: brief, cell_length, column_type, count_column, real_column, text_column
@@ -99,10 +99,10 @@ contains
         class(stepper_type), allocatable :: stepper
         type(properties_type) :: properties
 
-        has_run = subject%with_step
-        if (control == 'step') return
         call new_stepper(name, stepper)
         properties = stepper%properties()
+        has_run = subject%with_step .and. properties%partner == ''
+        if (control == 'step') return
         has_run = subject%with_rtol .and. properties%estimate_order > 0
     end function has_run
 
@@ -117,11 +117,11 @@ contains
         finished = .false.
         do
             if (self%current > 0) then
-                do i = 1, size(stepper_names)
+                do i = 1, size(stepper_choices)
                     do k = 1, size(controls)
-                        if (.not. has_run(self%subject, trim(stepper_names(i)), controls(k))) cycle
-                        if (self%row_of(self%subject%name, trim(stepper_names(i)), controls(k)) > 0) cycle
-                        call self%measure(trim(stepper_names(i)), controls(k), error)
+                        if (.not. has_run(self%subject, trim(stepper_choices(i)), controls(k))) cycle
+                        if (self%row_of(self%subject%name, trim(stepper_choices(i)), controls(k)) > 0) cycle
+                        call self%measure(trim(stepper_choices(i)), controls(k), error)
                         return
                     end do
                 end do
@@ -146,9 +146,9 @@ contains
         do i = 1, size(self%cases)
             call build_case(trim(self%cases(i)), subject, error)
             if (allocated(error)) return
-            do j = 1, size(stepper_names)
-                total = total + count([has_run(subject, trim(stepper_names(j)), 'step'), &
-                    has_run(subject, trim(stepper_names(j)), 'rtol')])
+            do j = 1, size(stepper_choices)
+                total = total + count([has_run(subject, trim(stepper_choices(j)), 'step'), &
+                    has_run(subject, trim(stepper_choices(j)), 'rtol')])
             end do
         end do
     end function total

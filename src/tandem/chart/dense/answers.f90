@@ -153,8 +153,8 @@ contains
         self%position%most_corrections = 0
         self%velocity_basis%most_corrections = 0
         associate (terms => self%model%terms, watch => self%watch)
-            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%scale)
-            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%scale)
+            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%basis_scale)
+            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%basis_scale)
             if (watch%condition .and. self%is_implicit) then
                 ! That of the Newton matrix (81), reduced.
                 health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
@@ -163,7 +163,7 @@ contains
             end if
             if (watch%secants) then
                 self%counts%basis_factorizations = self%counts%basis_factorizations + 1
-                call watch%measure_secants(terms%jacobian, self%scale, self%basis%q(:, :self%m), health%d, health%fbar)
+                call watch%measure_secants(terms%jacobian, self%basis_scale, self%basis%q(:, :self%m), health%d, health%fbar)
             end if
         end associate
     end procedure measure_health

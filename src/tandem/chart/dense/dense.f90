@@ -68,9 +68,12 @@ module tandem_chart_dense
         type(watch_type) :: watch
         !> Coordinate scales (n).
         real(wp), allocatable :: scale(:)
+        !> The same for bases (n): where masses differ much, light coordinates move more.
+        real(wp), allocatable :: basis_scale(:)
+        logical :: knows_masses = .true.
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
-        !> Orthonormal bases at the origin.
+        !> Orthonormal bases at the origin, s the scales for bases.
         type(basis_type) :: basis
         !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
         real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)

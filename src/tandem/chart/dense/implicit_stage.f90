@@ -19,7 +19,7 @@ contains
                 return
             end if
             if (self%follows_stiffness) call self%metric%load(terms%mass, self%derivatives%dynamics_qd, &
-                self%derivatives%dynamics_q, self%scale)
+                self%derivatives%dynamics_q, self%basis_scale, self%scale)
             call follow_stiffness(self, ha)
             call self%complete_velocity_basis(stat)
             if (stat /= status_ok) return

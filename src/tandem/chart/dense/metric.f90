@@ -47,6 +47,8 @@ module tandem_chart_dense_metric
         type(cholesky_type), private :: factor
         !> N' G^-1 N (m, m) and its factor for the positions and for the velocities, G^-1 N (n, *), and work space (n), (n**2).
         real(wp), allocatable, private :: gram(:, :), moved(:, :), row(:), shift(:)
+        !> Scales of the bases over those of the coordinates (n).
+        real(wp), allocatable, private :: unit(:)
         type(cholesky_type), private :: position_gram, velocity_gram
         !> Work space of the eigenvalues.
         real(wp), allocatable, private :: vectors(:, :), values(:), work(:)
@@ -95,21 +97,21 @@ contains
         self%tolerance = merge(tolerance, usual, tolerance > 0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
             self%inverse, self%row, self%shift, self%vectors, self%values, self%work, self%row_damping, self%row_stiffness, &
-            self%move, self%new_move)
+            self%move, self%new_move, self%unit)
         allocate (self%mass(n, n), self%damping(n, n), self%stiffness(n, n), self%matrix(n, n), self%gram(m, m), &
             self%inverse(n, n), self%row(n), self%shift(n*n), self%moved(n, max(m, n - m)), self%vectors(n, n), &
             self%values(n), self%work(34*n), self%row_damping(n), self%row_stiffness(n), self%move(n), self%new_move(n), &
-            source=0.0_wp)
+            self%unit(n), source=0.0_wp)
         call self%factor%allocate(n)
         call self%position_gram%allocate(nh)
         call self%velocity_gram%allocate(m)
     end subroutine allocate_metric
 
     !> Take M, D and K at a point.
-    subroutine load(self, mass, damping, stiffness, scale)
+    subroutine load(self, mass, damping, stiffness, scale, unit)
         class(metric_type), intent(inout) :: self
-        !> M, the gradients of the equations of motion by qd and by q (n, n), coordinate scales (n).
-        real(wp), intent(in), contiguous :: mass(:, :), damping(:, :), stiffness(:, :), scale(:)
+        !> M, the gradients of the equations of motion by qd and by q (n, n), scales of the bases and of coordinates (n).
+        real(wp), intent(in), contiguous :: mass(:, :), damping(:, :), stiffness(:, :), scale(:), unit(:)
         !> The part by which forces may change before the metric does.
         real(wp), parameter :: alike = 0.05_wp
         real(wp) :: change(3), total(3), new
@@ -121,6 +123,7 @@ contains
         change = 0.0_wp
         total = 0.0_wp
         do j = 1, self%n
+            self%unit(j) = scale(j)/unit(j)
             do i = 1, self%n
                 new = scale(i)*scale(j)*mass(i, j)
                 change(1) = change(1) + abs(new - self%mass(i, j))
@@ -296,7 +299,7 @@ contains
                 force = force + self%stiffness(j, i)*self%move(j)
             end do
             force = part*beta*force/(self%mean + beta*(self%row_damping(i) + beta*self%row_stiffness(i)))
-            strain = strain + force*force
+            strain = strain + (self%unit(i)*force)**2
         end do
         strain = sqrt(strain)*(beta/self%move_beta)**2
     end subroutine measure
@@ -485,6 +488,7 @@ contains
         call pack%item(self%rest)
         call pack%item(self%before)
         call pack%item(self%move)
+        call pack%item(self%unit)
         call pack%item(self%row_damping)
         call pack%item(self%row_stiffness)
         call pack%item(self%mass)

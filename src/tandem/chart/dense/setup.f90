@@ -36,6 +36,8 @@ contains
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%basis_scale = self%scale
+        self%knows_masses = .not. implicit .or. options%chart == 'paper'
         self%has_nu = iand(self%model%has, need_nu) /= 0
         self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
         associate (n => self%n, nh => self%nh, m => self%m)
@@ -94,7 +96,7 @@ contains
         self%failed_row = 0
         self%is_at_origin = .true.
         self%may_lean = .true.
-        if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%scale)
+        if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%basis_scale)
         call copy(self%n, q, self%q0)
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
@@ -114,6 +116,7 @@ contains
         if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
         if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, q, is_done)
         if (.not. is_done) then
+            if (.not. self%knows_masses) call weigh_coordinates(self)
             call load_bases(self, stat)
             if (stat /= status_ok) return
             if (self%is_implicit) call self%stage%enter_chart(.not. self%metric%is_on)
@@ -133,6 +136,41 @@ contains
         end if
     end procedure renew
 
+    !> Where masses differ much, make light coordinates as easy to move in the bases as they are, once a run. Bases that mix masses
+    !> lose the digits by which these differ of a light one's acceleration; a Newton matrix that is carried to another chart takes a
+    !> light motion for a heavy one, where the light one has turned.
+    subroutine weigh_coordinates(self)
+        class(dense_chart_type), intent(inout) :: self
+        !> Masses that differ by less are no matter, those that differ by more count as if by so much, and below this part of the
+        !> largest there is no mass.
+        real(wp), parameter :: much = 1.0e3_wp, most = 1.0e12_wp, none = 1.0e-15_wp
+        !> The part of the rows' independence that this may cost: a light body between heavy ones ties its coordinates twice.
+        real(wp), parameter :: least = 0.1_wp
+        real(wp) :: largest, smallest, mass, plain
+        integer :: i
+
+        self%knows_masses = .true.
+        if (self%m == 0) return
+        largest = 0.0_wp
+        do i = 1, self%n
+            largest = max(largest, self%scale(i)**2*self%model%terms%mass(i, i))
+        end do
+        smallest = largest
+        do i = 1, self%n
+            mass = self%scale(i)**2*self%model%terms%mass(i, i)
+            if (mass > none*largest) smallest = min(smallest, mass)
+        end do
+        if (.not. largest > much*smallest) return
+        call self%basis%factor_qr(self%model%terms%jacobian, self%scale, 0)
+        plain = self%basis%smallest
+        do i = 1, self%n
+            mass = self%scale(i)**2*self%model%terms%mass(i, i)
+            if (mass > none*largest) self%basis_scale(i) = self%scale(i)*sqrt(min(most, largest/mass))
+        end do
+        call self%basis%factor_qr(self%model%terms%jacobian, self%basis_scale, 0)
+        if (self%basis%deficient .or. self%basis%smallest < least*plain) self%basis_scale = self%scale
+    end subroutine weigh_coordinates
+
     !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
     subroutine load_bases(self, stat)
         class(dense_chart_type), intent(inout) :: self
@@ -145,9 +183,9 @@ contains
         if (self%watch%w .or. self%watch%secants) columns = self%m
         if (self%has_bases) columns = self%n
         if (self%uses_svd) then
-            call self%basis%factor_svd(self%model%terms%jacobian, self%scale)
+            call self%basis%factor_svd(self%model%terms%jacobian, self%basis_scale)
         else
-            call self%basis%factor_qr(self%model%terms%jacobian, self%scale, columns)
+            call self%basis%factor_qr(self%model%terms%jacobian, self%basis_scale, columns)
         end if
         self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
         self%independence = self%basis%smallest
@@ -165,21 +203,21 @@ contains
         integer :: j
 
         do j = 1, self%nh
-            self%position%u_basis(:, j) = self%scale*self%basis%q(:, j)
+            self%position%u_basis(:, j) = self%basis_scale*self%basis%q(:, j)
         end do
         if (.not. self%has_bases) return
         do j = 1, self%m
-            self%x_basis(:, j) = self%scale*self%basis%q(:, j)
+            self%x_basis(:, j) = self%basis_scale*self%basis%q(:, j)
         end do
         do j = 1, self%n - self%nh
-            self%v_basis(:, j) = self%scale*self%basis%q(:, self%nh + j)
-            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%scale
+            self%v_basis(:, j) = self%basis_scale*self%basis%q(:, self%nh + j)
+            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%basis_scale
         end do
         do j = 1, self%n - self%m
-            self%w_basis(:, j) = self%scale*self%basis%q(:, self%m + j)
-            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%scale
+            self%w_basis(:, j) = self%basis_scale*self%basis%q(:, self%m + j)
+            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%basis_scale
         end do
-        if (self%metric%is_on .and. self%m > 0) call self%metric%lean(self%nh, self%m, self%basis%q, self%scale, &
+        if (self%metric%is_on .and. self%m > 0) call self%metric%lean(self%nh, self%m, self%basis%q, self%basis_scale, &
             self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
     end procedure place_bases
 
@@ -193,6 +231,8 @@ contains
         if (self%is_implicit) then
             call self%stage%pack_state(pack)
             call self%metric%pack_state(pack)
+            call pack%item(self%basis_scale)
+            call pack%item(self%knows_masses)
             call pack%item(self%may_lean)
             call pack%item(self%is_at_origin)
         end if

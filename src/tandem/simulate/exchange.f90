@@ -1,0 +1,118 @@
+! SPDX-License-Identifier: MIT
+!> The exchange of steppers in a run, between steps: the stepper `auto`. Each method has a chart of its own, since explicit steps go
+!> without what implicit ones need.
+submodule(tandem_simulation) tandem_simulate_exchange
+    implicit none (type, external)
+
+contains
+
+    !> Take the other stepper where the run shows that it is cheaper from here on.
+    module procedure consider_exchange
+        integer(long) :: tries
+        integer :: n_differences, stat
+        real(wp) :: cost
+        logical :: wants
+
+        if (.not. self%switching%is_asked(self%tally%steps) .or. self%is_sparse) return
+        tries = self%tally%steps + self%tally%rejected + self%tally%failed
+        n_differences = merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives)
+        cost = cost_of_implicit(n_differences)
+        if (self%switching%is_implicit) then
+            if (self%switching%wants_eigenvalue(self%tally%steps)) call look_at_eigenvalue(self)
+            wants = self%switching%wants_explicit(self%state%t, tries, self%explicit_method%stages, &
+                self%explicit_method%stability_limit, cost)
+        else
+            wants = self%switching%wants_implicit(self%state%t, self%control%is_free, self%stiffness%smoothness%needed, tries, &
+                self%method%stages, cost)
+        end if
+        if (.not. wants) return
+        call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
+        call self%take_stepper(.not. self%switching%is_implicit, stat)
+        if (stat /= status_ok) then
+            ! What implicit steps need cannot be had here: the run goes on as it was.
+            self%switching%is_on = .false.
+            call self%take_stepper(self%switching%is_implicit, stat)
+            if (stat /= status_ok) call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
+            self%state%dq(:) = 0.0_wp
+            self%state%dqd(:) = 0.0_wp
+            return
+        end if
+        self%state%dq(:) = self%next%dq
+        self%state%dqd(:) = 0.0_wp
+        call self%switching%note_switch(self%state%t, self%tally%steps, tries, self%stiffness%smoothness%needed)
+        ! Explicit steps begin within their limit; implicit ones grow from where they are.
+        if (.not. self%switching%is_implicit .and. self%switching%lambda > 0.0_wp) self%control%h = &
+            self%control%limit(min(self%control%h, 0.5_wp*self%method%stability_limit/self%switching%lambda))
+        self%tally%charts_by(by_step) = self%tally%charts_by(by_step) + 1
+        self%tally%charts = self%tally%charts + 1
+    end procedure consider_exchange
+
+    !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
+    module procedure take_stepper
+        type(counts_type) :: counts
+        type(error_type), allocatable :: error
+        integer :: n_dropped
+
+        stat = status_ok
+        if (is_implicit) then
+            call new_stepper(self%explicit_method%partner, self%stepper)
+        else
+            call new_stepper(self%options%stepper, self%stepper)
+        end if
+        self%method = self%stepper%properties()
+        call self%set_method()
+        self%has_step = .false.
+        self%renewal = 0
+        self%room = huge(1.0_wp)
+        n_dropped = self%chart%n_dropped
+        if (n_dropped > 0) then
+            call self%choose_rows_anew(stat)
+        else
+            counts = self%chart%counts
+            call self%allocate_chart()
+            call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+            self%chart%counts = counts
+            if (allocated(error)) then
+                stat = error%stat
+            else
+                call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+            end if
+        end if
+        self%chart_is_current = stat == status_ok
+    end procedure take_stepper
+
+    !> What depends on the method.
+    module procedure set_method
+        real(wp) :: scale(self%model%n)
+
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        self%stepper%projects_stages = self%options%projection == projections(1)
+        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
+        self%allowed_gap = merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit)
+        self%last_gap = huge(1.0_wp)
+        call self%control%set_method(self%method)
+        call self%control%restart()
+        call self%stiffness%pause()
+        call self%stepper%initialize(scale, self%options%newton_tolerance())
+    end procedure set_method
+
+    !> A step of the power iteration, at the current state.
+    subroutine look_at_eigenvalue(self)
+        class(simulation_type), intent(inout) :: self
+        real(wp) :: scale(self%model%n)
+        integer :: stat
+
+        scale = 1.0_wp
+        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        associate (moved => self%kept, chart => self%chart)
+            call self%switching%set_direction(self%state, scale, moved)
+            call chart%hold()
+            call chart%restore_position(moved%t, moved%dq, moved%q, stat)
+            if (stat == status_ok) call chart%restore_velocity(moved%t, moved%q, moved%dqd, moved%qd, stat)
+            if (stat == status_ok) call chart%solve_dynamics(moved%t, moved%q, moved%qd, moved%qdd, stat)
+            call chart%release()
+            if (stat == status_ok) call self%switching%learn_eigenvalue(self%state, scale, moved)
+        end associate
+    end subroutine look_at_eigenvalue
+end submodule tandem_simulate_exchange

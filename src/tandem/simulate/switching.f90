@@ -1,0 +1,254 @@
+! SPDX-License-Identifier: MIT
+!> Whether another stepper would be cheaper from here on: for the stepper `auto`, by the run's own evidence.
+!>
+!> While steps are explicit: the implicit method would do with so few steps, by how smooth the motion was, that it costs less. Where
+!> stability limits the steps, that is so; but already before, their errors are those of what is stiff.
+!> While they are implicit: the largest eigenvalue, by power iteration on differences of rates, says how long explicit steps could
+!> be, and the last steps say what implicit ones cost. Who comes back soon must wait longer for the next exchange, so that tries in
+!> vain cost a small part of a run.
+module tandem_simulate_switching
+    use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: switching_type, cost_of_implicit
+
+    type :: switching_type
+        !> Whether steppers are exchanged, and whether the implicit one is at work.
+        logical :: is_on = .false., is_implicit = .false.
+        !> Exchanges so far, and implicit steps.
+        integer(long) :: switches = 0, implicit_steps = 0
+        !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked at, and
+        !> accepted steps at the last exchange.
+        integer(long), private :: asked = -1, tries_from = 0, steps_from = 0
+        real(wp), private :: needed_from = 0.0_wp, t_from = 0.0_wp
+        !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0
+        !> where it is not known yet.
+        real(wp), private :: rate = 0.0_wp, excess = 0.0_wp
+        !> By how many times the usual evidence is not enough.
+        integer, private :: patience = 1
+        !> The largest eigenvalue as it was seen last, by how much the direction was stretched then; that direction (n): of q and
+        !> of qd.
+        real(wp) :: lambda = 0.0_wp
+        real(wp), private :: stretch = 0.0_wp
+        real(wp), allocatable :: direction_q(:), direction_qd(:)
+    contains
+        procedure :: begin
+        procedure :: is_asked
+        procedure :: wants_implicit
+        procedure :: wants_explicit
+        procedure :: wants_eigenvalue
+        procedure :: set_direction
+        procedure :: learn_eigenvalue
+        procedure :: note_switch
+        procedure :: pack_state
+    end type switching_type
+
+    !> The part of the cost that makes an exchange worth it.
+    real(wp), parameter :: worth = 0.8_wp
+    !> Tries that a look at costs takes, before which a return is soon, and the most patience.
+    integer, parameter :: window = 20, soon = 400, longest = 64
+
+contains
+
+    !> What a step of the implicit method costs, in explicit stages: 27 to 37 on the scenes, with the model's derivatives. A new
+    !> matrix is made in less than every third step.
+    pure real(wp) function cost_of_implicit(n_differences)
+        !> Coordinates by which derivatives are made by differences; 0 where the model gives them.
+        integer, intent(in) :: n_differences
+        real(wp), parameter :: cost = 40.0_wp, matrices = 0.3_wp
+
+        cost_of_implicit = cost + matrices*2*real(n_differences, wp)
+    end function cost_of_implicit
+
+    !> Begin a run with n coordinates at a time.
+    subroutine begin(self, is_on, n, t)
+        class(switching_type), intent(inout) :: self
+        logical, intent(in) :: is_on
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t
+        integer :: i
+
+        self%is_on = is_on
+        self%is_implicit = .false.
+        self%switches = 0
+        self%implicit_steps = 0
+        self%asked = -1
+        self%tries_from = 0
+        self%steps_from = 0
+        self%needed_from = 0.0_wp
+        self%t_from = t
+        self%patience = 1
+        self%rate = 0.0_wp
+        self%excess = 0.0_wp
+        self%lambda = 0.0_wp
+        self%stretch = 0.0_wp
+        if (.not. is_on) return
+        ! Any direction that no symmetry of a model makes blind.
+        self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, n)]
+        self%direction_qd = [(sin(5.0_wp*real(i, wp)), i=1, n)]
+    end subroutine begin
+
+    !> Whether an accepted step has come to the others since it was asked last.
+    logical function is_asked(self, steps)
+        class(switching_type), intent(inout) :: self
+        !> Accepted steps so far.
+        integer(long), intent(in) :: steps
+
+        is_asked = self%is_on .and. steps > self%asked
+        if (.not. is_asked) return
+        if (self%is_implicit .and. self%asked >= 0) self%implicit_steps = self%implicit_steps + (steps - self%asked)
+        self%asked = steps
+    end function is_asked
+
+    !> Whether the implicit method would be cheaper than the explicit one at work.
+    logical function wants_implicit(self, t, is_free, needed, tries, stages, cost)
+        class(switching_type), intent(inout) :: self
+        !> Where the run is, and whether nothing but errors and stability has limited the last step.
+        real(wp), intent(in) :: t
+        logical, intent(in) :: is_free
+        !> Steps that the motion itself would have taken so far, and tries of steps that were made.
+        real(wp), intent(in) :: needed
+        integer(long), intent(in) :: tries
+        !> Stages of a step, and what an implicit step costs.
+        integer, intent(in) :: stages
+        real(wp), intent(in) :: cost
+        real(wp) :: part
+
+        wants_implicit = .false.
+        ! Another method could not have left this one out.
+        if (.not. is_free) self%tries_from = min(self%tries_from + 1, tries)
+        if (tries - self%tries_from < int(window*self%patience, long)) return
+        ! The window of the motion that is open counts as a step.
+        part = (needed - self%needed_from + 1.0_wp)*cost/(real(tries - self%tries_from, wp)*real(stages, wp))
+        wants_implicit = part < worth
+        if (wants_implicit) then
+            self%rate = real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
+            self%excess = 0.0_wp
+        end if
+        self%tries_from = tries
+        self%needed_from = needed
+        self%t_from = t
+    end function wants_implicit
+
+    !> Whether the largest eigenvalue is to be looked at: while it is not known, and then now and again.
+    pure logical function wants_eigenvalue(self, steps)
+        class(switching_type), intent(in) :: self
+        !> Accepted steps so far.
+        integer(long), intent(in) :: steps
+        integer(long), parameter :: first = 8, every = 4
+
+        wants_eigenvalue = steps - self%steps_from <= first .or. mod(steps, every) <= 1
+    end function wants_eigenvalue
+
+    !> A small displacement of the state along the direction, into the increments of another.
+    pure subroutine set_direction(self, state, scale, moved)
+        class(switching_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        !> Coordinate scales (n).
+        real(wp), intent(in) :: scale(:)
+        type(state_type), intent(inout) :: moved
+        real(wp), parameter :: small = 1.0e-7_wp
+
+        moved%t = state%t
+        moved%dq(:) = state%dq + small*scale*self%direction_q
+        moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, 1.0_wp)
+    end subroutine set_direction
+
+    !> Learn from the rates at the displaced state. The product of two stretches in a row is right for a pair of eigenvalues too.
+    subroutine learn_eigenvalue(self, state, scale, moved)
+        class(switching_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: scale(:)
+        !> Complete.
+        type(state_type), intent(in) :: moved
+        real(wp) :: before, after, unit, stretch, largest
+
+        ! Velocities count in units of the eigenvalue.
+        unit = 1.0_wp/max(self%lambda, 1.0_wp)
+        before = sqrt(sum(((moved%q - state%q)/scale)**2) + unit**2*sum(((moved%qd - state%qd)/scale)**2))
+        after = sqrt(sum(((moved%qd - state%qd)/scale)**2) + unit**2*sum(((moved%qdd - state%qdd)/scale)**2))
+        if (.not. (before > 0.0_wp .and. after > 0.0_wp .and. after <= huge(after))) return
+        stretch = after/before
+        if (self%stretch > 0.0_wp) self%lambda = sqrt(stretch*self%stretch)
+        self%stretch = stretch
+        self%direction_q = (moved%qd - state%qd)/scale
+        self%direction_qd = unit*(moved%qdd - state%qdd)/scale
+        largest = max(maxval(abs(self%direction_q)), maxval(abs(self%direction_qd)), tiny(1.0_wp))
+        self%direction_q = self%direction_q/largest
+        self%direction_qd = self%direction_qd/largest
+    end subroutine learn_eigenvalue
+
+    !> Whether the explicit method would be cheaper than the implicit one at work.
+    logical function wants_explicit(self, t, tries, stages, limit, cost)
+        class(switching_type), intent(inout) :: self
+        !> Where the run is, and tries of steps so far.
+        real(wp), intent(in) :: t
+        integer(long), intent(in) :: tries
+        !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
+        integer, intent(in) :: stages
+        real(wp), intent(in) :: limit, cost
+        real(wp), parameter :: most_excess = 30.0_wp
+        real(wp) :: explicit, implicit
+
+        wants_explicit = .false.
+        if (tries - self%tries_from < int(window/2*self%patience, long)) return
+        ! Costs of a unit of time. What errors limit, they limit for both.
+        implicit = cost*real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
+        if (self%lambda > 0.0_wp) then
+            ! Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say.
+            if (.not. self%excess > 0.0_wp) self%excess = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
+            explicit = real(stages, wp)*max(self%excess*self%lambda/limit, implicit/cost)
+            wants_explicit = explicit < worth*implicit
+        end if
+        self%tries_from = tries
+        self%t_from = t
+    end function wants_explicit
+
+    !> Steppers were exchanged.
+    subroutine note_switch(self, t, steps, tries, needed)
+        class(switching_type), intent(inout) :: self
+        !> Where, and steps, tries and steps of the motion itself so far.
+        real(wp), intent(in) :: t
+        integer(long), intent(in) :: steps, tries
+        real(wp), intent(in) :: needed
+
+        if (self%switches > 0 .and. steps - self%steps_from < int(soon, long)) then
+            self%patience = min(2*self%patience, longest)
+        else
+            self%patience = 1
+        end if
+        self%is_implicit = .not. self%is_implicit
+        self%switches = self%switches + 1
+        self%steps_from = steps
+        self%tries_from = tries
+        self%t_from = t
+        self%needed_from = needed
+        self%stretch = 0.0_wp
+    end subroutine note_switch
+
+    !> What the next exchange depends on; `is_implicit` is kept before, by who must make the stepper first.
+    subroutine pack_state(self, pack)
+        class(switching_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%is_on)
+        call pack%item(self%switches)
+        call pack%item(self%implicit_steps)
+        call pack%item(self%asked)
+        call pack%item(self%tries_from)
+        call pack%item(self%steps_from)
+        call pack%item(self%needed_from)
+        call pack%item(self%t_from)
+        call pack%item(self%rate)
+        call pack%item(self%excess)
+        call pack%item(self%patience)
+        call pack%item(self%lambda)
+        call pack%item(self%stretch)
+        if (.not. allocated(self%direction_q)) return
+        call pack%item(self%direction_q)
+        call pack%item(self%direction_qd)
+    end subroutine pack_state
+end module tandem_simulate_switching

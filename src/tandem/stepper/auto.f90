@@ -1,0 +1,30 @@
+! SPDX-License-Identifier: MIT
+!> dop853, in whose place another method takes steps where the run shows that it is cheaper. What is here is the explicit part;
+!> `tandem_simulate_switching` decides, and the simulation exchanges steppers between steps.
+module tandem_stepper_auto
+    use tandem_stepper, only: properties_type
+    use tandem_stepper_dop853, only: dop853_type
+    implicit none (type, external)
+    private
+
+    public :: auto_type
+
+    !> dop853 with a partner.
+    type, extends(dop853_type) :: auto_type
+    contains
+        procedure, nopass :: properties
+    end type auto_type
+
+contains
+
+    !> What the method is while it is explicit.
+    pure function properties() result(properties_)
+        type(properties_type) :: properties_
+        type(dop853_type) :: explicit
+
+        properties_ = explicit%properties()
+        properties_%name = 'auto'
+        properties_%stability = 'dop853, or radau5 where that is cheaper'
+        properties_%partner = 'radau5'
+    end function properties
+end module tandem_stepper_auto

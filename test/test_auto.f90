@@ -1,0 +1,325 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the stepper that goes from dop853 to radau5 and back by what a run shows.
+module test_auto
+    use asserts, only: check_below, check_count, check_failure, check_no_failure, check_true
+    use model_stiff_pendulum, only: stiff_pendulum_type
+    use runs, only: get_start, new_scene
+    use tandem, only: at_step, event_type, failure_type => error_type, long, model_type, new_stepper, &
+        observer_type, options_type, properties_type, simulation_type, statistics_type, stepper_choices, wp
+    use tandem_stepper, only: stepper_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_auto
+
+    !> Looks at the middle of every step: at how far the motion there is from the mean of the ends, and at the constraints.
+    type, extends(observer_type) :: looker_type
+        real(wp) :: t_last = 0.0_wp, constraint = 0.0_wp
+        !> The states in the middle of steps (t, x, y) and how many.
+        real(wp), allocatable :: seen(:, :)
+        integer :: n = 0
+    contains
+        procedure :: observe
+    end type looker_type
+
+    !> The pendulum hangs below its pivot.
+    type, extends(event_type) :: below_type
+    contains
+        procedure :: evaluate
+    end type below_type
+
+contains
+
+    !> The suite.
+    subroutine collect_auto(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('auto-is-a-stepper-by-name', test_name), &
+            new_unittest('auto-wants-a-tolerance-and-stages-on-the-manifold', test_refusals), &
+            new_unittest('auto-is-dop853-where-nothing-is-stiff', test_explicit), &
+            new_unittest('auto-costs-little-more-than-the-better-method', test_cost), &
+            new_unittest('auto-follows-a-spring-that-stiffens-and-softens', test_there_and_back), &
+            new_unittest('auto-keeps-dense-output-and-events-across-switches', test_events), &
+            new_unittest('auto-goes-on-bitwise-from-a-checkpoint', test_checkpoint)]
+    end subroutine collect_auto
+
+    !> A pendulum on a spring of frequency ratio R, damped half critically, that starts slowly from 1 rad.
+    subroutine set_up(model, ratio, options, simulation, failure, stiffens_at, softens_at)
+        type(stiff_pendulum_type), intent(inout), target :: model
+        real(wp), intent(in) :: ratio
+        type(options_type), intent(in) :: options
+        type(simulation_type), intent(inout) :: simulation
+        type(failure_type), allocatable, intent(out) :: failure
+        real(wp), intent(in), optional :: stiffens_at, softens_at
+        real(wp) :: stretch
+
+        model%k = 9.81_wp*ratio**2
+        model%c = sqrt(model%k)
+        model%has_stretch = .true.
+        model%has_derivatives = .true.
+        if (present(stiffens_at)) model%stiffens_at = stiffens_at
+        if (present(softens_at)) model%softens_at = softens_at
+        call model%define()
+        stretch = 9.81_wp*cos(1.0_wp)/model%k
+        call simulation%initialize(model, options, 0.0_wp, [(1 + stretch)*sin(1.0_wp), -(1 + stretch)*cos(1.0_wp), stretch], &
+            spread(0.0_wp, 1, 3), failure)
+    end subroutine set_up
+
+    !> The name, and that it says which method takes over.
+    subroutine test_name(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(stepper_type), allocatable :: stepper
+        type(properties_type) :: properties
+
+        call check_true(error, any(stepper_choices == 'auto'), 'auto can be asked for')
+        call new_stepper('auto', stepper)
+        properties = stepper%properties()
+        call check_true(error, properties%name == 'auto' .and. properties%partner == 'radau5', 'auto and its partner')
+    end subroutine test_name
+
+    !> Fixed steps cost what they cost, and implicit stages lie on the manifold.
+    subroutine test_refusals(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(stiff_pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+
+        call set_up(model, 10.0_wp, options_type(stepper='auto', step=1.0e-3_wp), simulation, failure)
+        call check_failure(error, failure, 'invalid_option', 'rtol is not set')
+        if (allocated(error)) return
+        call set_up(model, 10.0_wp, options_type(stepper='auto', rtol=1.0e-6_wp, projection='step_ends'), simulation, failure)
+        call check_failure(error, failure, 'invalid_option', 'may go over to implicit steps')
+    end subroutine test_refusals
+
+    !> The same run bit by bit, at the same cost.
+    subroutine test_explicit(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=10), parameter :: scenes(4) = [character(len=10) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge']
+        class(model_type), allocatable, target :: model
+        type(simulation_type) :: plain, auto
+        type(statistics_type) :: of_plain, of_auto
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i
+
+        do i = 1, size(scenes)
+            call new_scene(trim(scenes(i)), model)
+            call get_start(trim(scenes(i)), q, qd)
+            call plain%initialize(model, options_type(stepper='dop853', rtol=1.0e-7_wp), 0.0_wp, q, qd, failure)
+            if (.not. allocated(failure)) call plain%integrate(2.0_wp, failure)
+            if (.not. allocated(failure)) call auto%initialize(model, options_type(stepper='auto', rtol=1.0e-7_wp), 0.0_wp, q, qd, &
+                failure)
+            if (.not. allocated(failure)) call auto%integrate(2.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            of_plain = plain%statistics()
+            of_auto = auto%statistics()
+            call check_true(error, all(abs(plain%state%q - auto%state%q) <= 0.0_wp), trim(scenes(i))//': the same motion')
+            call check_count(error, of_auto%switches, 0, trim(scenes(i))//': switches')
+            call check_count(error, of_auto%right_hand_sides, int(of_plain%right_hand_sides), trim(scenes(i))//': evaluations')
+            if (allocated(error)) return
+            deallocate (model)
+        end do
+    end subroutine test_explicit
+
+    !> The work of a run in explicit stages: an implicit step is worth 40.
+    pure real(wp) function work_of(s, n_implicit)
+        type(statistics_type), intent(in) :: s
+        integer(long), intent(in) :: n_implicit
+        real(wp) :: part
+
+        part = real(n_implicit, wp)/real(s%steps, wp)
+        work_of = real(s%steps + s%rejected + s%failed, wp)*(12*(1 - part) + 40*part)
+    end function work_of
+
+    !> Pendulums of all degrees of stiffness: right to the tolerance, and hardly more work than with the better of both. What
+    !> it takes to see that is twenty explicit steps more.
+    subroutine test_cost(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: ratios(6) = [3.0_wp, 10.0_wp, 30.0_wp, 1.0e2_wp, 3.0e2_wp, 1.0e3_wp]
+        real(wp), parameter :: rtols(2) = [1.0e-4_wp, 1.0e-6_wp]
+        type(stiff_pendulum_type), target :: model
+        type(simulation_type) :: fine, simulation
+        type(statistics_type) :: s
+        type(failure_type), allocatable :: failure
+        real(wp) :: work(3)
+        integer(long) :: n_implicit
+        integer :: i, j, k
+        character(len=6), parameter :: steppers(3) = ['dop853', 'radau5', 'auto  ']
+
+        do i = 1, size(ratios)
+            call set_up(model, ratios(i), options_type(stepper='radau5', rtol=1.0e-10_wp), fine, failure)
+            if (.not. allocated(failure)) call fine%integrate(10.0_wp, failure)
+            do j = 1, size(rtols)
+                do k = 1, size(steppers)
+                    if (.not. allocated(failure)) call set_up(model, ratios(i), options_type(stepper=steppers(k), rtol=rtols(j)), &
+                        simulation, failure)
+                    if (.not. allocated(failure)) call simulation%integrate(10.0_wp, failure)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                    s = simulation%statistics()
+                    n_implicit = s%implicit_steps
+                    if (k == 2) n_implicit = s%steps
+                    work(k) = work_of(s, n_implicit)
+                end do
+                call check_below(error, maxval(abs(simulation%state%q(:2) - fine%state%q(:2))), 10*rtols(j), 'position')
+                call check_below(error, work(3), 1.2_wp*min(work(1), work(2)) + 12*20, 'work')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_cost
+
+    !> Soft, a thousand times as stiff from 1 s to 3 s, and soft again: the explicit method, the implicit one, and the explicit one.
+    subroutine test_there_and_back(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: ratios(2) = [5.0_wp, 10.0_wp], rtols(2) = [1.0e-4_wp, 1.0e-6_wp]
+        type(stiff_pendulum_type), target :: model
+        type(simulation_type) :: fine, simulation
+        type(statistics_type) :: s
+        type(failure_type), allocatable :: failure
+        integer(long) :: n
+        integer :: i, j
+
+        do i = 1, size(ratios)
+            call set_up(model, ratios(i), options_type(stepper='radau5', rtol=1.0e-10_wp), fine, failure, 1.0_wp, 3.0_wp)
+            if (.not. allocated(failure)) call fine%integrate(5.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do j = 1, size(rtols)
+                call set_up(model, ratios(i), options_type(stepper='auto', rtol=rtols(j)), simulation, failure, 1.0_wp, 3.0_wp)
+                if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure)
+                s = simulation%statistics()
+                call check_count(error, s%implicit_steps, 0, 'implicit steps while the spring is soft')
+                if (.not. allocated(failure)) call simulation%integrate(2.9_wp, failure)
+                s = simulation%statistics()
+                call check_true(error, s%implicit_steps > 10, 'implicit steps while the spring is stiff')
+                n = s%implicit_steps
+                if (.not. allocated(failure)) call simulation%integrate(3.5_wp, failure)
+                s = simulation%statistics()
+                n = s%implicit_steps
+                if (.not. allocated(failure)) call simulation%integrate(5.0_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                s = simulation%statistics()
+                call check_true(error, s%implicit_steps == n, 'no implicit steps where it is soft again')
+                call check_below(error, maxval(abs(simulation%state%q(:2) - fine%state%q(:2))), 10*rtols(j), 'position')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_there_and_back
+
+    !> The angle from the vertical, x of the mass.
+    subroutine evaluate(self, t, q, qd, lambda, value, stat)
+        class(below_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        real(wp), intent(out) :: value
+        integer, intent(out) :: stat
+
+        value = q(1)
+        stat = 0
+    end subroutine evaluate
+
+    !> Look at the middle of the last step.
+    subroutine observe(self, simulation, occasion, error)
+        class(looker_type), intent(inout) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer, intent(in) :: occasion
+        type(failure_type), allocatable, intent(out) :: error
+        real(wp) :: t
+
+        if (occasion /= at_step) return
+        t = simulation%state%t - 0.5_wp*simulation%last_step
+        call simulation%look_at(t, error)
+        if (.not. allocated(error) .and. self%n < size(self%seen, 2)) then
+            self%n = self%n + 1
+            self%seen(:, self%n) = [t, simulation%state%q(:2)]
+            self%constraint = max(self%constraint, maxval(simulation%errors))
+        end if
+        call simulation%look_back()
+    end subroutine observe
+
+    !> Events and looks into steps are those of a run that does not switch.
+    subroutine test_events(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(stiff_pendulum_type), target :: model, other
+        type(simulation_type) :: fine, simulation
+        type(below_type), target :: event, same
+        type(looker_type) :: looker
+        type(statistics_type) :: s
+        type(failure_type), allocatable :: failure
+        integer :: i
+
+        event%name = 'below'
+        same%name = 'below'
+        allocate (looker%seen(3, 2000), source=0.0_wp)
+        call set_up(model, 10.0_wp, options_type(stepper='auto', rtol=1.0e-6_wp), simulation, failure, 1.0_wp, 3.0_wp)
+        if (.not. allocated(failure)) call simulation%add_event(event)
+        if (.not. allocated(failure)) call simulation%integrate(5.0_wp, failure, looker)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        s = simulation%statistics()
+        call check_true(error, s%switches >= 2, 'there and back')
+        call check_below(error, looker%constraint, 1.0e-12_wp, 'constraint errors within steps')
+        call set_up(other, 10.0_wp, options_type(stepper='radau5', rtol=1.0e-10_wp), fine, failure, 1.0_wp, 3.0_wp)
+        if (.not. allocated(failure)) call fine%add_event(same)
+        do i = 1, looker%n
+            if (allocated(failure)) exit
+            call fine%integrate(looker%seen(1, i), failure)
+            ! Ten tolerances, as for steps: the interpolants' own error is below that here.
+            call check_below(error, maxval(abs(fine%state%q(:2) - looker%seen(2:, i))), 1.0e-5_wp, 'position within a step')
+            if (allocated(error)) return
+        end do
+        if (.not. allocated(failure)) call fine%integrate(5.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_count(error, int(simulation%n_events, long), fine%n_events, 'passes')
+        if (allocated(error)) return
+        do i = 1, fine%n_events
+            call check_below(error, abs(fine%events(i)%t - simulation%events(i)%t), 1.0e-5_wp, 'time of a pass')
+        end do
+    end subroutine test_events
+
+    !> Saved after every step, around both switches too.
+    subroutine test_checkpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(stiff_pendulum_type), target :: model, other
+        type(simulation_type) :: whole, again
+        type(statistics_type) :: s
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:), last(:)
+        real(wp) :: q(3), qd(3)
+        integer :: i
+
+        options = options_type(stepper='auto', rtol=1.0e-5_wp, chart='adaptive')
+        call set_up(model, 10.0_wp, options, whole, failure, 0.5_wp, 1.0_wp)
+        if (.not. allocated(failure)) call whole%integrate(2.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        s = whole%statistics()
+        q = whole%state%q
+        qd = whole%state%qd
+        call check_true(error, s%switches >= 2, 'there and back')
+        call set_up(other, 10.0_wp, options, again, failure, 0.5_wp, 1.0_wp)
+        call set_up(model, 10.0_wp, options, whole, failure, 0.5_wp, 1.0_wp)
+        do i = 1, int(s%steps) - 1
+            if (.not. allocated(failure)) call whole%step(2.0_wp, failure)
+            if (.not. allocated(failure)) call whole%save_state(words, failure)
+            ! The other one has gone on to the end before, with another method.
+            if (.not. allocated(failure)) call again%restore_state(words, failure)
+            if (.not. allocated(failure)) call again%save_state(last, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_true(error, size(last) == size(words), 'as much is restored as was saved')
+            if (allocated(error)) return
+            call check_true(error, all(last == words), 'what is restored is what was saved')
+            if (.not. allocated(failure)) call again%integrate(2.0_wp, failure)
+            call check_no_failure(error, failure)
+            call check_true(error, all(abs(again%state%q - q) <= 0.0_wp) .and. all(abs(again%state%qd - qd) <= 0.0_wp), &
+                'the same end')
+            if (allocated(error)) return
+        end do
+    end subroutine test_checkpoint
+end module test_auto
