@@ -103,7 +103,7 @@ def page(drawing: Drawing) -> str:
     channels, steps = channels_of(drawing, 1e-7*look["size"])
     # The page multiplies by what is written: so it is rounded by these numbers too.
     steps = np.array(rounded(steps))
-    largest = max([float(np.linalg.norm(arrow.vectors, axis=1).max(initial=0)) for arrow in drawing.arrows] or [1.0]) or 1.0
+    largest = max([float(np.linalg.norm(np.nan_to_num(arrow.vectors), axis=1).max(initial=0)) for arrow in drawing.arrows] or [1.0]) or 1.0
     nf = len(drawing.times)
     content = {
         **look, "name": drawing.name,
@@ -116,6 +116,7 @@ def page(drawing: Drawing) -> str:
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}
                    for track in drawing.tracks],
         "arrows": [{"name": arrow.name, "colour": arrow.colour, "scale": 0.5*look["size"]/largest} for arrow in drawing.arrows],
+        "longest": f"{largest:.3g} {drawing.arrows[0].unit}" if drawing.arrows else "",
         "curves": [{"name": curve.name, "unit": curve.unit, **limits(curve.values)} for curve in drawing.curves],
         "ground": rounded(drawing.ground) if drawing.ground is not None else None,
         "steps": steps.tolist(),

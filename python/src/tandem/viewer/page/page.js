@@ -475,7 +475,10 @@ export async function show(drawing, buffer) {
     element("follow").addEventListener("change", event => { state.follow = event.target.value; if (followed(centre)) { a.copy(centre).sub(controls.target); controls.target.add(a); camera.position.add(a); } controls.update(); draw(); });
     element("reset").addEventListener("click", () => { reset(); draw(); });
     element("tracks").addEventListener("change", event => { lines.forEach(({ line, node }) => { line.visible = event.target.checked; node.scale.setScalar(line.visible ? 1 : 1e-9); }); set(state.frame); });
-    if (arrows.length) element("arrows-label").hidden = false;
+    if (arrows.length) {
+        element("arrows-label").hidden = false;
+        element("arrows-label").append(` up to ${drawing.longest}`);
+    }
     element("arrows").addEventListener("change", () => set(state.frame));
     if (drawing.speed !== 1) {
         const choice = [...element("speed").options].find(option => +option.value === drawing.speed);
