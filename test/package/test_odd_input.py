@@ -248,8 +248,8 @@ class Uses(unittest.TestCase):
 
     def test_what_the_program_says_in_other_alphabets(self):
         """Its words are UTF-8, whatever the locale is."""
-        code = ("import tandem\ntry: tandem.Mechanism({'scene.description': '\u00fc', 'body.r\u00fc.maas': 1}).check()\n"
-                "except tandem.ProgramError as error: print('r\u00fc' in str(error))")
+        code = ("import tandem\ntry: tandem.Mechanism({'scene.description': '\\u00fc', 'body.r\\u00fc.maas': 1}).check()\n"
+                "except tandem.ProgramError as error: print('r\\u00fc' in str(error))")
         done = subprocess.run([sys.executable, "-X", "utf8=0", "-c", code], capture_output=True, text=True,
                               env={**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"})
         self.assertEqual(done.stdout.strip(), "True", done.stderr)

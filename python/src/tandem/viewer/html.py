@@ -46,9 +46,10 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
         rows.append(values.T)
         steps.append(steps_of(values.T, smallest))
 
-    for body in drawing.bodies:
-        add(body.place, least)
-        add(body.turn, 2.0**-23)
+    for bodies in [bodies for _, bodies in drawing.takes] or [drawing.bodies]:
+        for body in bodies:
+            add(body.place, least)
+            add(body.turn, 2.0**-23)
     for track in drawing.tracks:
         add(filled(track.places), least)
     for arrow in drawing.arrows:
@@ -111,6 +112,7 @@ def page(drawing: Drawing) -> str:
         "bodies": [{"name": body.name, "still": bool(np.ptp(body.place, axis=0).max() == 0 and len(drawing.bodies) > 1),
                     "pieces": [[piece.shape, rounded(piece.size, 5), piece.colour, rounded(piece.at), rounded(piece.turn)]
                                for piece in body.pieces]} for body in drawing.bodies],
+        "takes": [name for name, _ in drawing.takes],
         "springs": [{"bodies": spring.bodies, "places": [rounded(place) for place in spring.places], "radius": spring.radius}
                     for spring in drawing.springs],
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}

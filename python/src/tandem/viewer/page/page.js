@@ -327,7 +327,7 @@ export async function show(drawing, buffer) {
     });
     const byName = Object.fromEntries(nodes.map(node => [node.name, node]));
     const owners = bodies.map((body, i) => ({ node: nodes[i], pieces: body.pieces }));
-    let channel = 7 * bodies.length;
+    let channel = 7 * bodies.length * Math.max(1, drawing.takes.length), take = 0;
     const lines = drawing.tracks.map(track => {
         const node = new THREE.Object3D();
         owners.push({ node, pieces: [["sphere", [track.marker, track.marker, track.marker], track.colour, [0, 0, 0], [1, 0, 0, 0]]] });
@@ -353,7 +353,7 @@ export async function show(drawing, buffer) {
     function pose(frame) {
         const f = Math.min(Math.floor(frame), Math.max(0, last - 1)), s = last ? frame - f : 0, g = Math.min(f + 1, last);
         nodes.forEach((node, i) => {
-            const c = 7 * i, mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
+            const c = 7 * (i + take * bodies.length), mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
             node.position.set(mix(0), mix(1), mix(2));
             before.set(channels[c + 4][f], channels[c + 5][f], channels[c + 6][f], channels[c + 3][f]).normalize();
             after.set(channels[c + 4][g], channels[c + 5][g], channels[c + 6][g], channels[c + 3][g]).normalize();
@@ -470,6 +470,9 @@ export async function show(drawing, buffer) {
     element("play").addEventListener("click", play);
     element("start").addEventListener("click", () => set(0));
     element("speed").addEventListener("change", event => { state.speed = +event.target.value; });
+    drawing.takes.forEach((name, i) => element("take").add(new Option(name, i)));
+    element("take-label").hidden = !drawing.takes.length;
+    element("take").addEventListener("change", event => { take = +event.target.value; set(state.frame); });
     bodies.forEach(body => element("follow").add(new Option(body.name, body.name)));
     element("follow").value = state.follow;
     element("follow").addEventListener("change", event => { state.follow = event.target.value; if (followed(centre)) { a.copy(centre).sub(controls.target); controls.target.add(a); camera.position.add(a); } controls.update(); draw(); });
