@@ -18,7 +18,7 @@ import pygltflib
 import tandem
 import trimesh
 from playwright.sync_api import sync_playwright
-from tandem.viewer import rotations
+from tandem.viewer import drawing_of, rotations
 from tandem.viewer.draw import draw
 from tandem.viewer.gltf import write_glb
 from tandem.viewer.html import page
@@ -66,7 +66,7 @@ class Browser(unittest.TestCase):
 
     def open(self, given, name, hash_="#still", size=(1000, 640)):
         """A page in a browser without a network; what it complains of and asks for is kept."""
-        drawing = draw(given)
+        drawing = drawing_of(given)
         path = SEEN / f"{name}.html"
         path.write_text(page(drawing), encoding="utf-8")
         context = self.browser.new_context(viewport={"width": size[0], "height": size[1]}, offline=True)
@@ -85,13 +85,17 @@ class Browser(unittest.TestCase):
         self.assertEqual(self.told, [])
         self.assertEqual([url for url in self.asked if not url.startswith(("file:", "blob:", "data:"))], [])
 
-    def not_blank(self, tab, name):
-        """A picture of the canvas alone: more than the ground is drawn in it."""
+    def pixels(self, tab):
+        """The canvas alone (n, 3), small."""
         data = tab.evaluate("""() => { tandem.renderer.render(tandem.scene, tandem.camera);
             const canvas = document.createElement('canvas'); canvas.width = 250; canvas.height = 160;
             const context = canvas.getContext('2d'); context.drawImage(tandem.renderer.domElement, 0, 0, 250, 160);
             return btoa(String.fromCharCode(...context.getImageData(0, 0, 250, 160).data.filter((_, i) => i % 4 < 3))); }""")
-        pixels = np.frombuffer(base64.b64decode(data), dtype=np.uint8).reshape(-1, 3).astype(int)
+        return np.frombuffer(base64.b64decode(data), dtype=np.uint8).reshape(-1, 3).astype(int)
+
+    def not_blank(self, tab, name):
+        """More than the ground is drawn."""
+        pixels = self.pixels(tab)
         coloured = np.ptp(pixels, axis=1) > 40
         self.assertGreater(coloured.sum(), 15, f"{name}: no body is seen")
         self.assertLess(coloured.mean(), 0.6, f"{name}: nothing but one body is seen")
@@ -194,12 +198,73 @@ class Pages(Browser):
         tab.wait_for_function("tandem.state.frame > 2")
         self.quiet()
 
+    def test_as_with_a_graphics_card(self):
+        """`#fine`: instances that the renderer lights. The pixels of both ways of drawing are alike."""
+        one, seen = run("slider_crank"), {}
+        for hash_ in ("#still", "#still-fine"):
+            tab, _ = self.open(one, "fine", hash_)
+            tab.evaluate("tandem.setTime(0.3)")
+            self.not_blank(tab, f"fine{hash_[6:]}")
+            seen[hash_] = self.pixels(tab)
+            self.assertEqual(tab.evaluate("tandem.scene.children.some(one => one.isInstancedMesh)"), hash_ == "#still-fine")
+            self.quiet()
+        a, b = (pixels[np.ptp(pixels, axis=1) > 40] for pixels in seen.values())
+        # Edges are smoothed in one of them, and round things have fewer faces in the other.
+        self.assertLess(abs(len(a) - len(b)), 0.15*len(a))
+        self.assertLess(np.abs(a.mean(axis=0) - b.mean(axis=0)).max(), 12)
+
+    def test_arrows(self):
+        """Forces of joints: each arrow's tip is as far from its place as the file's force says, on one scale for all."""
+        scene = tandem.Mechanism.from_toml(ROOT / "scenes" / "slider_crank.toml")
+        scene["results.joints"] = "all"
+        result = scene.run({"time.end": 1.0}, error=False)
+        tab, drawing = self.open(result, "arrows")
+        tab.evaluate("tandem.setTime(0.3)")
+        found = tab.evaluate("""() => tandem.scene.children.filter(one => one.type === 'Group' && one.children[0].geometry.type === 'CylinderGeometry')
+            .map(one => { one.updateMatrixWorld(true); const head = one.children[1], at = head.position.clone();
+                return [one.position.toArray(), one.localToWorld(at).toArray()]; })""")
+        self.assertEqual(len(found), 4)
+        frame = round(0.3*60)
+        for (place, tip), arrow in zip(found, drawing.arrows, strict=True):
+            joint = result.groups["joints"][arrow.name.split()[0]]["force"].values[300]
+            scale = 0.5*drawing_size(tab)/max(np.linalg.norm(one.vectors, axis=1).max() for one in drawing.arrows)
+            np.testing.assert_allclose(place, arrow.places[frame], atol=1e-5)
+            # Forces are packed in steps of 1e-4 of the largest, and rows of the file are 1 ms apart.
+            np.testing.assert_allclose(np.subtract(tip, place), scale*joint, atol=2e-4*drawing_size(tab))
+        self.assertRegex(tab.text_content("#arrows-label"), r"forces up to [0-9.e+]+ N")
+        tab.uncheck("#arrows")
+        self.assertFalse(tab.evaluate("tandem.scene.children.some(one => one.type === 'Group' && one.visible && one.children[1]?.geometry.type === 'ConeGeometry')"))
+        tab.check("#arrows")
+        self.not_blank(tab, "arrows")
+        self.quiet()
+
+    def test_modes(self):
+        """The mode that is chosen is the one that moves; the pose is that of its take."""
+        with tempfile.TemporaryDirectory() as folder:
+            tandem.run_program("linearise", "bicycle", "--output", Path(folder) / "modes.h5")
+            tab, drawing = self.open(Path(folder) / "modes.h5", "modes")
+        self.assertEqual(tab.evaluate("[...document.getElementById('take').options].map(one => one.text)"), [name for name, _ in drawing.takes])
+        for i in (1, 0, 2):
+            tab.select_option("#take", str(i))
+            tab.evaluate("tandem.setTime(0.5)")
+            for body in drawing.takes[i][1]:
+                found = tab.evaluate("name => tandem.pose(name)", body.name)
+                self.assertLess(np.abs(found["position"] - body.place[30]).max(), 1e-5)
+        self.not_blank(tab, "modes")
+        self.quiet()
+
     def test_frames_a_second(self):
-        """Ten bodies for a minute, in software rendering; a chain of a thousand. What the machine gives depends on what else it does: the
-        processor's time of a frame, of all of the browser, is stated too."""
+        """Ten bodies for a minute, in software rendering; a chain of a thousand. What the machine gives depends on what else it does: so the
+        time of a frame's JavaScript and the processors' time of a frame, of all of the browser, are stated too."""
         for name, given in (("ten", tandem.run_scene("trailers", {"parameters.n": 9, "time.end": 60}, error=False)), ("thousand", chain(1000))):
             tab, drawing = self.open(given, name, size=(1000, 640))
             self.not_blank(tab, name)
+            before = processor_seconds()
+            script = tab.evaluate("""() => { const gl = tandem.renderer.getContext(), pixel = new Uint8Array(4), times = tandem.drawing.times, took = [];
+                for (let i = 0; i < 40; i++) { const start = performance.now(); tandem.setTime(times.first + times.step * (10 + 3.3 * i));
+                    took.push(performance.now() - start); gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); }
+                return took.sort((a, b) => a - b)[20]; }""")
+            alone = 1e3*(processor_seconds() - before)/40
             tab.evaluate("tandem.play()")
             tab.wait_for_timeout(500)
             before, worked = tab.evaluate("tandem.state.drawn"), processor_seconds()
@@ -207,9 +272,15 @@ class Pages(Browser):
             frames, worked = tab.evaluate("tandem.state.drawn") - before, processor_seconds() - worked
             tab.evaluate("tandem.pause()")
             print(f"{name}: {len(drawing.bodies)} bodies, {len(drawing.times)} frames, {frames/4:.0f} frames a second, {1e3*worked/frames:.0f} ms "
-                  f"of processors a frame, {(SEEN / f'{name}.html').stat().st_size/1e6:.2f} MB", file=sys.stderr)
+                  f"of processors a frame; {script:.1f} ms of JavaScript and {alone:.0f} ms of processors for a frame's drawing alone; {(SEEN / f'{name}.html').stat().st_size/1e6:.2f} MB", file=sys.stderr)
             self.quiet()
             self.assertGreater(frames, 0)
+            # What two threads of a slow core can do thirty times a second.
+            self.assertLess(alone, 50)
+
+
+def drawing_size(tab):
+    return tab.evaluate("tandem.drawing.size")
 
 
 def processor_seconds():

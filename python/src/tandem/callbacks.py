@@ -59,11 +59,12 @@ def put(name: str, view: np.ndarray, result: Any) -> None:
 
 
 def address_of(function: Any) -> int | None:
-    """The address of a function that is compiled: of numba's `cfunc`, of ctypes, or the number itself; None for one of Python."""
+    """The address of a function that is compiled: of numba's `cfunc`, of ctypes, or a `ctypes.c_void_p`; None for one of Python. A
+    plain number is none: it is a term that never changes."""
     if isinstance(function, ctypes._CFuncPtr):
         return ctypes.cast(function, ctypes.c_void_p).value
-    if isinstance(function, int):
-        return function
+    if isinstance(function, ctypes.c_void_p):
+        return function.value
     address = getattr(function, "address", None)
     return address if isinstance(address, int) and hasattr(function, "ctypes") else None
 

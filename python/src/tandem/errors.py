@@ -9,6 +9,7 @@ STATUSES = {
     -6: "callback_failed", -7: "not_evaluable", -8: "not_finite", -9: "position_diverged", -10: "chart_left",
     -11: "constraints_not_held", -12: "step_underflow", -13: "step_limit", -14: "output_failed", -15: "newton_failed",
     -16: "inconsistent_rows", -17: "event_limit", -18: "work_limit", -19: "invalid_checkpoint", -20: "interrupted",
+    -21: "no_equilibrium",
 }
 
 

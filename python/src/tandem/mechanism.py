@@ -28,7 +28,6 @@ class Mechanism:
 
     def __init__(self, keys: Mapping[str, Any] | None = None):
         self.tables: dict[str, Any] = {"scene": {"model": "mechanism"}}
-        self._folder: Path | None = None
         for key, value in (keys or {}).items():
             self[key] = value
 
@@ -38,9 +37,7 @@ class Mechanism:
         made = cls()
         text = str(source)
         if isinstance(source, Path) or ("\n" not in text and "=" not in text):
-            path = Path(source)
-            made._folder = path.resolve().parent
-            text = path.read_text(encoding="utf-8")
+            text = Path(source).read_text(encoding="utf-8")
         made.tables = tomllib.loads(text)
         made.tables.setdefault("scene", {}).setdefault("model", "mechanism")
         return made
@@ -70,10 +67,11 @@ class Mechanism:
         return "\n".join(lines_of(self.tables)) + "\n"
 
     def _with_file(self, act):
-        """Call `act` with the scene as a file, beside the one that it came from only where that has files of its own."""
+        """Call `act` with the scene as a file."""
         with tempfile.TemporaryDirectory(prefix="tandem-") as folder:
-            name = self.tables.get("scene", {}).get("name", "mechanism")
-            file = Path(folder) / f"{name}.toml"
+            name = str(self.tables.get("scene", {}).get("name", ""))
+            # The program refuses a name that is none; it must not name a file elsewhere before.
+            file = Path(folder) / f"{name if name.replace('_', '').replace('-', '').isalnum() and len(name) < 100 else 'mechanism'}.toml"
             file.write_text(self.to_toml(), encoding="utf-8")
             return act(file)
 

@@ -59,7 +59,7 @@ class Model:
 
     Or functions are given by name: `Model(n=2, n_holonomic=1, holonomic=..., ...)`. A function returns a number, a sequence or an
     array of the right shape and of any kind of real numbers; an array in its stead is a term that never changes. A function may also be
-    compiled: what numba's `cfunc` makes with `numba_signature`, or an address, is called directly, and has the argument list of
+    compiled: what numba's `cfunc` makes with `numba_signature`, or an address as a `ctypes.c_void_p`, is called directly, and has the argument list of
     include/tandem.h.
 
     Others that may be set: `evaluate(need, t, q, qd)`, which returns several terms at once in a dictionary (phi, jacobian, nu,
@@ -122,7 +122,10 @@ class Model:
 
 def constant(name: str, value: Any, timeless: bool, motion: bool) -> Callable:
     """A term that never changes as a function."""
-    array = np.array(value, dtype=float)
+    array = np.array(value)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"{name} holds {array.dtype} numbers: it must hold real ones")
+    array = array.astype(float)
     array.flags.writeable = False
     if motion:
         return (lambda q, v: array) if timeless else (lambda t, q, v: array)

@@ -70,7 +70,7 @@ def pointer(array: np.ndarray | None) -> int | None:
 
 
 class Problem:
-    """A model in the hands of the library. Not for two threads at the same time."""
+    """A model in the hands of the library. Two threads that use it at the same time are refused."""
 
     def __init__(self, model: Model, options: Mapping[str, Any] | None = None, events: Sequence[Any] | Callable | None = None):
         model.check_sizes()
@@ -78,6 +78,7 @@ class Problem:
         self.n = int(model.n)
         self.rows = int(model.n_holonomic + model.n_nonholonomic)
         self._library = library()
+        self._lock = threading.RLock()
         self._guard = Guard(self.n)
         handle = self._library.tandem_new(self.n, int(model.n_holonomic), int(model.n_nonholonomic), model.user_data)
         if not handle:
@@ -105,13 +106,21 @@ class Problem:
 
     def call(self, name: str, *arguments: Any) -> None:
         """A function of the library: the exception of a callback comes first, then that of its status."""
-        code = getattr(self._library, f"tandem_{name}")(self._handle, *arguments)
-        if self._guard.raised:
-            first = self._guard.raised[0]
-            self._guard.raised.clear()
-            raise first
-        if code:
-            raise error_of(code, self.message)
+        if not self._lock.acquire(blocking=False):
+            raise RuntimeError("another thread runs this simulation now: give each thread a simulation of its own")
+        try:
+            code = getattr(self._library, f"tandem_{name}")(self._handle, *arguments)
+            if self._guard.raised:
+                first = self._guard.raised[0]
+                self._guard.raised.clear()
+                raise first
+            if code:
+                raise error_of(code, self.message)
+        finally:
+            self._lock.release()
+
+    def __reduce__(self):
+        raise TypeError("a simulation cannot be copied: `save()` gives its state, which `restore()` of another one takes up")
 
     @contextlib.contextmanager
     def interruptible(self):

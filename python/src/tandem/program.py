@@ -33,8 +33,8 @@ def run_program(*words: Any, cwd: str | Path | None = None) -> str:
 
     Ctrl-C reaches the program too, which then ends its run with a whole file."""
     environment = {"OPENBLAS_NUM_THREADS": "1"} | dict(os.environ)
-    done = subprocess.run([program_path(), *map(str, words)], cwd=cwd, env=environment, capture_output=True, text=True,
-                          stdin=subprocess.DEVNULL)
+    done = subprocess.run([program_path(), *map(str, words)], cwd=cwd, env=environment, capture_output=True, encoding="utf-8",
+                          errors="replace", stdin=subprocess.DEVNULL)
     if done.returncode:
         message = done.stderr.strip() or done.stdout.strip() or f"tandem ended with exit code {done.returncode}"
         status = "interrupted" if done.returncode > 128 else "refused" if done.returncode == 2 else "failed"

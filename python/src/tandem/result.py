@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,10 @@ class Series:
         return self.values.astype(dtype) if dtype else self.values
 
 
+#: The groups that hold one for each element.
+KINDS = ("bodies", "joints", "wheels", "constraints", "forces")
+
+
 def text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
@@ -33,8 +38,8 @@ class Result:
     """A run of the program `tandem`.
 
     `time` (nt), `q`, `qd`, `qdd` (nt, n) and `multipliers`, as far as the scene asked for them; `names` and `units` of the
-    coordinates; `result["rod.x"]` is a series by name. `sensors["tip"]["position"]`, `diagnostics["step"]`, `groups` (what is below
-    /bodies and /joints) are `Series`; `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` where it was read.
+    coordinates; `result["rod.x"]` is a series by name. `sensors["tip"]["position"]`, `diagnostics["step"]`, `groups["joints"]["pin"]["force"]`
+    (what is below /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`; `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` where it was read.
     """
 
     time: np.ndarray
@@ -123,49 +128,75 @@ class Result:
 
 def read(path: str | Path) -> Result:
     """Read a result file of `tandem run`, also of a run that goes on or was killed: all rows that are whole."""
+    with opened(path) as file:
+        if "study" in file.attrs or not hasattr(file.get("trajectory"), "items"):
+            raise ValueError(f"{path} is no result of tandem run: it has no /trajectory")
+        try:
+            return read_groups(path, file)
+        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
+            raise ValueError(f"{path} is no whole result of tandem run: {error.args[0] if error.args else error}") from error
+
+
+@contextlib.contextmanager
+def opened(path: str | Path):
+    """A file of HDF5, to be read; `OSError` with its name where it is none."""
     import h5py
 
-    with h5py.File(path) as file:
-        if "study" in file.attrs or "trajectory" not in file:
-            raise ValueError(f"{path} is no result of tandem run: it has no /trajectory")
-        trajectory = file["trajectory"]
-        if "q" not in trajectory:
-            raise ValueError(f"{path} holds no coordinates: the scene's [output] fields must have \"q\"")
-        attributes = trajectory["q"].attrs
-        nt = min(len(data) for data in trajectory.values() if is_series(data, trajectory))
-
-        def rows(name):
-            return trajectory[name][:nt] if name in trajectory else None
-
-        def group(path):
-            return {name: series(data, nt) for name, data in file[path].items() if is_series(data, file[path])} if path in file else {}
-
-        scene_text = text(file.attrs.get("scene", ""))
-        found = Result(
-            time=trajectory["time"][:nt], names=[text(name) for name in attributes["names"]],
-            units=[text(unit) for unit in attributes["units"]], q=rows("q"), qd=rows("qd"), qdd=rows("qdd"), multipliers=rows("lambda"),
-            diagnostics=group("diagnostics"), scene_text=scene_text, scene=tomllib.loads(scene_text) if scene_text else {},
-            status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
-        if "lambda" in trajectory:
-            found.constraints = [text(name) for name in trajectory["lambda"].attrs.get("names", ())]
-        found.sensors = {name: group(f"sensors/{name}") for name in file.get("sensors", {})}
-        for kind in ("bodies", "joints", "wheels"):
-            if kind in file:
-                found.groups[kind] = {name: group(f"{kind}/{name}") for name in file[kind]}
-        if "report" in file:
-            found.report = {name: plain(value) for name, value in file["report"].attrs.items()}
-        if "events" in file:
-            found.events = {name: data.asstr()[:] if data.dtype.kind == "O" else data[:] for name, data in file["events"].items()
-                            if name != "coordinate"}
-            if "name" in found.events:
-                found.events["name"] = np.array([text(name) for name in found.events["name"]])
-        return found
+    if not Path(path).exists():
+        raise FileNotFoundError(f"there is no file {path}")
+    try:
+        file = h5py.File(path)
+    except OSError as error:
+        why = "it is a folder" if Path(path).is_dir() else str(error).partition("(")[2].partition(",")[0].rstrip(")") or error
+        raise OSError(f"{path} cannot be read as a file of HDF5: {why}") from error
+    with file:
+        yield file
 
 
-def is_series(data, group) -> bool:
+def read_groups(path: str | Path, file) -> Result:
+    """All of a result file."""
+    trajectory = file["trajectory"]
+    if "q" not in trajectory:
+        raise ValueError(f"{path} holds no coordinates: the scene's [output] fields must have \"q\"")
+    attributes = trajectory["q"].attrs
+    # What is written together may be cut at different rows in the file of a run that was killed.
+    beside = [file[kind] for kind in ("diagnostics", "balance") if kind in file]
+    beside += [one for kind in (*KINDS, "sensors") for one in file.get(kind, {}).values()]
+    nt = min(len(data) for one in (trajectory, *beside) for data in one.values() if is_series(data))
+
+    def rows(name):
+        return trajectory[name][:nt] if name in trajectory else None
+
+    def group(path):
+        return {name: series(data, nt) for name, data in file[path].items() if is_series(data)} if path in file else {}
+
+    scene_text = text(file.attrs.get("scene", ""))
+    found = Result(
+        time=trajectory["time"][:nt], names=[text(name) for name in attributes["names"]],
+        units=[text(unit) for unit in attributes["units"]], q=rows("q"), qd=rows("qd"), qdd=rows("qdd"), multipliers=rows("lambda"),
+        diagnostics=group("diagnostics"), scene_text=scene_text, scene=tomllib.loads(scene_text) if scene_text else {},
+        status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
+    if "lambda" in trajectory:
+        found.constraints = [text(name) for name in trajectory["lambda"].attrs.get("names", ())]
+    found.sensors = {name: group(f"sensors/{name}") for name in file.get("sensors", {})}
+    for kind in KINDS:
+        if kind in file:
+            found.groups[kind] = {name: group(f"{kind}/{name}") for name in file[kind]}
+    if "balance" in file:
+        found.groups["balance"] = {"balance": group("balance")}
+    if "report" in file:
+        found.report = {name: plain(value) for name, value in file["report"].attrs.items()}
+    if "events" in file:
+        found.events = {name: data.asstr()[:] if data.dtype.kind == "O" else data[:] for name, data in file["events"].items()
+                        if name != "coordinate"}
+        if "name" in found.events:
+            found.events["name"] = np.array([text(name) for name in found.events["name"]])
+    return found
+
+
+def is_series(data) -> bool:
     """Whether a dataset has a row for each time."""
-    names = {"time"}
-    return hasattr(data, "shape") and data.dtype.kind in "fi" and data.ndim > 0 and data.name.split("/")[-1] not in names
+    return hasattr(data, "shape") and data.dtype.kind in "fi" and data.ndim > 0
 
 
 def series(data, nt: int) -> Series:

@@ -15,13 +15,14 @@ def table(rows: list[tuple[str, str]]) -> str:
 
 
 def picture(given) -> str:
-    """An overview as an image within the page, where matplotlib is there."""
+    """An overview as an image within the page, where matplotlib is there and there is something to draw."""
+    file = io.BytesIO()
     try:
         from .plot import overview
-    except ModuleNotFoundError:
+
+        overview(given).savefig(file, format="png")
+    except (ModuleNotFoundError, ValueError):
         return ""
-    file = io.BytesIO()
-    overview(given).savefig(file, format="png")
     return f"<img alt='overview' style='max-width:100%' src='data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}'>"
 
 

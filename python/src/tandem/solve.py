@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,13 @@ class Solution:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """The series of a coordinate by its name."""
+        if name not in self.names:
+            raise KeyError(f"there is no coordinate {name!r}; there are {', '.join(self.names)}")
         return self.q[:, self.names.index(name)]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Copies and other processes get the numbers: the run is the library's.
+        return {**self.__dict__, "simulation": None}
 
     def to_xarray(self):
         """An xarray dataset of the motion, its dimensions time and coordinate."""
@@ -60,6 +67,12 @@ class Solution:
         from .plot import overview
 
         return overview(self, *arguments, **options)
+
+    def view(self, path: str | Path | None = None, **options: Any):
+        """A page that plays the motion, see `tandem.view`."""
+        from .viewer import view
+
+        return view(self, path, **options)
 
     def _repr_html_(self) -> str:
         from .show import solution_html

@@ -27,7 +27,18 @@ def motion_of(given: Any) -> Result:
 
 
 def motions_of(given: Any) -> list[Result]:
-    return [motion_of(one) for one in (given if isinstance(given, (list, tuple)) else [given])]
+    """Results, each with rows to draw."""
+    results = [motion_of(one) for one in (given if isinstance(given, (list, tuple)) else [given])]
+    for result in results:
+        if result.time.size == 0:
+            raise ValueError(f"{result.path or result.name}: there is nothing to draw, since the result has no rows"
+                             f"{f' ({result.message or result.status})' if result.status not in ('complete', 'ok', '') else ''}")
+    return results
+
+
+def listed(names: Any) -> list[str]:
+    """Names as a list; one alone is a text."""
+    return [names] if isinstance(names, str) else list(names or [])
 
 
 def places(result: Result) -> dict[str, tuple[np.ndarray, str]]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from .data import chosen, motion_of, motions_of, places, rate_unit, series_named
-from .style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, STYLES, in_style, label, new_figure
+from .data import chosen, listed, motions_of, places, rate_unit, series_named
+from .style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, STYLES, in_style, label, new_figure, shown
 
 AXES = "xyz"
 
@@ -60,7 +60,7 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     """Tracks of points: of sensors, else of bodies; `plane` such as "xz"."""
     results = motions_of(given)
     known = [places(result) for result in results]
-    wanted = list(names) if names else list(known[0])[:6]
+    wanted = listed(names) if names else list(known[0])[:6]
     for name in wanted:
         if name not in known[0]:
             raise KeyError(f"there is no track of {name!r}; there are {', '.join(known[0])}")
@@ -71,9 +71,9 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     if not wanted:
         missing(axes, "points")
         return figure
-    shown = [points[name][0] for points in known for name in wanted if name in points]
-    a, b = plane_of(shown, plane)
-    if max(a, b) >= min(points.shape[1] for points in shown):
+    drawn = [points[name][0] for points in known for name in wanted if name in points]
+    a, b = plane_of(drawn, plane)
+    if max(a, b) >= min(points.shape[1] for points in drawn):
         raise ValueError(f"these tracks are in the plane x, y: there is no {AXES[max(a, b)]}")
     titles = names_of_files(results)
     for k, points in enumerate(known):
@@ -81,11 +81,11 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
             if name in points:
                 values = points[name][0]
                 text = ", ".join(part for part in (name if len(wanted) > 1 else "", titles[k] if len(results) > 1 else "") if part)
-                axes.plot(values[:, a], values[:, b], **style_of(i, k), label=text or None)
+                axes.plot(values[:, a], values[:, b], **style_of(i, k), label=shown(text) or None)
                 axes.plot(values[0, a], values[0, b], "o", markersize=3.5, color="black")
     axes.plot([], [], "o", markersize=3.5, color="black", label="start")
-    low = np.min([points[:, [a, b]].min(axis=0) for points in shown], axis=0)
-    high = np.max([points[:, [a, b]].max(axis=0) for points in shown], axis=0)
+    low = np.min([points[:, [a, b]].min(axis=0) for points in drawn], axis=0)
+    high = np.max([points[:, [a, b]].max(axis=0) for points in drawn], axis=0)
     width, height = high - low
     if max(width, height) < 8 * min(width, height):
         axes.set_aspect("equal", adjustable="datalim")
@@ -94,7 +94,7 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
         setter, middle = (axes.set_ylim, low[1]) if height < width else (axes.set_xlim, low[0])
         setter(middle - 0.1 * max(width, height), middle + 0.1 * max(width, height))
     unit = known[0][wanted[0]][1]
-    title = "track" if len(wanted) > 1 or wanted[0] == "track" or " over " in wanted[0] else f"track of {wanted[0]}"
+    title = "track" if len(wanted) > 1 or wanted[0] == "track" or " over " in wanted[0] else f"track of {shown(wanted[0])}"
     axes.set(xlabel=label(axis_name(results[0], wanted, a), unit), ylabel=label(axis_name(results[0], wanted, b), unit), title=title)
     axes.legend(handlelength=1.4)
     return figure
@@ -112,7 +112,7 @@ def axis_name(result, wanted: list[str], axis: int) -> str:
 def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
     """Series against time: coordinates, `d(coordinate)`, diagnostics, `sensor what [axis]`. One panel for each unit."""
     results = motions_of(given)
-    wanted = list(names) if names else chosen(results[0])
+    wanted = listed(names) if names else chosen(results[0])
     by_unit: dict[str, list[str]] = {}
     for name in wanted:
         by_unit.setdefault(series_named(results[0], name)[1], []).append(name)
@@ -136,14 +136,14 @@ def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
     panels[-1].set_xlabel("time [s]")
     if axes is not None:
         group = next(iter(by_unit.values()))
-        axes.set_title(group[0] if len(group) == 1 and len(results) == 1 else "")
+        axes.set_title(shown(group[0]) if len(group) == 1 and len(results) == 1 else "")
     return figure
 
 
 def legend(axes, names: Sequence[str], files: Sequence[str]) -> None:
     """Which colour is which series, and which line style which file, above the lines."""
-    handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=name) for i, name in enumerate(names)]
-    handles += [Line2D([], [], color=GREY, linestyle=STYLES[k % len(STYLES)], label=file) for k, file in enumerate(files)]
+    handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=shown(name)) for i, name in enumerate(names)]
+    handles += [Line2D([], [], color=GREY, linestyle=STYLES[k % len(STYLES)], label=shown(file)) for k, file in enumerate(files)]
     if handles:
         axes.legend(handles=handles, ncols=min(4, len(handles)), loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.1,
                     columnspacing=1, handlelength=1.6)
@@ -168,7 +168,7 @@ def sensors(given: Any, names: Sequence[str] | None = None):
     """All that the sensors show, a panel for each quantity."""
     results = motions_of(given)
     groups: dict[tuple[str, str], list[str]] = {}
-    wanted = list(names) if names else list(results[0].sensors)
+    wanted = listed(names) if names else list(results[0].sensors)
     for name in wanted:
         if name not in results[0].sensors:
             raise KeyError(f"there is no sensor {name!r}; there are {', '.join(results[0].sensors) or 'none'}")
@@ -186,7 +186,7 @@ def sensors(given: Any, names: Sequence[str] | None = None):
         for k, result in enumerate(results):
             for i, name in enumerate(group):
                 panel.plot(result.time, series_named(result, name)[0], **style_of(i, k))
-        panel.set(ylabel=label("", unit).strip(), title=what, xlim=span_of(results))
+        panel.set(ylabel=label("", unit).strip(), title=shown(what), xlim=span_of(results))
         panel.title.set_ha("left")
         panel.title.set_x(0)
         flat(panel)
@@ -207,11 +207,11 @@ def reactions(given: Any, names: Sequence[str] | None = None):
     for all_ in results[0].groups.values():
         for name, whats in all_.items():
             for what, one in whats.items():
-                if one.unit in ("N", "N m") and (not names or name in names):
+                if one.unit in ("N", "N m") and (not names or name in listed(names)):
                     found.setdefault((f"{what} of joints and bodies", one.unit), []).append(f"{name} {what}")
     for name, whats in results[0].sensors.items():
         for what, one in whats.items():
-            if one.unit in ("N", "N m") and (not names or name in names):
+            if one.unit in ("N", "N m") and (not names or name in listed(names)):
                 found.setdefault((what, one.unit), []).append(f"{name} {what}")
     if not found:
         raise ValueError("the file has no reactions: no series below /joints, /bodies or /sensors is in N or N m")
@@ -219,8 +219,8 @@ def reactions(given: Any, names: Sequence[str] | None = None):
     for panel, ((what, unit), group) in zip(all_axes[:, 0], found.items(), strict=True):
         for k, result in enumerate(results):
             for i, name in enumerate(group[:7]):
-                panel.plot(result.time, series_named(result, name)[0], **style_of(i, k), label=name.split()[0] if k == 0 else None)
-        panel.set(title=f"{what}, magnitude", ylabel=label("", unit).strip(), xlim=span_of(results))
+                panel.plot(result.time, series_named(result, name)[0], **style_of(i, k), label=shown(name.split()[0]) if k == 0 else None)
+        panel.set(title=shown(f"{what}, magnitude"), ylabel=label("", unit).strip(), xlim=span_of(results))
         panel.legend(ncols=4)
     all_axes[-1, 0].set_xlabel("time [s]")
     return figure
@@ -229,7 +229,7 @@ def reactions(given: Any, names: Sequence[str] | None = None):
 @in_style
 def errors(given: Any, *, axes=None):
     """Constraint errors at the three levels, each on the natural scale of its row, and the tolerance."""
-    result = motion_of(given)
+    result = motions_of([given])[0]
     figure = None
     if axes is None:
         figure, all_axes = new_figure(size=(6.5, 3.4))
@@ -292,9 +292,9 @@ def energies(given: Any, *, axes=None):
     for k, (result, series) in enumerate(zip(results, known, strict=True)):
         parts = {**series, "total": sum(series.values())}
         for i, (name, values) in enumerate(parts.items()):
-            all_axes[0, 0].plot(result.time, values, **style_of(i, k), label=name if len(results) == 1 else f"{name}, {titles[k]}")
+            all_axes[0, 0].plot(result.time, values, **style_of(i, k), label=name if len(results) == 1 else shown(f"{name}, {titles[k]}"))
         total = parts["total"]
-        all_axes[1, 0].plot(result.time, total - total[0], **style_of(2, k), label=titles[k] if len(results) > 1 else None)
+        all_axes[1, 0].plot(result.time, total - total[0], **style_of(2, k), label=shown(titles[k]) if len(results) > 1 else None)
     all_axes[0, 0].set(ylabel="energy [J]", title="energies", xlim=span_of(results))
     all_axes[0, 0].legend(ncols=3)
     all_axes[1, 0].set(ylabel="E - E(0) [J]", xlabel="time [s]", title="change of the sum")
@@ -307,7 +307,7 @@ def energies(given: Any, *, axes=None):
 def phase(given: Any, names: Sequence[str] | None = None):
     """Velocity over coordinate, a panel for each coordinate."""
     results = motions_of(given)
-    wanted = list(names) if names else [name for name in chosen(results[0]) if name in results[0].names] or results[0].names[:4]
+    wanted = listed(names) if names else [name for name in chosen(results[0]) if name in results[0].names] or results[0].names[:4]
     if results[0].qd is None:
         raise ValueError("the file has no velocities: the scene's [output] fields must have \"qd\"")
     columns = min(2, len(wanted))
@@ -318,9 +318,9 @@ def phase(given: Any, names: Sequence[str] | None = None):
         for k, result in enumerate(results):
             values, unit = series_named(result, name)
             rates = series_named(result, f"d({name})")[0]
-            panel.plot(values, rates, **style_of(k, 0), label=titles[k] if len(results) > 1 else None)
+            panel.plot(values, rates, **style_of(k, 0), label=shown(titles[k]) if len(results) > 1 else None)
             panel.plot(values[0], rates[0], "o", markersize=3.5, color="black")
-        panel.set(xlabel=label(name, unit), ylabel=label(f"d({name})/dt", rate_unit(unit)), title=f"phase portrait of {name}")
+        panel.set(xlabel=label(name, unit), ylabel=label(f"d({name})/dt", rate_unit(unit)), title=f"phase portrait of {shown(name)}")
         if len(results) > 1:
             panel.legend()
     for panel in all_axes.flat[len(wanted):]:
@@ -355,7 +355,7 @@ def overview(given: Any, names: Sequence[str] | None = None, *, plane: str | Non
     results = motions_of(given)
     result = results[0]
     several = len(results) > 1
-    panels = [lambda axes: tracks(results, plane=plane, axes=axes), lambda axes: coordinates(results, names or chosen(result, 2 if several else 4), axes=axes)]
+    panels = [lambda axes: tracks(results, plane=plane, axes=axes), lambda axes: coordinates(results, listed(names) or chosen(result, 2 if several else 4), axes=axes)]
     if not several:
         if any(name.endswith("_error") for name in result.diagnostics):
             panels.append(lambda axes: errors(result, axes=axes))
@@ -376,7 +376,7 @@ def overview(given: Any, names: Sequence[str] | None = None, *, plane: str | Non
     words = [result.name, solver.get("stepper", ""), control(solver), f"chart {solver['chart']}" if "chart" in solver else ""]
     if result.status not in ("complete", "ok", ""):
         words.append(result.status)
-    figure.suptitle(title or (" and ".join(names_of_files(results)) if several else ", ".join(word for word in words if word)), fontsize=10)
+    figure.suptitle(shown(title or (" and ".join(names_of_files(results)) if several else ", ".join(word for word in words if word))), fontsize=10)
     return figure
 
 

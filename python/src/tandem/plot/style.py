@@ -54,8 +54,14 @@ def in_style(draw):
     return styled
 
 
+def shown(text: str) -> str:
+    """A text of the user's as it is: a dollar begins no formula, and what begins with _ is a label too."""
+    text = text.replace("$", r"\$")
+    return f"\u200b{text}" if text.startswith("_") else text
+
+
 def label(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit not in ("", "1") else name
+    return shown(f"{name} [{unit}]" if unit not in ("", "1") else name)
 
 
 def save(figure, path: str | Path) -> None:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import h5py
 import numpy as np
 
-from .style import BLUE, COLOURS, GREY, RED, in_style, label, new_figure
+from ..result import opened
+from .data import listed
+from .style import BLUE, COLOURS, GREY, RED, in_style, label, new_figure, shown
 
 
 @dataclass
@@ -44,7 +45,7 @@ class Table:
 
 def is_table(path: str | Path) -> bool:
     """Whether a file is the table of a sweep."""
-    with h5py.File(path) as file:
+    with opened(path) as file:
         return "inputs" in file and "outputs" in file and "status" in file
 
 
@@ -52,7 +53,7 @@ def read_table(given) -> Table:
     """A table: itself, or read from its file."""
     if isinstance(given, Table):
         return given
-    with h5py.File(given) as file:
+    with opened(given) as file:
         inputs = {name: Column(item[()].astype(float), item.attrs.get("unit", ""),
                                labels=[str(one) for one in item.attrs.get("labels", [])]) for name, item in file["inputs"].items()}
         outputs = {}
@@ -68,6 +69,7 @@ def read_table(given) -> Table:
 def chosen(table: Table, columns: dict[str, Column], names: Sequence[str] | None, most: int) -> list[str]:
     """The columns that are wanted of some; without a wish, the first that are single numbers."""
     if names:
+        names = listed(names)
         for name in names:
             table.column(name)
         return [name for name in names if name in columns]
@@ -93,7 +95,7 @@ def histogram(given, names: Sequence[str] | None = None, *, title: str | None = 
         one.set_ylabel("cases")
     if not wanted:
         missing(axes[0, 0], "no single numbers in the table")
-    figure.suptitle(title or f"{table.name}: {np.count_nonzero(table.status == 0)} of {len(table.status)} cases")
+    figure.suptitle(shown(title) if title else f"{shown(table.name)}: {np.count_nonzero(table.status == 0)} of {len(table.status)} cases")
     return figure
 
 
@@ -114,14 +116,14 @@ def scatter(given, names: Sequence[str] | None = None, *, title: str | None = No
             if failed.any():
                 one.plot(x.values[failed], np.zeros(failed.sum()), "|", color=RED, transform=one.get_xaxis_transform(), clip_on=False)
             if x.labels:
-                one.set_xticks(range(1, len(x.labels) + 1), x.labels)
+                one.set_xticks(range(1, len(x.labels) + 1), [shown(text) for text in x.labels])
             if i == len(rows) - 1:
                 one.set_xlabel(label(name, x.unit))
             if j == 0:
                 one.set_ylabel(label(output, table.outputs[output].unit))
     if not rows:
         missing(axes[0, 0], "no single numbers in the table")
-    figure.suptitle(title or f"{table.name}: {len(failed)} cases, {failed.sum()} failed")
+    figure.suptitle(shown(title) if title else f"{shown(table.name)}: {len(failed)} cases, {failed.sum()} failed")
     return figure
 
 
@@ -145,7 +147,7 @@ def surface(given, names: Sequence[str] | None = None, *, title: str | None = No
     figure.colorbar(drawn, label=label(outputs[0], z.unit))
     one.set_xlabel(label(inputs[0], x.unit))
     one.set_ylabel(label(inputs[1], y.unit))
-    one.set_title(title or table.name)
+    one.set_title(shown(title or table.name))
     return figure
 
 
@@ -153,7 +155,7 @@ def surface(given, names: Sequence[str] | None = None, *, title: str | None = No
 def bands(given, names: Sequence[str] | None = None, *, title: str | None = None):
     """What was kept at several times: the median over them, and the bands that hold half and nine tenths of the cases."""
     table = read_table(given)
-    wanted = [name for name in names or table.outputs if table.column(name).times is not None][:4]
+    wanted = [name for name in listed(names) or table.outputs if table.column(name).times is not None][:4]
     figure, axes = new_figure(1, max(1, len(wanted)))
     for i, (one, name) in enumerate(zip(axes[0], wanted, strict=False)):
         column, colour = table.outputs[name], COLOURS[i % len(COLOURS)]
@@ -167,7 +169,7 @@ def bands(given, names: Sequence[str] | None = None, *, title: str | None = None
         one.legend()
     if not wanted:
         missing(axes[0, 0], "nothing was kept at several times")
-    figure.suptitle(title or table.name)
+    figure.suptitle(shown(title or table.name))
     return figure
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from ..plot.data import motion_of
 from .draw import draw
 from .drawing import Body, Drawing, Piece, Spring, Track
+from .modes import Modes, draw_modes, is_modes, read_modes
 
 
 class Page:
@@ -35,7 +36,7 @@ class Page:
 
 def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None = None, per_second: float = 60.0,
          names: list[str] | None = None, look: Callable | None = None) -> Page:
-    """A page that plays a motion: a result, its file, or a solution; written to `path`, and the motion as glTF to `glb`.
+    """A page that plays a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`, and the motion as glTF to `glb`.
 
     `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, of the
     coordinates by name at the times of the frames.
@@ -43,7 +44,7 @@ def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None =
     from .gltf import write_glb
     from .html import page
 
-    drawing = draw(motion_of(given), per_second=per_second, names=names, look=look)
+    drawing = drawing_of(given, per_second=per_second, names=names, look=look)
     made = Page(page(drawing))
     if path is not None:
         made.save(path)
@@ -52,4 +53,13 @@ def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None =
     return made
 
 
-__all__ = ["Body", "Drawing", "Page", "Piece", "Spring", "Track", "draw", "view"]
+def drawing_of(given: Any, *, per_second: float = 60.0, names: list[str] | None = None, look: Callable | None = None) -> Drawing:
+    """The drawing of what can be viewed."""
+    if isinstance(given, (str, Path)) and is_modes(given):
+        given = read_modes(given)
+    if isinstance(given, Modes):
+        return draw_modes(given, look)
+    return draw(motion_of(given), per_second=per_second, names=names, look=look)
+
+
+__all__ = ["Body", "Drawing", "Modes", "Page", "Piece", "Spring", "Track", "draw", "read_modes", "view"]

@@ -4,6 +4,7 @@ for Blender and other viewers.
 
     tandem view run.h5                              run.html and run.glb
     tandem view run.h5 --output motion.html         only the page; a name that ends in .glb: only that
+    tandem view modes.h5                            the mode shapes of a linearised system (tandem linearise)
     tandem view run.h5 --names "tip position y"     what can be plotted beside the motion
 """
 
@@ -20,8 +21,7 @@ def add_arguments(parser) -> None:
 
 
 def run(given) -> int:
-    from ..plot.data import motion_of
-    from .draw import draw
+    from . import drawing_of
     from .gltf import write_glb
     from .html import page
 
@@ -31,7 +31,7 @@ def run(given) -> int:
     for path in outputs:
         if path.suffix.lower() not in (".html", ".glb"):
             raise ValueError(f"{path}: a page ends in .html, a glTF file in .glb")
-    drawing = draw(motion_of(given.file), per_second=given.frames, names=given.names.split(",") if given.names else None)
+    drawing = drawing_of(given.file, per_second=given.frames, names=given.names.split(",") if given.names else None)
     for path in outputs:
         if path.suffix.lower() == ".html":
             path.write_text(page(drawing), encoding="utf-8")

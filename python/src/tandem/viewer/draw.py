@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..plot.data import chosen, scalars, series_named
+from ..plot.data import chosen, listed, scalars, series_named
 from .drawing import Curve, Drawing
 from .mechanisms import draw_mechanism
 from .motion import frame_times, interpolated, resampled
@@ -26,21 +26,30 @@ def draw(result, *, per_second: float = 60.0, names: list[str] | None = None, lo
         raise ValueError("there is no motion to show: some rows are no numbers")
     numbers = 7*max(1, len(result.names)//7 if result.model != "mechanism" else sum(name.endswith(".x") for name in result.names))
     times = frame_times(result.time[0], result.time[-1], per_second, most=max(600, MOST_NUMBERS//numbers))
-    values = resampled(result, times)
-    if look is not None:
-        drawing = look(result, times, values)
-    elif result.model == "mechanism":
-        drawing = draw_mechanism(result, times, values)
-    elif result.model in DRAW:
-        drawing = DRAW[result.model](result, times, values)
-    else:
-        drawing = draw_by_names(result, times, values)
-        if drawing is None:
-            raise ValueError(f"nothing is known of the looks of the model {result.model or 'of this file'}: no coordinate is called x "
-                             "and y, or NAME.x and NAME.y; in Python, tandem.view(result, look=...) takes a drawing of your own")
-    drawing.about = about(result)
+    drawing, unknown = looks(result, times, resampled(result, times), look)
+    drawing.about = ", ".join(part for part in (about(result), unknown) if part)
     drawing.curves = curves(result, times, names)
     return drawing
+
+
+def looks(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> tuple[Drawing, str]:
+    """The bodies and what belongs to them at the times, by the coordinates there; and words about what was not understood."""
+    if look is not None:
+        return look(result, times, values), ""
+    if result.model in DRAW:
+        return DRAW[result.model](result, times, values), ""
+    unknown = ""
+    if result.model == "mechanism":
+        try:
+            return draw_mechanism(result, times, values), ""
+        except (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            # What this package does not know of a scene leaves its bodies as they can be drawn without it, and is said.
+            unknown = f"drawn without the scene's shapes and joints, which were not understood ({type(error).__name__}: {error})"
+    drawing = draw_by_names(result, times, values)
+    if drawing is None:
+        raise ValueError(f"nothing is known of the looks of the model {result.model or 'of this file'}: no coordinate is called x "
+                         "and y, or NAME.x and NAME.y; in Python, tandem.view(result, look=...) takes a drawing of your own")
+    return drawing, unknown
 
 
 def about(result) -> str:
@@ -52,7 +61,7 @@ def about(result) -> str:
 
 def curves(result, times: np.ndarray, names: list[str] | None) -> list[Curve]:
     """What can be plotted beside the motion: what is named, else sensors and what moves most."""
-    wanted = names or [*list(scalars(result))[:12], *vectors(result)[:12], *[name for name in chosen_coordinates(result)]]
+    wanted = listed(names) or [*list(scalars(result))[:12], *vectors(result)[:12], *[name for name in chosen_coordinates(result)]]
     found = []
     for name in dict.fromkeys(wanted):
         values, unit = series_named(result, name)

@@ -95,6 +95,8 @@ class Drawing:
     tracks: list[Track] = field(default_factory=list)
     arrows: list[Arrow] = field(default_factory=list)
     curves: list[Curve] = field(default_factory=list)
+    #: Several motions of the same bodies, by name, of which one is seen at a time: modes.
+    takes: list[tuple[str, list[Body]]] = field(default_factory=list)
     #: Which way is up, and where the ground is: a point on it; None for no ground.
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     ground: np.ndarray | None = None
@@ -111,7 +113,7 @@ class Drawing:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The lowest and highest corner of all that is seen of the bodies at any frame."""
         lows, highs = [], []
-        for body in self.bodies:
+        for body in [*self.bodies, *(body for _, bodies in self.takes[1:] for body in bodies)]:
             reach = max([float(np.linalg.norm(piece.at)) + radius_of(piece) for piece in body.pieces] or [0.0])
             finite = body.place[np.isfinite(body.place).all(axis=1)]
             if finite.size:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .drawing import Drawing
+from .drawing import Body, Drawing
 from .rotations import carrying, conjugate, normalised
 
 FLOAT, SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5126, 5122, 5123, 5125
@@ -138,14 +138,24 @@ def glb(drawing: Drawing) -> bytes:
     writer = Writer()
     nodes: list[dict] = [{"name": drawing.name or "motion", "children": [],
                           "rotation": gltf_turn(conjugate(carrying(drawing.up, (0.0, 1.0, 0.0))))}]
-    samplers, targets = [], []
+    animations: list[dict] = []
     times = drawing.times - drawing.times[0]
     clock = writer.accessor(times, FLOAT, "SCALAR", bounds=True) if drawing.bodies and len(times) > 1 else None
 
-    def animate(node: int, path: str, values: int) -> None:
-        samplers.append({"input": clock, "output": values, "interpolation": "LINEAR"})
-        targets.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+    def animate(take: str, node: int, body: Body) -> None:
+        """The motion of a body in a take."""
+        found = [(path, values) for path, series, values in (
+            ("translation", body.place, lambda: writer.accessor(body.place, FLOAT, "VEC3")),
+            ("rotation", body.turn, lambda: writer.accessor(np.rint(normalised(body.turn)[:, [1, 2, 3, 0]]*32767), SHORT, "VEC4", is_normalised=True)))
+            if np.ptp(series, axis=0).max() > 0]
+        for path, values in found:
+            if not animations or animations[-1]["name"] != take:
+                animations.append({"name": take, "samplers": [], "channels": []})
+            samplers, channels = animations[-1]["samplers"], animations[-1]["channels"]
+            samplers.append({"input": clock, "output": values(), "interpolation": "LINEAR"})
+            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
+    of_body = {}
     for body in drawing.bodies:
         node = len(nodes)
         nodes[0]["children"].append(node)
@@ -158,13 +168,10 @@ def glb(drawing: Drawing) -> bytes:
                           "rotation": gltf_turn(piece.turn), "scale": [float(x) for x in piece.size]})
         if children:
             own["children"] = children
-        if clock is None:
-            continue
-        if np.ptp(body.place, axis=0).max() > 0:
-            animate(node, "translation", writer.accessor(body.place, FLOAT, "VEC3"))
-        if np.ptp(body.turn, axis=0).max() > 0:
-            turns = np.rint(normalised(body.turn)[:, [1, 2, 3, 0]]*32767)
-            animate(node, "rotation", writer.accessor(turns, SHORT, "VEC4", is_normalised=True))
+        of_body[body.name] = node
+    for take, bodies in (drawing.takes or [("motion", drawing.bodies)]) if clock is not None else []:
+        for body in bodies:
+            animate(take, of_body[body.name], body)
     for track in drawing.tracks:
         places = track.places[np.isfinite(track.places).all(axis=1)]
         places = places[::max(1, -(-len(places)//MOST_POINTS))]
@@ -179,8 +186,8 @@ def glb(drawing: Drawing) -> bytes:
                          ("bufferViews", writer.views)):
         if values:
             content[name] = values
-    if samplers:
-        content["animations"] = [{"name": "motion", "samplers": samplers, "channels": targets}]
+    if animations:
+        content["animations"] = animations
     if writer.data:
         writer.data += b"\0"*(-len(writer.data) % 4)
         content["buffers"] = [{"byteLength": len(writer.data)}]

@@ -46,9 +46,10 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
         rows.append(values.T)
         steps.append(steps_of(values.T, smallest))
 
-    for body in drawing.bodies:
-        add(body.place, least)
-        add(body.turn, 2.0**-23)
+    for bodies in [bodies for _, bodies in drawing.takes] or [drawing.bodies]:
+        for body in bodies:
+            add(body.place, least)
+            add(body.turn, 2.0**-23)
     for track in drawing.tracks:
         add(filled(track.places), least)
     for arrow in drawing.arrows:
@@ -103,7 +104,7 @@ def page(drawing: Drawing) -> str:
     channels, steps = channels_of(drawing, 1e-7*look["size"])
     # The page multiplies by what is written: so it is rounded by these numbers too.
     steps = np.array(rounded(steps))
-    largest = max([float(np.linalg.norm(arrow.vectors, axis=1).max(initial=0)) for arrow in drawing.arrows] or [1.0]) or 1.0
+    largest = max([float(np.linalg.norm(np.nan_to_num(arrow.vectors), axis=1).max(initial=0)) for arrow in drawing.arrows] or [1.0]) or 1.0
     nf = len(drawing.times)
     content = {
         **look, "name": drawing.name,
@@ -111,11 +112,13 @@ def page(drawing: Drawing) -> str:
         "bodies": [{"name": body.name, "still": bool(np.ptp(body.place, axis=0).max() == 0 and len(drawing.bodies) > 1),
                     "pieces": [[piece.shape, rounded(piece.size, 5), piece.colour, rounded(piece.at), rounded(piece.turn)]
                                for piece in body.pieces]} for body in drawing.bodies],
+        "takes": [name for name, _ in drawing.takes],
         "springs": [{"bodies": spring.bodies, "places": [rounded(place) for place in spring.places], "radius": spring.radius}
                     for spring in drawing.springs],
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}
                    for track in drawing.tracks],
         "arrows": [{"name": arrow.name, "colour": arrow.colour, "scale": 0.5*look["size"]/largest} for arrow in drawing.arrows],
+        "longest": f"{largest:.3g} {drawing.arrows[0].unit}" if drawing.arrows else "",
         "curves": [{"name": curve.name, "unit": curve.unit, **limits(curve.values)} for curve in drawing.curves],
         "ground": rounded(drawing.ground) if drawing.ground is not None else None,
         "steps": steps.tolist(),

@@ -375,16 +375,23 @@ def add_sensors(found: Mechanism, drawing: Drawing) -> None:
 
 
 def add_arrows(found: Mechanism, drawing: Drawing, joints: list) -> None:
-    """Forces of joints where the file has them (N, three components in the axes of the world), at the place of the joint."""
+    """Forces of joints, wheels, distances and springs where the file has them (N, three components in the axes of the world): at the
+    place of the joint, where the wheel touches, at the second point."""
     places = {name: (bodies, place) for name, _, bodies, place in joints}
     contacts = {track.name: track.places for track in drawing.tracks if track.is_contact}
-    for all_ in (found.result.groups.get("joints", {}), found.result.groups.get("wheels", {}), found.result.sensors):
+    for kind in ("force", "constraint"):
+        for name, keys in found.elements[kind].items():
+            if len(keys.get("between", [])) == 2 and name not in contacts:
+                contacts[name] = found.track(keys["between"][1])
+    groups = [found.result.groups.get(kind, {}) for kind in ("joints", "wheels", "constraints", "forces")]
+    for all_ in (*groups, found.result.sensors):
         for name, whats in all_.items():
             for what, one in whats.items():
                 if one.unit != "N" or one.values.ndim != 2 or one.values.shape[1] != 3 or "body" in what:
                     continue
                 vectors = interpolated(found.result.time, one.values, None, None, found.times)
-                joint = found.elements["sensor"].get(name, {}).get("reaction", name)
+                sensor = found.elements["sensor"].get(name, {})
+                joint = sensor.get("reaction", sensor.get("force", name))
                 if joint in contacts:
                     drawing.arrows.append(Arrow(f"{name} {what}", contacts[joint], vectors, RED, "N"))
                 elif joint in places and places[joint][1] is not None:

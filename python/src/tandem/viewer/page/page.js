@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Plays a motion: bodies by instances of four unit shapes, springs, tracks that grow, arrows, a plot with a cursor.
+// Plays a motion: bodies by four unit shapes, springs, tracks that grow, arrows, a plot with a cursor.
+//
+// Where there is no graphics card, every vertex and every pixel costs. Then all pieces are one mesh, which this program itself moves and
+// lights; shapes have fewer faces, colours are those of the screen, so that no pixel has to be converted, and the words beside the motion
+// follow ten times a second.
 import * as THREE from "three";
 import { OrbitControls } from "orbit";
 
@@ -34,80 +38,177 @@ function coil() {
     return new THREE.BufferGeometry().setFromPoints(points);
 }
 
-const SHAPES = {
+const shapes = round => ({
     box: () => new THREE.BoxGeometry(1, 1, 1),
-    cylinder: () => new THREE.CylinderGeometry(1, 1, 1, 28).rotateX(Math.PI / 2),
-    sphere: () => new THREE.SphereGeometry(1, 28, 18),
-    rim: () => new THREE.TorusGeometry(1, 0.05, 10, 56),
-};
+    cylinder: () => new THREE.CylinderGeometry(1, 1, 1, round).rotateX(Math.PI / 2),
+    sphere: () => new THREE.SphereGeometry(1, round, Math.round(0.65 * round)),
+    rim: () => new THREE.TorusGeometry(1, 0.05, Math.round(0.35 * round), 2 * round),
+});
 
-/** All pieces of one shape are drawn at once: each has its body, and its matrix in the axes of that. */
-function makeInstances(scene, bodies, nodes) {
-    const found = {}, colour = new THREE.Color();
-    bodies.forEach((body, i) => body.pieces.forEach(piece => (found[piece[0]] ??= []).push([nodes[i], piece])));
-    return Object.entries(found).map(([shape, pieces]) => {
-        const material = new THREE.MeshLambertMaterial();
-        const mesh = new THREE.InstancedMesh(SHAPES[shape](), material, pieces.length);
+/** The matrix of a piece in the axes of its body. */
+const matrixOf = ([, size, , at, turn]) => new THREE.Matrix4().compose(new THREE.Vector3(...at),
+    new THREE.Quaternion(turn[1], turn[2], turn[3], turn[0]), new THREE.Vector3(...size));
+
+/** All pieces of one shape are drawn at once. An owner is a node with its pieces. Gives what puts them where their nodes are. */
+function makeInstances(scene, owners) {
+    const found = {}, colour = new THREE.Color(), made = shapes(28), matrix = new THREE.Matrix4();
+    for (const { node, pieces } of owners) for (const piece of pieces) (found[piece[0]] ??= []).push([node, piece]);
+    const groups = Object.entries(found).map(([shape, pieces]) => {
+        const mesh = new THREE.InstancedMesh(made[shape](), new THREE.MeshLambertMaterial(), pieces.length);
         mesh.frustumCulled = false;
-        const locals = pieces.map(([node, [, size, tint, at, turn]], i) => {
-            mesh.setColorAt(i, colour.set(tint));
-            return [node, new THREE.Matrix4().compose(new THREE.Vector3(...at),
-                new THREE.Quaternion(turn[1], turn[2], turn[3], turn[0]), new THREE.Vector3(...size))];
+        const locals = pieces.map(([node, piece], i) => {
+            mesh.setColorAt(i, colour.set(piece[2]));
+            return [node, matrixOf(piece)];
         });
         scene.add(mesh);
         return { mesh, locals };
     });
+    return () => {
+        for (const { mesh, locals } of groups) {
+            locals.forEach(([node, local], i) => mesh.setMatrixAt(i, matrix.multiplyMatrices(node.matrixWorld, local)));
+            mesh.instanceMatrix.needsUpdate = true;
+        }
+    };
 }
 
-/** A track has so many pieces at most: a line is costly where there is no graphics card. */
-const MOST_PIECES = 900;
+/** Shades of a colour, from no light to more than the screen can show, as three bytes each. */
+const SHADES = 96, BRIGHTEST = 1.3;
+function shadesOf(tint) {
+    const linear = [1, 3, 5].map(i => { const c = parseInt(tint.slice(i, i + 2), 16) / 255; return c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4; });
+    return Uint8Array.from({ length: 3 * SHADES }, (_, i) => {
+        const c = Math.min(1, linear[i % 3] * BRIGHTEST * Math.floor(i / 3) / (SHADES - 1));
+        return 255 * (c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055);
+    });
+}
 
-function makeLine(scene, track, channels, from, frames) {
-    const every = Math.ceil(frames / MOST_PIECES), count = Math.ceil((frames - 1) / every) + 1;
-    const places = new Float32Array(3 * count + 3), whole = new Float32Array(3 * frames);
+/** The same as one mesh in the world's axes, moved and lit here: for renderers that are programs themselves. */
+function makeMerged(scene, owners, up, sun) {
+    const made = Object.fromEntries(Object.entries(shapes(16)).map(([name, make]) => [name, make()])), normalMatrix = new THREE.Matrix3(), v = new THREE.Vector3();
+    const count = what => owners.reduce((sum, { pieces }) => sum + pieces.reduce((n, [shape]) => n + what(made[shape]), 0), 0);
+    const vertices = count(shape => shape.attributes.position.count);
+    const own = new Float32Array(6 * vertices), index = new Uint32Array(count(shape => shape.index.count)), tables = {}, parts = [];
+    let at = 0, corner = 0;
+    for (const { node, pieces } of owners) for (const piece of pieces) {
+        const shape = made[piece[0]], local = matrixOf(piece), { position, normal } = shape.attributes, from = at;
+        normalMatrix.getNormalMatrix(local);
+        for (let i = 0; i < shape.index.count; i++) index[corner++] = at + shape.index.array[i];
+        for (let i = 0; i < position.count; i++, at++) {
+            v.fromBufferAttribute(position, i).applyMatrix4(local).toArray(own, 6 * at);
+            v.fromBufferAttribute(normal, i).applyMatrix3(normalMatrix).normalize().toArray(own, 6 * at + 3);
+        }
+        parts.push({ node, from, to: at, shades: tables[piece[2]] ??= shadesOf(piece[2]) });
+    }
+    const places = new Float32Array(3 * vertices), colours = new Uint8Array(4 * vertices).fill(255), geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setAttribute("color", new THREE.BufferAttribute(colours, 4, true));
+    geometry.setIndex(new THREE.BufferAttribute(index, 1));
+    const mesh = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, fog: false }));
+    mesh.frustumCulled = false;
+    scene.add(mesh);
+    const back = new THREE.Quaternion(), u = new THREE.Vector3(), s = new THREE.Vector3(), scale = (SHADES - 1) / BRIGHTEST;
+    return () => {
+        for (const { node, from, to, shades } of parts) {
+            const m = node.matrixWorld.elements;
+            back.copy(node.quaternion).invert();
+            u.copy(up).applyQuaternion(back);
+            s.copy(sun).applyQuaternion(back);
+            for (let i = from, k = 6 * from; i < to; i++, k += 6) {
+                const x = own[k], y = own[k + 1], z = own[k + 2], nx = own[k + 3], ny = own[k + 4], nz = own[k + 5];
+                places[3 * i] = m[0] * x + m[4] * y + m[8] * z + m[12];
+                places[3 * i + 1] = m[1] * x + m[5] * y + m[9] * z + m[13];
+                places[3 * i + 2] = m[2] * x + m[6] * y + m[10] * z + m[14];
+                // Of the sky, of the ground and of the sun, as the lights of the scene have it.
+                const lit = SKY * (0.764 + 0.236 * (nx * u.x + ny * u.y + nz * u.z)) + SUN * Math.max(0, nx * s.x + ny * s.y + nz * s.z);
+                const shade = 3 * Math.min(SHADES - 1, Math.round(scale * lit / Math.PI));
+                colours[4 * i] = shades[shade];
+                colours[4 * i + 1] = shades[shade + 1];
+                colours[4 * i + 2] = shades[shade + 2];
+            }
+        }
+        geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
+    };
+}
+
+/** How bright the sky and the sun are; the ground gives back 0.53 of the sky. */
+const SKY = 2.0, SUN = 1.8;
+
+/** A track has so many pieces at most: a line is costly where there is no graphics card. */
+const MOST_PIECES = 1500;
+
+/** The frames whose places make the same line, but for `far`: what is straight needs few. */
+function corners(whole, frames, far) {
+    const kept = new Uint8Array(frames), waiting = [[0, frames - 1]];
+    kept[0] = kept[frames - 1] = 1;
+    while (waiting.length) {
+        const [first, last] = waiting.pop(), a = 3 * first, d = [0, 1, 2].map(k => whole[3 * last + k] - whole[a + k]);
+        const length = d[0] ** 2 + d[1] ** 2 + d[2] ** 2;
+        let worst = far * far, at = -1;
+        for (let f = first + 1; f < last; f++) {
+            const x = whole[3 * f] - whole[a], y = whole[3 * f + 1] - whole[a + 1], z = whole[3 * f + 2] - whole[a + 2];
+            const s = length > 0 ? Math.min(1, Math.max(0, (x * d[0] + y * d[1] + z * d[2]) / length)) : 0;
+            const off = (x - s * d[0]) ** 2 + (y - s * d[1]) ** 2 + (z - s * d[2]) ** 2;
+            if (off > worst) { worst = off; at = f; }
+        }
+        if (at > 0) { kept[at] = 1; waiting.push([first, at], [at, last]); }
+    }
+    return Array.from(kept.keys()).filter(f => kept[f]);
+}
+
+/** A track that grows, and the node that goes ahead of it. */
+function makeLine(scene, track, node, channels, from, frames, size) {
+    const whole = new Float32Array(3 * frames);
     for (let f = 0; f < frames; f++) for (let k = 0; k < 3; k++) whole[3 * f + k] = channels[from + k][f];
-    for (let i = 0; i < count; i++) places.set(whole.subarray(3 * Math.min(frames - 1, i * every), 3 * Math.min(frames - 1, i * every) + 3), 3 * i);
-    const geometry = new THREE.BufferGeometry();
+    let far = 3e-4 * size, turns = corners(whole, frames, far);
+    while (turns.length > MOST_PIECES) turns = corners(whole, frames, far *= 2);
+    const places = new Float32Array(3 * turns.length + 3), geometry = new THREE.BufferGeometry();
+    const restore = i => { if (i < turns.length) places.set(whole.subarray(3 * turns[i], 3 * turns[i] + 3), 3 * i); };
+    turns.forEach((_, i) => restore(i));
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
     const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: track.colour }));
     line.frustumCulled = false;
     scene.add(line);
-    const marker = new THREE.Mesh(new THREE.SphereGeometry(1, 12, 8), new THREE.MeshBasicMaterial({ color: track.colour }));
-    marker.scale.setScalar(track.marker);
-    scene.add(marker);
+    let drawn = 0, full = 0;
     /** The track up to a frame: whole pieces, and one to where it is now. */
     const grow = frame => {
-        const here = 3 * frame, full = Math.floor(frame / every);
-        marker.position.set(whole[here], whole[here + 1], whole[here + 2]);
+        while (full + 1 < turns.length && turns[full + 1] <= frame) full++;
+        while (turns[full] > frame) full--;
+        const here = whole.subarray(3 * frame, 3 * frame + 3);
+        node.position.fromArray(here);
+        node.updateMatrixWorld();
         // The piece that ended at the last frame gets its own end back.
-        const f = Math.min(frames - 1, drawn * every);
-        if (drawn <= count) places.set(whole.subarray(3 * f, 3 * f + 3), 3 * drawn);
-        drawn = full + 1;
-        places.set(whole.subarray(here, here + 3), 3 * drawn);
+        restore(drawn);
+        places.set(here, 3 * (drawn = full + 1));
         geometry.attributes.position.needsUpdate = true;
         geometry.setDrawRange(0, full + 2);
     };
-    let drawn = 0;
-    return { line, marker, grow };
+    return { line, node, grow };
 }
 
-function makeArrow(scene, arrow) {
-    const group = new THREE.Group(), material = new THREE.MeshLambertMaterial({ color: arrow.colour });
-    const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.02, 0.02, 1, 10).translate(0, 0.5, 0), material);
-    const head = new THREE.Mesh(new THREE.ConeGeometry(0.06, 0.18, 14).translate(0, 1, 0), material);
+/** An arrow along y: a shaft and a head of their own thickness, which `stretch` makes as long as wanted. */
+function makeArrow(scene, arrow, size) {
+    const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({ color: arrow.colour, fog: false });
+    const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.006, 0.006, 1, 10).translate(0, 0.5, 0), material);
+    const head = new THREE.Mesh(new THREE.ConeGeometry(0.02, 0.06, 14).translate(0, -0.03, 0), material);
     group.add(shaft, head);
     scene.add(group);
-    return group;
+    const stretch = length => {
+        // The head of a short one is as long as it.
+        const part = Math.min(size, length / 0.06);
+        head.scale.setScalar(part);
+        head.position.y = length;
+        shaft.scale.set(part, Math.max(1e-9 * size, length - 0.05 * part), part);
+    };
+    return { group, stretch };
 }
 
-function makeGround(scene, drawing, size) {
-    const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = 60;
+function makeGround(scene, drawing, size, isSoft) {
+    const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = isSoft ? 40 : 60, piece = 5;
     const plate = new THREE.Mesh(new THREE.CircleGeometry(cell * cells, 64),
         new THREE.MeshBasicMaterial({ color: 0xe8ecef, depthWrite: false, side: THREE.DoubleSide }));
     // Short pieces: some renderers drop a line that begins far behind the camera.
     const places = [];
-    for (let i = -cells; i <= cells; i++) for (let j = -cells; j < cells; j += 5) {
-        places.push(i * cell, j * cell, 0, i * cell, (j + 5) * cell, 0, j * cell, i * cell, 0, (j + 5) * cell, i * cell, 0);
+    for (let i = -cells; i <= cells; i++) for (let j = -cells; j < cells; j += piece) {
+        places.push(i * cell, j * cell, 0, i * cell, (j + piece) * cell, 0, j * cell, i * cell, 0, (j + piece) * cell, i * cell, 0);
     }
     const grid = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xc6ccd2 }));
     grid.geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
@@ -115,10 +216,11 @@ function makeGround(scene, drawing, size) {
     plate.renderOrder = -2;
     grid.renderOrder = -1;
     grid.material.depthWrite = false;
-    group.add(plate, grid);
+    // A plate is all pixels once more.
+    group.add(...isSoft ? [grid] : [plate, grid]);
     group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...drawing.normal));
     group.position.set(...drawing.ground);
-    scene.fog = new THREE.Fog(0xf4f6f8, 4 * size, Math.max(12 * size, 0.9 * cell * cells));
+    scene.fog = new THREE.Fog(scene.background.getHex(), 4 * size, Math.max(12 * size, 0.9 * cell * cells));
     scene.add(group);
     const origin = group.position.clone(), along = new THREE.Vector3(), back = group.quaternion.clone().invert();
     /** The grid goes with the camera's target by whole cells, so that it seems without end. */
@@ -191,8 +293,9 @@ function makePlot(canvas, times, curves, channels, seek) {
     return { draw, choose: i => { chosen = i; } };
 }
 
-/** Whether there is no graphics card: then edges are left as they are. */
+/** Whether there is no graphics card; `#fine` behind the address draws as if there were one. */
 function drawnBySoftware() {
+    if (location.hash.includes("fine")) return false;
     const context = document.createElement("canvas").getContext("webgl2");
     const about = context?.getExtension("WEBGL_debug_renderer_info");
     return about ? /swiftshader|llvmpipe|software|basic render/i.test(context.getParameter(about.UNMASKED_RENDERER_WEBGL)) : false;
@@ -201,12 +304,16 @@ function drawnBySoftware() {
 export async function show(drawing, buffer) {
     const { times, bodies } = drawing, frames = times.count, last = frames - 1;
     const channels = unpack(buffer, drawing.steps, frames);
-    const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: !drawnBySoftware() });
-    const scene = new THREE.Scene();
-    scene.background = new THREE.Color(0xf4f6f8);
-    scene.add(new THREE.HemisphereLight(0xffffff, 0xb8c0c8, 2.0));
-    const sun = new THREE.DirectionalLight(0xffffff, 1.8), up = new THREE.Vector3(...drawing.up), size = drawing.size;
-    scene.add(sun, sun.target);
+    const isSoft = drawnBySoftware();
+    if (isSoft) THREE.ColorManagement.enabled = false;
+    const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: !isSoft });
+    if (isSoft) renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
+    const scene = new THREE.Scene(), up = new THREE.Vector3(...drawing.up), size = drawing.size;
+    scene.background = new THREE.Color(isSoft && drawing.ground ? 0xeef1f4 : 0xf4f6f8);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xb8c0c8, SKY), sun = new THREE.DirectionalLight(0xffffff, SUN);
+    sky.position.copy(up);
+    const toSun = up.clone().multiplyScalar(5).add(new THREE.Vector3(2, -3, 2));
+    if (!isSoft) scene.add(sky, sun, sun.target);
     const camera = new THREE.PerspectiveCamera(40, 1, size / 200, size * 400);
     camera.up.copy(drawing.flat ? new THREE.Vector3(...drawing.up) : up);
     const controls = new OrbitControls(camera, renderer.domElement);
@@ -219,10 +326,16 @@ export async function show(drawing, buffer) {
         return node;
     });
     const byName = Object.fromEntries(nodes.map(node => [node.name, node]));
-    const instances = makeInstances(scene, bodies, nodes);
-    let channel = 7 * bodies.length;
-    const lines = drawing.tracks.map(track => { const made = makeLine(scene, track, channels, channel, frames); channel += 3; return made; });
-    const arrows = drawing.arrows.map(arrow => { const made = { group: makeArrow(scene, arrow), from: channel, arrow }; channel += 6; return made; });
+    const owners = bodies.map((body, i) => ({ node: nodes[i], pieces: body.pieces }));
+    let channel = 7 * bodies.length * Math.max(1, drawing.takes.length), take = 0;
+    const lines = drawing.tracks.map(track => {
+        const node = new THREE.Object3D();
+        owners.push({ node, pieces: [["sphere", [track.marker, track.marker, track.marker], track.colour, [0, 0, 0], [1, 0, 0, 0]]] });
+        channel += 3;
+        return makeLine(scene, track, node, channels, channel - 3, frames, size);
+    });
+    const movePieces = isSoft ? makeMerged(scene, owners, up, toSun.clone().normalize()) : makeInstances(scene, owners);
+    const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...makeArrow(scene, arrow, size), from: channel - 6, arrow }; });
     const coilGeometry = coil();
     const springs = drawing.springs.map(spring => {
         const line = new THREE.Line(coilGeometry, new THREE.LineBasicMaterial({ color: 0x3c4043 }));
@@ -230,27 +343,26 @@ export async function show(drawing, buffer) {
         scene.add(line);
         return { line, spring, ends: spring.places.map(place => new THREE.Vector3(...place)) };
     });
-    const moveGround = drawing.ground ? makeGround(scene, drawing, size) : () => {};
+    const moveGround = drawing.ground ? makeGround(scene, drawing, size, isSoft) : () => {};
 
     const state = { frame: 0, playing: false, speed: 1, follow: drawing.follow, drawn: 0 };
-    const before = new THREE.Quaternion(), after = new THREE.Quaternion(), matrix = new THREE.Matrix4();
+    const before = new THREE.Quaternion(), after = new THREE.Quaternion();
     const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1), y = new THREE.Vector3(0, 1, 0);
 
     /** Put everything where it is at a frame, which may lie between two. */
     function pose(frame) {
         const f = Math.min(Math.floor(frame), Math.max(0, last - 1)), s = last ? frame - f : 0, g = Math.min(f + 1, last);
         nodes.forEach((node, i) => {
-            const c = 7 * i, mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
+            const c = 7 * (i + take * bodies.length), mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
             node.position.set(mix(0), mix(1), mix(2));
             before.set(channels[c + 4][f], channels[c + 5][f], channels[c + 6][f], channels[c + 3][f]).normalize();
             after.set(channels[c + 4][g], channels[c + 5][g], channels[c + 6][g], channels[c + 3][g]).normalize();
             node.quaternion.slerpQuaternions(before, after, s);
             node.updateMatrixWorld();
         });
-        for (const { mesh, locals } of instances) {
-            locals.forEach(([node, local], i) => mesh.setMatrixAt(i, matrix.multiplyMatrices(node.matrixWorld, local)));
-            mesh.instanceMatrix.needsUpdate = true;
-        }
+        const near = Math.round(frame);
+        for (const { grow } of lines) grow(near);
+        movePieces();
         for (const { line, spring, ends } of springs) {
             const [p, q] = ends.map((end, k) => { const to = k ? b : a; to.copy(end); return spring.bodies[k] ? to.applyMatrix4(byName[spring.bodies[k]].matrixWorld) : to; });
             line.position.copy(p);
@@ -258,15 +370,13 @@ export async function show(drawing, buffer) {
             line.quaternion.setFromUnitVectors(z, q.sub(p).normalize());
             line.scale.set(spring.radius, spring.radius, length);
         }
-        const near = Math.round(frame);
-        for (const { grow } of lines) grow(near);
-        for (const { group, from, arrow } of arrows) {
+        for (const { group, stretch, from, arrow } of arrows) {
             const at = k => channels[from + k][near];
             group.position.set(at(0), at(1), at(2));
             b.set(at(3), at(4), at(5));
             const length = b.length() * arrow.scale;
             group.visible = element("arrows").checked && length > 1e-3 * size;
-            if (group.visible) { group.scale.setScalar(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
+            if (group.visible) { stretch(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
         }
     }
 
@@ -299,12 +409,16 @@ export async function show(drawing, buffer) {
         element("curve").addEventListener("change", event => { plot.choose(+event.target.value); draw(); });
     }
 
+    let told = 0;
     function draw() {
-        sun.position.copy(controls.target).addScaledVector(up, 5 * size).add(a.set(2 * size, -3 * size, 2 * size));
+        sun.position.copy(controls.target).addScaledVector(toSun, size);
         sun.target.position.copy(controls.target);
         moveGround(controls.target);
         renderer.render(scene, camera);
         state.drawn++;
+        const now = performance.now();
+        if (isSoft && state.playing && now - told < 100) return;
+        told = now;
         const t = times.first + times.step * state.frame;
         element("time").value = state.frame;
         element("clock").textContent = `${t.toFixed(3)} s of ${(times.first + times.step * last).toPrecision(4)} s`;
@@ -343,7 +457,7 @@ export async function show(drawing, buffer) {
     }
 
     function resize() {
-        renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+        renderer.setPixelRatio(isSoft ? 1 : Math.min(2, window.devicePixelRatio || 1));
         renderer.setSize(window.innerWidth, window.innerHeight, false);
         camera.aspect = window.innerWidth / window.innerHeight;
         camera.updateProjectionMatrix();
@@ -356,12 +470,18 @@ export async function show(drawing, buffer) {
     element("play").addEventListener("click", play);
     element("start").addEventListener("click", () => set(0));
     element("speed").addEventListener("change", event => { state.speed = +event.target.value; });
+    drawing.takes.forEach((name, i) => element("take").add(new Option(name, i)));
+    element("take-label").hidden = !drawing.takes.length;
+    element("take").addEventListener("change", event => { take = +event.target.value; set(state.frame); });
     bodies.forEach(body => element("follow").add(new Option(body.name, body.name)));
     element("follow").value = state.follow;
     element("follow").addEventListener("change", event => { state.follow = event.target.value; if (followed(centre)) { a.copy(centre).sub(controls.target); controls.target.add(a); camera.position.add(a); } controls.update(); draw(); });
     element("reset").addEventListener("click", () => { reset(); draw(); });
-    element("tracks").addEventListener("change", event => { lines.forEach(({ line, marker }) => { line.visible = marker.visible = event.target.checked; }); draw(); });
-    if (arrows.length) element("arrows-label").hidden = false;
+    element("tracks").addEventListener("change", event => { lines.forEach(({ line, node }) => { line.visible = event.target.checked; node.scale.setScalar(line.visible ? 1 : 1e-9); }); set(state.frame); });
+    if (arrows.length) {
+        element("arrows-label").hidden = false;
+        element("arrows-label").append(` up to ${drawing.longest}`);
+    }
     element("arrows").addEventListener("change", () => set(state.frame));
     if (drawing.speed !== 1) {
         const choice = [...element("speed").options].find(option => +option.value === drawing.speed);

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""Mode shapes of a linearised system (`tandem linearise SCENE --output modes.h5`) as motions: each mode swings to and fro about the
+place where the system was linearised, as far as it can be seen well, a period in two seconds."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..result import Result, opened, text
+
+#: Seconds for a period, and frames of it.
+PERIOD, FRAMES = 2.0, 120
+#: How far a mode moves what it moves most: a part of the size of the mechanism, and an angle (rad).
+FAR, TURN = 0.12, 0.4
+#: More modes than these are not offered; those that are damped least come first.
+MOST_MODES = 40
+
+
+@dataclass
+class Modes:
+    """What is in the file of a linearised system: coordinates with their names, and of each mode its eigenvalue (1/s), what explains
+    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n)."""
+
+    names: list[str]
+    q: np.ndarray
+    eigenvalues: np.ndarray
+    causes: list[str]
+    frequency: np.ndarray
+    damping_ratio: np.ndarray
+    shapes: np.ndarray
+    scene: dict[str, Any]
+    path: str = ""
+
+    def shown(self) -> list[int]:
+        """The modes that are motions, one of each pair, the least damped first."""
+        found = [i for i, value in enumerate(self.eigenvalues) if value.imag >= 0 and np.abs(self.shapes[i]).max(initial=0) > 0
+                 and np.isfinite(self.shapes[i]).all()]
+        return sorted(found, key=lambda i: -self.eigenvalues[i].real)[:MOST_MODES]
+
+    def label(self, i: int) -> str:
+        """What a mode is called: its frequency with its damping, or its rate where it does not swing."""
+        value = self.eigenvalues[i]
+        if value.imag > 0:
+            return f"{value.imag/(2*np.pi):.4g} Hz, damping {100*self.damping_ratio[i]:.3g} %{', unstable' if value.real > 0 else ''}"
+        return f"does not swing, {value.real:.4g} 1/s{', unstable' if value.real > 0 else ''}"
+
+    def motion(self, i: int, size: float) -> Result:
+        """A mode as rows of a motion; `size` is that of the mechanism (m)."""
+        shape = self.shapes[i]
+        # Turned so that what moves most is farthest at the first frame.
+        shape = shape*np.exp(-1j*np.angle(shape[np.argmax(np.abs(shape))]))
+        lengths = np.array([re.search(r"(^|\.|^r)[xyz]\d*$", name) is not None for name in self.names])
+        # An Euler parameter changes by half of the turn.
+        turns = np.array([2.0 if re.search(r"(^|\.)e[0-3]$", name) else 1.0 for name in self.names])
+        far = np.abs(shape[lengths]).max(initial=0)/(FAR*size)
+        turn = np.abs(shape*turns)[~lengths].max(initial=0)/TURN
+        time = np.linspace(0.0, PERIOD, FRAMES + 1)
+        swing = np.exp(2j*np.pi*time/PERIOD)[:, None]
+        q = self.q + np.real(swing*shape)/(max(far, turn) or 1.0)
+        return Result(time, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path)
+
+
+def is_modes(path: str | Path) -> bool:
+    """Whether a file is a linearised system."""
+    with opened(path) as file:
+        return "linearisation" in file
+
+
+def read_modes(path: str | Path) -> Modes:
+    """Read what `tandem linearise` has written."""
+    with opened(path) as file:
+        try:
+            group = file["linearisation"]
+            values = group["eigenvalues"][:]
+            # Stored by columns or by rows: a pair is what is two wide.
+            values = values if values.shape[-1] == 2 and values.shape[0] == len(group["frequency"]) else values.T
+            causes = [text(cause).strip() for cause in group["cause"][:]] if "cause" in group else [""]*len(values)
+            return Modes([text(name).strip() for name in group["coordinates"][:]], group["q"][:], values[:, 0] + 1j*values[:, 1], causes,
+                         group["frequency"][:], group["damping_ratio"][:], group["shapes_re"][:] + 1j*group["shapes_im"][:],
+                         tomllib.loads(text(file.attrs.get("scene", ""))), str(path))
+        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
+            raise ValueError(f"{path} is no whole linearised system: {error.args[0] if error.args else error}") from error
+
+
+def draw_modes(modes: Modes, look=None):
+    """The drawing of a linearised system: a take for each mode."""
+    from .draw import looks
+
+    shown = modes.shown()
+    if not shown:
+        raise ValueError(f"{modes.path}: there is no mode to show: symmetries and families explain all eigenvalues")
+    rest = Result(np.zeros(1), modes.names, [""]*len(modes.names), modes.q[None], scene=modes.scene, path=modes.path)
+    still, _ = looks(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
+    low, high = still.bounds()
+    size = max(still.extent, 0.3*float(np.max(high - low)))
+    made = None
+    for i in shown:
+        one = modes.motion(i, size)
+        drawing, unknown = looks(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
+        if made is None:
+            made = drawing
+            made.tracks, made.arrows = [], []
+            made.about = ", ".join(part for part in (f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s", unknown) if part)
+        made.takes.append((modes.label(i), drawing.bodies))
+    return made

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: MIT
+"""Mode shapes in pages and glTF files: they are those of the file, and the motion of a mode is the closed form."""
+
+import json
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import h5py
+import numpy as np
+import tandem
+from tandem import viewer
+from tandem.viewer.gltf import glb
+from tandem.viewer.html import page
+
+#: Two equal masses between three equal springs: the modes are known.
+CHAIN = """
+[scene]
+model = "mechanism"
+planar = true
+[body.a]
+mass = 1.0
+inertia = 0.01
+position = [1, 0]
+[body.b]
+mass = 1.0
+inertia = 0.01
+position = [2, 0]
+[joint.guide_a]
+type = "prismatic"
+bodies = ["ground", "a"]
+at = [1, 0]
+axis = [1, 0]
+[joint.guide_b]
+type = "prismatic"
+bodies = ["ground", "b"]
+at = [2, 0]
+axis = [1, 0]
+[force.first]
+type = "spring"
+between = ["ground:[0, 0]", "a"]
+stiffness = 100.0
+length = 1.0
+[force.middle]
+type = "spring"
+between = ["a", "b"]
+stiffness = 100.0
+length = 1.0
+[force.last]
+type = "spring"
+between = ["b", "ground:[3, 0]"]
+stiffness = 100.0
+length = 1.0
+[time]
+end = 1.0
+"""
+
+
+class Modes(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        place = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(place.cleanup)
+        cls.folder = Path(place.name)
+        tandem.Mechanism.from_toml(CHAIN).linearise(None, "--equilibrium", "--output", cls.folder / "chain.h5")
+        tandem.run_program("linearise", "bicycle", "--output", cls.folder / "bicycle.h5")
+
+    def test_closed_form(self):
+        """Two equal masses between three equal springs: together at sqrt(k/m), against each other at sqrt(3 k/m)."""
+        drawing = viewer.drawing_of(self.folder / "chain.h5")
+        found = {round(float(name.split(" Hz")[0]), 3): {body.name: body.place[:, 0] for body in bodies} for name, bodies in drawing.takes}
+        self.assertEqual(set(found), {round(10/(2*np.pi), 3), round(10*np.sqrt(3)/(2*np.pi), 3)})
+        for frequency, sign in ((10/(2*np.pi), 1), (10*np.sqrt(3)/(2*np.pi), -1)):
+            places = found[round(frequency, 3)]
+            swing = np.cos(2*np.pi*drawing.times/2.0)
+            far = np.abs(places["a"] - 1).max()
+            # Shapes are right to rounding; the frames are those of a cosine.
+            np.testing.assert_allclose(np.abs(places["a"] - 1), np.abs(far*swing), atol=1e-9*far)
+            np.testing.assert_allclose(places["b"] - 2, sign*(places["a"] - 1), atol=1e-9*far)
+            self.assertGreater(far, 0.05)
+            self.assertLess(far, 1.0)
+
+    def test_shapes_are_those_of_the_file(self):
+        """In space, with a phase: the displacements of bodies are the file's complex shapes, turned in time and by one factor."""
+        modes = viewer.read_modes(self.folder / "bicycle.h5")
+        with h5py.File(self.folder / "bicycle.h5") as file:
+            group = file["linearisation"]
+            frequency, names = group["frequency"][:], [name.decode() if isinstance(name, bytes) else name for name in group["coordinates"][:]]
+            shapes = group["shapes_re"][:] + 1j*group["shapes_im"][:]
+            q = group["q"][:]
+            values = group["eigenvalues"][:]
+        self.assertEqual(set(np.abs(np.sort(modes.eigenvalues.imag))), set(np.abs(np.sort(values[1] if len(values) == 2 else values[:, 1]))))
+        drawing = viewer.drawing_of(modes)
+        self.assertEqual(len(drawing.takes), 3)
+        name, bodies = next((name, bodies) for name, bodies in drawing.takes if "Hz" in name)
+        # Of the pair, the one that turns as exp(i omega t) with a positive omega.
+        i = int(np.flatnonzero(modes.eigenvalues.imag > 0)[0])
+        self.assertAlmostEqual(float(name.split(" Hz")[0]), frequency[i], places=3)
+        here = [names.index(f"{body.name}.y") for body in bodies]
+        moved = np.stack([body.place[:, 1] - q[j] for body, j in zip(bodies, here, strict=True)])
+        quarter = (len(drawing.times) - 1)//4
+        # Real part at the first frame, less the imaginary one a quarter later.
+        seen = moved[:, 0] - 1j*moved[:, quarter]
+        wanted = shapes[i, here]
+        self.assertAlmostEqual(abs(np.vdot(seen, wanted))/(np.linalg.norm(seen)*np.linalg.norm(wanted)), 1.0, places=9)
+
+    def test_page_and_animations(self):
+        drawing = viewer.drawing_of(self.folder / "bicycle.h5")
+        text = page(drawing)
+        for name, _ in drawing.takes:
+            self.assertIn(json.dumps(name), text)
+        data = glb(drawing)
+        length = struct.unpack("<I", data[12:16])[0]
+        content = json.loads(data[20:20 + length])
+        self.assertEqual([one["name"] for one in content["animations"]], [name for name, _ in drawing.takes])
+
+    def test_command(self):
+        done = subprocess.run([sys.executable, "-m", "tandem", "view", "bicycle.h5"], cwd=self.folder, capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stdout.split()), (0, ["bicycle.html", "bicycle.glb"]), done.stderr)
+
+    def test_no_whole_file(self):
+        with h5py.File(self.folder / "odd.h5", "w") as file:
+            file["linearisation/q"] = np.zeros(2)
+        with self.assertRaisesRegex(ValueError, "odd.h5 is no whole linearised system"):
+            viewer.drawing_of(self.folder / "odd.h5")
+
+
+if __name__ == "__main__":
+    unittest.main()
