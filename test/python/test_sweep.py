@@ -469,6 +469,7 @@ class Kills(Case):
             self.assertEqual(table(self.folder / "killed.h5"), self.expected)
             self.assertEqual(list(self.folder.glob("killed.h5.*")), [])
             (self.folder / "killed.h5").unlink()
+            (self.folder / "killed.csv").unlink()
 
     def test_the_first_process(self):
         self.kill_and_finish(lambda process: process.kill())
