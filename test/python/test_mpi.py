@@ -89,6 +89,7 @@ class Ranks(Case):
             self.assertEqual(table(self.folder / "killed.h5"), expected)
             self.assertEqual(list(self.folder.glob("killed.h5.*")), [])
             (self.folder / "killed.h5").unlink()
+            (self.folder / "killed.csv").unlink()
 
     def see_the_end_of(self, process):
         """mpirun of OpenMPI 4.1 was seen to hang, with all its ranks dead, when one was killed on a machine with much to do: that

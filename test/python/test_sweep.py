@@ -300,7 +300,8 @@ class Tables(Case):
     def test_a_pipe(self):
         """What comes through a pipe is read once; another sweep does not take over its journal."""
         def piped(text, *arguments):
-            return subprocess.run([TANDEM, "sweep", "/dev/stdin", "--output", "piped.h5", "--quiet", *arguments], cwd=self.folder,
+            return subprocess.run([TANDEM, "sweep", "/dev/stdin", *(arguments if "--output" in arguments else
+                                   ("--output", "piped.h5", *arguments)), "--quiet"], cwd=self.folder,
                                   env=ENVIRONMENT, input=text, capture_output=True, text=True, timeout=60)
 
         text = DISKS.replace("draws = 60", "draws = 4")
@@ -312,6 +313,10 @@ class Tables(Case):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.write(text)
         self.assertEqual(table(self.folder / "piped.h5"), self.whole())
+        # Paths are those from the working folder.
+        self.write("model.mass\n5.0\n7.5\n", "cases.csv")
+        done = piped('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.01"]\ncsv = "cases.csv"\n', "--output", "cases2.h5")
+        self.assertEqual(done.returncode, 0, done.stderr)
         # A scene is read several times.
         self.write(text.replace('"rolling_disk"', '"/dev/stdin"'))
         self.sweep("--quiet", code=2, says="must be a regular file", input="[scene]\n")
@@ -464,6 +469,7 @@ class Kills(Case):
             self.assertEqual(table(self.folder / "killed.h5"), self.expected)
             self.assertEqual(list(self.folder.glob("killed.h5.*")), [])
             (self.folder / "killed.h5").unlink()
+            (self.folder / "killed.csv").unlink()
 
     def test_the_first_process(self):
         self.kill_and_finish(lambda process: process.kill())

@@ -198,13 +198,13 @@ contains
             new_line('a')//program_settings()
     end function settings_of
 
-    !> A path from the folder of another file.
+    !> A path from the folder of another file, or, where that came through a pipe of the shell, from the working folder.
     pure function beside(file, path) result(joined)
         character(len=*), intent(in) :: file, path
         character(len=:), allocatable :: joined
 
         joined = path
-        if (path(1:1) == '/') return
+        if (path(1:1) == '/' .or. index(file, '/dev/') == 1 .or. index(file, '/proc/') == 1) return
         joined = file(:index(file, '/', back=.true.))//path
     end function beside
 end module tandem_io_sweep_file
