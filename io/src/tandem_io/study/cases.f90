@@ -25,7 +25,7 @@ module tandem_io_study_cases
     real(wp), parameter :: pi = 4.0_wp*atan(1.0_wp)
 
     !> The cases. The name before the last underscore says which scene, see `build_case`.
-    type(entry_type), parameter :: entries(63) = [ &
+    type(entry_type), parameter :: entries(64) = [ &
         entry_type('motorcycle_1', 'stiff', 1.0_wp), &
         entry_type('motorcycle_1e2', 'stiff', 1.0e2_wp), &
         entry_type('motorcycle_1e4', 'stiff', 1.0e4_wp), &
@@ -60,6 +60,7 @@ module tandem_io_study_cases
         entry_type('steering_180', 'vehicle', pi), &
         entry_type('speed_0', 'vehicle', 0.0_wp), &
         entry_type('speed_1e4', 'vehicle', 1.0e4_wp), &
+        entry_type('masses_1e-12', 'masses', 1.0e-12_wp), &
         entry_type('masses_1e-8', 'masses', 1.0e-8_wp), &
         entry_type('masses_1e-4', 'masses', 1.0e-4_wp), &
         entry_type('masses_1e4', 'masses', 1.0e4_wp), &
