@@ -3,7 +3,8 @@
 module test_stability
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_text, check_true
     use tandem, only: allowed_error, failure_type => error_type, find_error_warnings, finding_type, global_error_type, &
-        options_type, set_error, simulation_type, statistics_type, status_name, stepper_names, verify_model, warning_type, wp
+        options_type, set_error, simulation_type, statistics_type, status_name, stepper_choices, stepper_names, verify_model, &
+        warning_type, wp
     use tandem_io, only: case_names, select_cases, stability_columns, stability_type
     use tandem_io_study_cases, only: build_case, case_name_length, case_type
     use tandem_io_study_endurance, only: endurance_type
@@ -339,25 +340,25 @@ contains
             call find_truth(subject, truth, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            do l = 1, size(stepper_names)
-                do k = 0, merge(0, 1, stepper_names(l) == 'rk4')
+            do l = 1, size(stepper_choices)
+                do k = merge(1, 0, stepper_choices(l) == 'auto'), merge(0, 1, stepper_choices(l) == 'rk4')
                     options = subject%options
-                    options%stepper = stepper_names(l)
+                    options%stepper = stepper_choices(l)
                     options%rtol = k*subject%rtol
                     call run_trial(subject, truth, options, trial)
                     call check_verdict(error, trial, 'failed')
-                    call check_true(error, trial%status == 'singular_mass', trim(stepper_names(l))//' ends with singular_mass')
+                    call check_true(error, trial%status == 'singular_mass', trim(stepper_choices(l))//' ends with singular_mass')
                     if (allocated(error)) return
                 end do
             end do
         end do
     end subroutine test_falling
 
-    !> A double pendulum whose lower mass is a ten-thousandth and a hundred-millionth of the upper one, which hardly feels it:
+    !> A double pendulum whose lower mass is a ten-thousandth to a million-millionth of the upper one, which hardly feels it:
     !> implicit steps are right, and as many as with the larger of these masses.
     subroutine test_masses(error)
         type(error_type), allocatable, intent(out) :: error
-        character(len=12), parameter :: names(2) = [character(len=12) :: 'masses_1e-4', 'masses_1e-8']
+        character(len=12), parameter :: names(3) = [character(len=12) :: 'masses_1e-4', 'masses_1e-8', 'masses_1e-12']
         character(len=7), parameter :: steppers(2) = [character(len=7) :: 'sdirk54', 'radau5']
         type(case_type), target :: subject
         type(truth_type) :: truth

@@ -9,6 +9,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py run.h5 motion.gif                 the motion
     tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
     tools/plot.py study/stability.h5 picture.png    the verdicts on stiff and extreme cases
+    tools/plot.py study/stability.h5 picture.png --stiffness   steps against stiffness
     tools/plot.py build/bench/runs.h5 picture.png   the same of other solvers, a panel a problem (`make bench`)
     tools/plot.py build/bench/chain.h5 picture.png  time of a step against the size of a system
     tools/plot.py loci.csv picture.png              eigenvalues over a value (`tandem study modes --output loci.csv`)
@@ -40,6 +41,7 @@ def main():
     parser.add_argument("--track", metavar="X,Y", help="coordinates of the track; the first two of the file")
     parser.add_argument("--against-time", metavar="Z", help="coordinate against time; the third of the file")
     parser.add_argument("--overview", action="store_true", help="everything that a result file tells")
+    parser.add_argument("--stiffness", action="store_true", help="steps against stiffness, of a study of stability")
     parser.add_argument("--paper", choices=motion.PAPER, help="remake a figure of the paper")
     arguments = parser.parse_args()
 
@@ -47,7 +49,8 @@ def main():
         return loci.draw(arguments.files[0], arguments.picture)
     kinds = {kind_of(path) for path in arguments.files}
     if kinds == {"stability"} and len(arguments.files) == 1:
-        return stability.draw(arguments.files, arguments.picture)
+        draw = stability.draw_steps if arguments.stiffness else stability.draw
+        return draw(arguments.files, arguments.picture)
     if kinds == {"precision"}:
         return precision.draw(arguments.files, arguments.picture)
     if kinds == {"bench"}:

@@ -48,6 +48,7 @@ picture "$out"/studies/precision_{rolling_disk,articulated_vehicle,motorcycle,mo
 picture "$out/studies/precision_rolling_disk.h5" $figures/precision_rolling_disk.png
 picture "$out/studies/precision_motorcycle_chopper.h5" $figures/precision_motorcycle_chopper.png
 picture "$out/studies/stability.h5" $figures/stability.png
+picture "$out/studies/stability.h5" $figures/stiffness.png --stiffness
 picture "$runs/articulated_vehicle.h5" $figures/paper_2.png --paper 2
 picture "$runs/rolling_disk.h5" $figures/paper_4.png --paper 4
 picture "$runs/motorcycle.h5" "$runs/motorcycle_chopper.h5" $figures/paper_6.png --paper 6

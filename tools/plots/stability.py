@@ -84,3 +84,18 @@ def draw(paths, picture):
                for verdict in VERDICTS]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, columnspacing=1.3)
     save(figure, picture)
+
+
+def draw_steps(paths, picture):
+    """Steps under error control against how many times as fast the spring of a slow pendulum is: cases slow_X that are complete."""
+    c = read_study(paths[0]).columns
+    figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    for stepper, (colour, marker) in STEPPERS.items():
+        there = [(float(case.removeprefix("slow_")), steps) for case, of, control, status, steps in zip(
+            c["case"], c["stepper"], c["control"], c["status"], c["steps"], strict=True)
+            if case.startswith("slow_") and of == stepper and control == "rtol" and status == "complete"]
+        if there:
+            axes.loglog(*zip(*sorted(there), strict=True), color=colour, marker=marker, label=stepper)
+    axes.set(xlabel="frequency of the spring over that of the pendulum", ylabel="steps to t = 2 s, rtol 1e-6")
+    axes.legend()
+    save(figure, picture)

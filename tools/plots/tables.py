@@ -148,6 +148,21 @@ class Tables:
         lines.append(row("all", "", str(len(c["case"])), *(str((c["verdict"] == name).sum()) for name in names)))
         return lines
 
+    def stiffness(self):
+        """Steps of the slow pendulum under error control against the frequency ratio of its spring; - where a run has no end."""
+        c = self.study("stability").columns
+        ratios = sorted({case for case in c["case"] if case.startswith("slow_")}, key=lambda case: float(case.removeprefix("slow_")))
+        lines = head("stepper", *(case.removeprefix("slow_") for case in ratios))
+        for stepper in STEPPERS:
+            cells = []
+            for case in ratios:
+                use = np.flatnonzero((c["case"] == case) & (c["stepper"] == stepper) & (c["control"] == "rtol"))
+                complete = len(use) and c["status"][use[0]] == "complete"
+                cells.append(str(int(c["steps"][use[0]])) if complete else "-")
+            if set(cells) != {"-"}:
+                lines.append(row(f"`{stepper}`", *cells))
+        return lines
+
     def endless(self):
         """What a million steps leave."""
         c = self.study("stability").columns

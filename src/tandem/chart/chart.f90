@@ -96,6 +96,7 @@ module tandem_chart
         procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
+        procedure :: inherit
         procedure :: wants_other_rows
         procedure :: leave_out_dependent
         procedure :: find_partners
@@ -461,6 +462,14 @@ module tandem_chart
     end interface
 
 contains
+
+    !> Take over what another chart of the same run has seen of how firm the constraints were, by which losses of it are judged.
+    subroutine inherit(self, other)
+        class(chart_type), intent(inout) :: self
+        class(chart_type), intent(in) :: other
+
+        self%best_independence = max(self%best_independence, other%best_independence)
+    end subroutine inherit
 
     !> Which of redundant rows can be left out changes along a motion: the ones in use become dependent, another choice is not.
     pure logical function wants_other_rows(self)

@@ -14,6 +14,8 @@ contains
         logical :: wants
 
         if (.not. self%switching%is_asked(self%tally%steps) .or. self%is_sparse) return
+        ! Towards a loss of rank steps become short for another reason.
+        if (self%room < huge(1.0_wp) .or. (self%state%t <= self%loss_until .and. self%loss /= status_ok)) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
         n_differences = merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives)
         cost = cost_of_implicit(n_differences)
@@ -49,6 +51,7 @@ contains
 
     !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
     module procedure take_stepper
+        class(chart_type), allocatable :: former
         type(counts_type) :: counts
         type(error_type), allocatable :: error
         integer :: n_dropped
@@ -63,12 +66,12 @@ contains
         call self%set_method()
         self%has_step = .false.
         self%renewal = 0
-        self%room = huge(1.0_wp)
         n_dropped = self%chart%n_dropped
         if (n_dropped > 0) then
             call self%choose_rows_anew(stat)
         else
             counts = self%chart%counts
+            call move_alloc(self%chart, former)
             call self%allocate_chart()
             call self%chart%initialize(self%model, self%options, self%method%implicit, error)
             self%chart%counts = counts
@@ -77,6 +80,7 @@ contains
             else
                 call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
             end if
+            call self%chart%inherit(former)
         end if
         self%chart_is_current = stat == status_ok
     end procedure take_stepper

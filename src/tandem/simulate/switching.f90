@@ -20,8 +20,8 @@ module tandem_simulate_switching
         logical :: is_on = .false., is_implicit = .false.
         !> Exchanges so far, and implicit steps.
         integer(long) :: switches = 0, implicit_steps = 0
-        !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked at, and
-        !> accepted steps at the last exchange.
+        !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked
+        !> at, and accepted steps at the last exchange.
         integer(long), private :: asked = -1, tries_from = 0, steps_from = 0
         real(wp), private :: needed_from = 0.0_wp, t_from = 0.0_wp
         !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0

@@ -25,7 +25,7 @@ module tandem_io_study_cases
     real(wp), parameter :: pi = 4.0_wp*atan(1.0_wp)
 
     !> The cases. The name before the last underscore says which scene, see `build_case`.
-    type(entry_type), parameter :: entries(57) = [ &
+    type(entry_type), parameter :: entries(64) = [ &
         entry_type('motorcycle_1', 'stiff', 1.0_wp), &
         entry_type('motorcycle_1e2', 'stiff', 1.0e2_wp), &
         entry_type('motorcycle_1e4', 'stiff', 1.0e4_wp), &
@@ -38,6 +38,12 @@ module tandem_io_study_cases
         entry_type('damped_1e4', 'stiff', 1.0e4_wp), &
         entry_type('damped_1e6', 'stiff', 1.0e6_wp), &
         entry_type('damped_1e8', 'stiff', 1.0e8_wp), &
+        entry_type('slow_1e1', 'stiff', 1.0e1_wp), &
+        entry_type('slow_1e2', 'stiff', 1.0e2_wp), &
+        entry_type('slow_1e3', 'stiff', 1.0e3_wp), &
+        entry_type('slow_1e4', 'stiff', 1.0e4_wp), &
+        entry_type('slow_1e5', 'stiff', 1.0e5_wp), &
+        entry_type('slow_1e6', 'stiff', 1.0e6_wp), &
         entry_type('bushing_1e6', 'stiff', 1.0e6_wp), &
         entry_type('bushing_1e8', 'stiff', 1.0e8_wp), &
         entry_type('bushing_1e10', 'stiff', 1.0e10_wp), &
@@ -54,6 +60,7 @@ module tandem_io_study_cases
         entry_type('steering_180', 'vehicle', pi), &
         entry_type('speed_0', 'vehicle', 0.0_wp), &
         entry_type('speed_1e4', 'vehicle', 1.0e4_wp), &
+        entry_type('masses_1e-12', 'masses', 1.0e-12_wp), &
         entry_type('masses_1e-8', 'masses', 1.0e-8_wp), &
         entry_type('masses_1e-4', 'masses', 1.0e-4_wp), &
         entry_type('masses_1e4', 'masses', 1.0e4_wp), &
@@ -154,6 +161,8 @@ contains
             call build_stiff_motorcycle(subject, x, stat)
         case ('spring', 'damped')
             call build_spring(subject, x, name(1:1) == 'd')
+        case ('slow')
+            call build_slow(subject, x)
         case ('bushing')
             call build_bushing(subject, x)
         case ('flat')
@@ -402,6 +411,39 @@ contains
             subject%judges_rtol = [1.0e-11_wp, 1.0e-10_wp]
         end if
     end subroutine build_spring
+
+    !> A pendulum (x, y, stretch) on a spring so many times as fast as it is, half critically damped. It starts at rest from 1 rad
+    !> with the spring in balance, and moves as slowly as a rigid one.
+    subroutine build_slow(subject, ratio)
+        type(case_type), intent(inout) :: subject
+        real(wp), intent(in) :: ratio
+        real(wp), parameter :: g = 9.81_wp, angle = 1.0_wp
+        type(quadratic_type) :: pendulum
+        real(wp) :: stretch
+
+        subject%description = 'a slow pendulum on a damped spring '//to_toml(ratio)//' times as fast'
+        call pendulum%prepare('slow pendulum on a spring', 3, 1)
+        pendulum%a(1, 1, 1) = 1.0_wp
+        pendulum%a(2, 2, 1) = 1.0_wp
+        pendulum%a(3, 3, 1) = -1.0_wp
+        pendulum%b(3, 1) = -1.0_wp
+        pendulum%c = -0.5_wp
+        pendulum%masses(:2) = 1.0_wp
+        pendulum%force = [0.0_wp, -g, 0.0_wp]
+        pendulum%stiffness(3, 3) = ratio**2*g
+        pendulum%damping(3, 3) = ratio*sqrt(g)
+        stretch = cos(angle)/ratio**2
+        subject%q = [(1 + stretch)*sin(angle), -(1 + stretch)*cos(angle), stretch]
+        subject%qd = spread(0.0_wp, 1, 3)
+        allocate (subject%model, source=pendulum)
+        subject%t_end = 2.0_wp
+        subject%options%step = 1.0e-2_wp
+        if (ratio > 2.0e2_wp) then
+            ! Hundreds of thousands of explicit steps.
+            subject%judges = [character(len=16) :: 'radau5', 'sdirk54']
+            subject%judges_rtol = [1.0e-10_wp, 1.0e-8_wp]
+        end if
+    end subroutine build_slow
 
     !> The vehicle with a bushing of half the critical damping.
     subroutine build_bushing(subject, stiffness)

@@ -66,10 +66,8 @@ module tandem_chart_dense
         !> What may be left of a constraint, on its natural scale.
         real(wp) :: tolerance = 0.0_wp
         type(watch_type) :: watch
-        !> Coordinate scales (n).
-        real(wp), allocatable :: scale(:)
-        !> The same for bases (n): where masses differ much, light coordinates move more.
-        real(wp), allocatable :: basis_scale(:)
+        !> Coordinate scales (n), and those for bases: where masses differ much, light coordinates move more.
+        real(wp), allocatable :: scale(:), basis_scale(:)
         logical :: knows_masses = .true.
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
@@ -140,6 +138,7 @@ module tandem_chart_dense
         procedure :: multipliers
         procedure :: project_velocity
         procedure :: constraint_errors
+        procedure :: inherit
         procedure :: measure_rank
         procedure :: loss_ahead
         procedure :: relative_change
@@ -306,6 +305,13 @@ module tandem_chart_dense
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
         end subroutine keep_tangent
+
+        !> Take over what another chart of the same run has seen of how firm the constraints were.
+        module subroutine inherit(self, other)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            class(chart_type), intent(in) :: other
+        end subroutine inherit
 
         !> How many steps as the one to (t, q) C is away from losing rank.
         module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)

@@ -71,6 +71,17 @@ contains
         if (room <= horizon) call self%blame_dependent(0)
     end procedure measure_rank
 
+    !> Take over what another chart of the same run has seen of how firm the constraints were.
+    module procedure inherit
+        self%best_independence = max(self%best_independence, other%best_independence)
+        select type (other)
+        class is (dense_chart_type)
+            if (size(other%tie_weight) /= size(self%tie_weight) .or. .not. other%best_tie > 0.0_wp) return
+            self%best_tie = other%best_tie
+            self%tie_weight = other%tie_weight
+        end select
+    end procedure inherit
+
     !> How many steps as the last one the constraints are away from no longer tying a coordinate without mass, where they hardly do.
     subroutine measure_ties(self, horizon, room)
         class(dense_chart_type), intent(inout) :: self
