@@ -3,6 +3,7 @@
 module test_consistency
     use asserts, only: check_count, check_no_failure, check_text, check_true
     use model_altered, only: altered_type
+    use model_beads, only: beads_type
     use model_belt_wheel, only: belt_wheel_type
     use model_bricard, only: bricard_type
     use model_four_bar, only: crank_rocker, four_bar_type
@@ -55,7 +56,8 @@ contains
             new_unittest('units-late-times-and-speeds-make-no-contradiction', test_extremes), &
             new_unittest('noise-of-the-constraints-is-no-contradiction', test_noise), &
             new_unittest('kinks-and-jumps-are-no-contradiction', test_kinks), &
-            new_unittest('no-place-without-a-value-is-asked-for', test_domain)]
+            new_unittest('no-place-without-a-value-is-asked-for', test_domain), &
+            new_unittest('models-with-a-pattern-and-single-procedures-are-not-named', test_pattern)]
     end subroutine collect_consistency
 
     subroutine observe(self, simulation, occasion, error)
@@ -597,4 +599,22 @@ contains
         call find_contradiction(model, 0.01_wp, q, qd, 1.0e-2_wp, counts, found)
         call check_true(error, found == '' .and. model%n_behind > 0, 'no verdict')
     end subroutine test_domain
+
+    !> Single procedures set terms that are not compressed, whatever pattern the model has.
+    subroutine test_pattern(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(beads_type), target :: model
+        type(counts_type) :: counts
+        character(len=contradiction_length) :: contradiction
+        real(wp) :: q(8), qd(8)
+        integer :: i
+
+        do i = 1, 2
+            model = beads_type(is_single=i == 1)
+            call model%define(4)
+            call model%start(q, qd)
+            call find_contradiction(model, 0.0_wp, q, qd, 0.1_wp, counts, contradiction)
+            call check_true(error, contradiction == '', 'a correct model is named')
+        end do
+    end subroutine test_pattern
 end module test_consistency

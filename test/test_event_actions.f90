@@ -46,7 +46,8 @@ contains
             new_unittest('a-stop-and-a-record-at-once', test_stop_and_record), &
             new_unittest('an-action-at-the-start-is-taken-once', test_start), &
             new_unittest('observers-see-both-sides-of-an-action', test_observer), &
-            new_unittest('steps-return-to-their-grid-behind-an-event', test_grid)]
+            new_unittest('steps-return-to-their-grid-behind-an-event', test_grid), &
+            new_unittest('a-jump-of-the-velocity-is-no-bend-of-the-motion', test_bend)]
     end subroutine collect_event_actions
 
     !> A pendulum at 0.3 rad with rate 1.
@@ -580,4 +581,27 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_grid
+
+    !> Between kicks a free particle goes straight on, which takes an implicit stepper no step: what it would need is told of the
+    !> motion between events, not of the jumps.
+    subroutine test_bend(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(particle_type), target :: model
+        type(shove_type), target :: kick
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+
+        call model%define(.false.)
+        kick = shove_type(name='kick', kind='sine', changes=.true., at=0.1_wp, dqd=[1.0_wp, -2.0_wp, 0.0_wp])
+        call simulation%initialize(model, options_type(stepper='dopri5', rtol=1.0e-8_wp, max_step=0.05_wp), 0.0_wp, &
+            [0.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], failure)
+        call simulation%add_event(kick)
+        if (.not. allocated(failure)) call simulation%integrate(3.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_count(error, simulation%n_events, 10, 'kicks')
+        statistics = simulation%statistics()
+        call check_below(error, statistics%implicit_part, 1.0e-6_wp, 'what an implicit stepper would cost')
+    end subroutine test_bend
 end module test_event_actions

@@ -2,6 +2,7 @@
 !> Tests of the refusal of incomplete models. Every one goes through `initialize`, as a user would meet it.
 module test_model_check
     use asserts, only: check_failure, check_no_failure
+    use model_beads, only: beads_type
     use model_belt_wheel, only: belt_wheel_type
     use model_knife_edge, only: knife_edge_type
     use model_pendulum, only: pendulum_type
@@ -38,7 +39,8 @@ contains
             new_unittest('scales-are-positive-and-finite', test_scale_values), &
             new_unittest('breakpoints-ascend', test_breakpoints), &
             new_unittest('breakpoints-are-finite', test_breakpoints_finite), &
-            new_unittest('jumps-have-one-entry-a-breakpoint', test_jumps)]
+            new_unittest('jumps-have-one-entry-a-breakpoint', test_jumps), &
+            new_unittest('patterns-that-do-not-fit-are-refused', test_patterns)]
     end subroutine collect_model_check
 
     !> Initialize from the origin: a model that is refused never gets so far as to see that it may be no start.
@@ -262,4 +264,56 @@ contains
         model%nu_jumps = [.true.]
         call check_refused(model, 'nu_jumps has 1 entries instead of 0', error)
     end subroutine test_jumps
+
+    !> Each fault by name; `build` itself does not write beside its lists.
+    subroutine test_patterns(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(beads_type) :: model
+
+        call fresh()
+        model%pattern%first(4) = 8
+        call check_refused(model, 'do not cover the coordinates 1 to 6', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(1, 1, 6), 2, [1, 2], [1, 2], [0, 0])
+        call check_refused(model, 'it has 2 rows, and the model 3 constraints', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], [1, 2, 3], 3, [1, 2, 3], [1, 2, 3], [0, 0, 0])
+        call check_refused(model, 'a block of M reaches into body 2', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(2, 1, 3), 3, [1, 2, 2, 3], [1, 1, 2, 3], [0, 2, 0])
+        call check_refused(model, 'row 2 is owned by body 2, and touches others', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(2, 1, 3), 3, [1, 2, 3], [1, 2, 3], [0, 1, 0])
+        call check_refused(model, 'row 2 is owned by body 1, and touches others', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(2, 1, 3), 3, [1, 2, 3], [1, 1, 3], [1, 1, 0])
+        call check_refused(model, 'body 1 owns the rows 1 and 2', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(2, 1, 3), 3, [1, 2, 3], [1, 2, 3], [0, 4, 0])
+        call check_refused(model, 'row 2 has the owner 4', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(1, 1, 6), 3, [1, 2, 4], [1, 2, 3], [0, 0, 0])
+        call check_refused(model, 'pair 3 is of row 4 and body 3, where there are 3 rows and 3 bodies', error)
+        call fresh()
+        call model%pattern%build([1, 3, 3, 7], spread(1, 1, 6), 3, [1, 2, 3], [1, 2, 3], [0, 0, 0])
+        call check_refused(model, 'first does not ascend from 1', error)
+        call fresh()
+        call model%pattern%build([1, 3, 5, 7], spread(1, 1, 5), 3, [1, 2, 3], [1, 2, 3], [0, 0, 0])
+        call check_refused(model, 'mass_blocks are not positive sizes', error)
+        call fresh()
+        model%pattern%column(3:4) = model%pattern%column(1:2)
+        call check_refused(model, 'row 2 touches two coordinates with the same column of C', error)
+        call fresh()
+        deallocate (model%pattern)
+        allocate (model%pattern)
+        call check_refused(model, 'it was not built', error)
+
+    contains
+
+        !> The model with a pattern that fits.
+        subroutine fresh()
+            model = beads_type()
+            call model%define(3)
+        end subroutine fresh
+    end subroutine test_patterns
 end module test_model_check

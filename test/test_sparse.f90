@@ -3,9 +3,14 @@
 !> their own energy; what it refuses; checkpoints, statuses, dense output.
 module test_sparse
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
+    use event_kinds, only: shove_type
     use large_mechanisms, only: make_large
+    use model_beads, only: beads_type
     use tandem, only: chart_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, options_type, &
         polynomial_type, profile_type, simulation_type, statistics_type, wp
+    use tandem_chart_factory, only: new_chart
+    use tandem_chart_sparse_factor, only: factor_type
+    use tandem_pack, only: pack_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -32,6 +37,9 @@ contains
             new_unittest('energy-of-a-chain', test_energy), &
             new_unittest('constraint-errors', test_constraint_errors), &
             new_unittest('multipliers', test_multipliers), &
+            new_unittest('impulses', test_impulses), &
+            new_unittest('change-of-the-rows', test_change), &
+            new_unittest('factor-of-a-checkpoint', test_factor_of_checkpoint), &
             new_unittest('dense-output', test_dense_output), &
             new_unittest('checkpoint', test_checkpoint), &
             new_unittest('choice', test_choice), &
@@ -401,6 +409,116 @@ contains
                 trim(scenes(i))//' multipliers')
         end do
     end subroutine test_multipliers
+
+    !> A kick that misses the constraints: the velocity behind it, and the impulses of the rods, are those of the dense chart and of
+    !> M (qd - before) = -C' impulse.
+    subroutine test_impulses(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=6), parameter :: kinds(2) = ['dense ', 'sparse']
+        integer, parameter :: beads = 5
+        type(beads_type), target :: model
+        type(shove_type), target :: kick
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(2*beads), qd(2*beads), impulses(beads, 2), jump(2*beads, 2)
+        integer :: i, j
+
+        do i = 1, 2
+            model = beads_type()
+            call model%define(beads)
+            call model%start(q, qd)
+            options = controlled(1.0e-12_wp, kinds(i))
+            kick = shove_type(name='kick', at=0.1_wp, changes=.true., dqd=[(0.3_wp*j, j=1, 2*beads)])
+            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call simulation%add_event(kick)
+            call go_on(simulation, 0.1_wp - 1.0e-9_wp, error)
+            if (allocated(error)) return
+            jump(:, i) = simulation%state%qd + kick%dqd
+            call go_on(simulation, 0.1_wp + 1.0e-9_wp, error)
+            if (allocated(error)) return
+            impulses(:, i) = model%impulses
+            jump(:, i) = simulation%state%qd - jump(:, i)
+            ! C' impulse by hand; the motion of 2e-9 s is 1e-7 of the velocities.
+            q = simulation%state%q
+            do j = 1, beads
+                associate (at => 2*j - 1)
+                    qd(at:at + 1) = -impulses(j, i)*rod(j)
+                    if (j < beads) qd(at:at + 1) = qd(at:at + 1) + impulses(j + 1, i)*rod(j + 1)
+                    qd(at:at + 1) = qd(at:at + 1)/j
+                end associate
+            end do
+            call check_close(error, jump(:, i), qd, 1.0e-6_wp, kinds(i)//' M (qd - before) = -C'' impulse')
+        end do
+        if (allocated(error)) return
+        call check_below(error, 0.1_wp, maxval(abs(impulses(:, 1))), 'the rods hold the kick, the largest impulse')
+        ! The motions differ by 1e-12 of the velocities.
+        call check_close(error, impulses(:, 2), impulses(:, 1), 1.0e-9_wp*maxval(abs(impulses)), 'impulses')
+
+    contains
+
+        function rod(bead) result(d)
+            integer, intent(in) :: bead
+            real(wp) :: d(2)
+
+            d = q(2*bead - 1:2*bead)
+            if (bead > 1) d = d - q(2*bead - 3:2*bead - 2)
+        end function rod
+    end subroutine test_impulses
+
+    !> How far C turns in a step is told as by the dense chart, of rows of unit length: a heavy row hides no other.
+    subroutine test_change(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        class(chart_type), allocatable :: chart
+        type(failure_type), allocatable :: failure
+        real(wp) :: change(2)
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, j, stat
+
+        call make_large('net', 9, mechanism, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n), mechanism%coordinate_scale(mechanism%n))
+        mechanism%coordinate_scale = [(1.0_wp + mod(i, 7), i=1, mechanism%n)]
+        call mechanism%start(q, qd)
+        do i = 1, 2
+            call new_chart(i == 2, chart)
+            call chart%initialize(mechanism, options_type(chart_kind=merge('dense ', 'sparse', i == 1)), .false., failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call chart%renew(0.0_wp, q, qd, stat)
+            call check_count(error, stat, 0, 'status')
+            call chart%refresh(0.0_wp, q, stat)
+            call chart%project_velocity(0.1_wp, q + 0.01_wp*[(sin(real(j, wp)), j=1, mechanism%n)], qd, stat)
+            call check_count(error, stat, 0, 'status')
+            change(i) = chart%relative_change()
+        end do
+        call check_below(error, 1.0e-3_wp, change(1), 'the rows turn')
+        call check_close(error, change(2:2), change(1:1), 1.0e-12_wp, 'change of the rows')
+    end subroutine test_change
+
+    !> A factor that is restored knows what of rows that were left out there was left, as a loss of rank is judged by that.
+    subroutine test_factor_of_checkpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(factor_type) :: factor, again
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:)
+        character(len=64) :: problem
+
+        allocate (factor%is_out(1), again%is_out(1), source=.false.)
+        factor%rest = 0.25_wp
+        factor%loosest = 7
+        call pack%begin_writing()
+        call factor%pack_state(pack)
+        call pack%end_writing('factor', words)
+        call pack%begin_reading('factor', words, problem)
+        call again%pack_state(pack)
+        call check_close(error, [again%rest], [factor%rest], 0.0_wp, 'rest')
+        call check_count(error, again%loosest, factor%loosest, 'loosest')
+    end subroutine test_factor_of_checkpoint
 
     !> Between steps the constraints hold as at their ends, the motion is that of the dense chart, and the look leaves no trace.
     subroutine test_dense_output(error)

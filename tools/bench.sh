@@ -9,6 +9,7 @@
 #        tools/bench.sh record     write bench/counts.txt anew
 #        tools/bench.sh profiles   measure only where the time of two runs goes
 #        tools/bench.sh sweep      what a sweep of ten thousand disks costs beside a bare loop of the library (doc/sweep.md)
+#        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    what a step of many bodies costs (doc/sparse.md)
 #        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
 #
 # Environment: ARCH  flags for the machine at hand (-march=native)
@@ -52,6 +53,11 @@ profiles() {
 
 case ${1:-} in
 figures) ;;
+large)
+    build large "$release"
+    taskset -c "${CORE:-0}" "$out/large" "${@:2}"
+    exit
+    ;;
 profiles)
     profiles
     exit

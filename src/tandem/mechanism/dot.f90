@@ -45,8 +45,8 @@ contains
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: local(3, 0:2), a(3), d(3), row(4)
-        integer :: i, k
+        real(wp) :: local(3, 0:2), a(3), d(3)
+        integer :: i
 
         do i = 1, size(dots)
             associate (dot => dots(i), one => pose(dots(i)%first), two => pose(dots(i)%second))
@@ -62,24 +62,8 @@ contains
                     terms%phi(dot%row) = dot3(a, d) - dot%c
                     if (dot%motion > 0 .and. .not. dot%is_turning) terms%phi(dot%row) = terms%phi(dot%row) - f(0, dot%motion)
                 end if
-                if (iand(need, need_jacobian) /= 0) then
-                    if (dot%is_point) then
-                        do k = 1, one%n_place
-                            terms%jacobian(dot%row, one%place_column + k - 1) = -a(k)
-                        end do
-                        do k = 1, two%n_place
-                            terms%jacobian(dot%row, two%place_column + k - 1) = a(k)
-                        end do
-                    end if
-                    if (one%n_turn > 0) then
-                        row = gradient_of(one, 0, local(:, 0), d)
-                        call put_turn(one, row, dot%row, terms%jacobian)
-                    end if
-                    if (two%n_turn > 0) then
-                        row = gradient_of(two, 0, dot%b, a)
-                        call put_turn(two, row, dot%row, terms%jacobian)
-                    end if
-                end if
+                if (iand(need, need_jacobian) /= 0) call put_gradient(dot, one, two, local(:, 0), a, d, size(terms%jacobian, 1), &
+                    size(terms%jacobian, 2), terms%jacobian)
                 if (iand(need, need_nu) /= 0 .and. dot%motion > 0) then
                     if (dot%is_turning) then
                         terms%nu(dot%row) = -dot3(turned(one, 0, local(:, 1)), d)
@@ -92,18 +76,38 @@ contains
         end do
     end subroutine evaluate_dots
 
-    !> Set the part of a gradient that belongs to a rotation.
-    pure subroutine put_turn(pose, gradient, row, jacobian)
-        type(pose_type), intent(in) :: pose
-        real(wp), intent(in) :: gradient(4)
-        integer, intent(in) :: row
-        real(wp), intent(inout) :: jacobian(:, :)
+    !> The row of C.
+    pure subroutine put_gradient(dot, one, two, local, a, d, m, width, jacobian)
+        type(dot_type), intent(in) :: dot
+        type(pose_type), intent(in) :: one, two
+        real(wp), intent(in) :: local(3), a(3), d(3)
+        !> The shape of the C that is set, which may be compressed.
+        integer, intent(in) :: m, width
+        real(wp), intent(inout) :: jacobian(m, width)
+        real(wp) :: row(4)
         integer :: k
 
-        do k = 1, pose%n_turn
-            jacobian(row, pose%turn_column + k - 1) = gradient(k)
-        end do
-    end subroutine put_turn
+        if (dot%is_point) then
+            do k = 1, one%n_place
+                jacobian(dot%row, one%place_column + k - 1) = -a(k)
+            end do
+            do k = 1, two%n_place
+                jacobian(dot%row, two%place_column + k - 1) = a(k)
+            end do
+        end if
+        if (one%n_turn > 0) then
+            row = gradient_of(one, 0, local, d)
+            do k = 1, one%n_turn
+                jacobian(dot%row, one%turn_column + k - 1) = row(k)
+            end do
+        end if
+        if (two%n_turn > 0) then
+            row = gradient_of(two, 0, dot%b, a)
+            do k = 1, two%n_turn
+                jacobian(dot%row, two%turn_column + k - 1) = row(k)
+            end do
+        end if
+    end subroutine put_gradient
 
     !> a'(t) and its derivatives.
     pure subroutine turn_with_time(dot, f, local)

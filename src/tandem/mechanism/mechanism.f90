@@ -448,7 +448,8 @@ contains
             end do
         end if
         if (iand(need, need_mass) /= 0) then
-            terms%mass = 0.0_wp
+            ! Of a compressed M every entry that may differ from zero is set again.
+            if (.not. terms%is_compressed) terms%mass = 0.0_wp
             do i = 1, size(self%bodies)
                 call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
             end do

@@ -21,6 +21,8 @@ module tandem_mechanism_pose
         integer :: place = 0, turn = 0
         !> The same in the C that is set, which may be compressed; the first columns in M, and how far apart those of the place are.
         integer :: place_column = 0, turn_column = 0, place_mass = 0, turn_mass = 0, mass_step = 1
+        !> Whether the rotation belongs to the angle or the Euler parameters.
+        logical :: has_turn = .false.
         !> Place, angle or Euler parameters, with first and second derivatives.
         real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
         !> The rotation from the body's frame to the world's, with first and second derivatives.
@@ -31,7 +33,7 @@ module tandem_mechanism_pose
 
 contains
 
-    !> The pose at q.
+    !> The pose at q. The rotation is kept where it is that of before, as one point is asked for several sets of terms.
     pure subroutine set_place(self, q)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: q(:)
@@ -46,12 +48,19 @@ contains
             self%r(2, 0) = q(self%place + 1)
         end if
         if (self%n_turn == 4) then
-            self%p(1, 0) = q(self%turn)
-            self%p(2, 0) = q(self%turn + 1)
-            self%p(3, 0) = q(self%turn + 2)
-            self%p(4, 0) = q(self%turn + 3)
+            associate (p => self%p, turn => self%turn)
+                if (same(p(1, 0), q(turn)) .and. same(p(2, 0), q(turn + 1)) .and. same(p(3, 0), q(turn + 2)) .and. &
+                    same(p(4, 0), q(turn + 3)) .and. self%has_turn) return
+                p(1, 0) = q(turn)
+                p(2, 0) = q(turn + 1)
+                p(3, 0) = q(turn + 2)
+                p(4, 0) = q(turn + 3)
+            end associate
+            self%has_turn = .true.
             self%a(:, :, 0) = rotation(self%p(:, 0))
         else if (self%n_turn == 1) then
+            if (same(self%p(1, 0), q(self%turn)) .and. self%has_turn) return
+            self%has_turn = .true.
             self%p(1, 0) = q(self%turn)
             c = cos(self%p(1, 0))
             s = sin(self%p(1, 0))
@@ -60,6 +69,15 @@ contains
             self%a(1, 2, 0) = -s
             self%a(2, 2, 0) = c
         end if
+
+    contains
+
+        !> Whether two numbers are equal; a NaN is not.
+        pure logical function same(x, y)
+            real(wp), intent(in) :: x, y
+
+            same = x <= y .and. x >= y
+        end function same
     end subroutine set_place
 
     !> First derivatives along qd, and what the second ones are without qdd.

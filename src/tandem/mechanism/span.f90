@@ -110,8 +110,10 @@ contains
                     end do
                 end if
                 if (iand(need, need_jacobian) /= 0) then
-                    call put_end(pose(span%first), span%s1, -1.0_wp, n_rows, span%row, terms%jacobian)
-                    call put_end(pose(span%second), span%s2, 1.0_wp, n_rows, span%row, terms%jacobian)
+                    associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
+                        call put_end(pose(span%first), span%s1, -1.0_wp, n_rows, span%row, m, width, terms%jacobian)
+                        call put_end(pose(span%second), span%s2, 1.0_wp, n_rows, span%row, m, width, terms%jacobian)
+                    end associate
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     d = turned(pose(span%second), 2, span%s2) - turned(pose(span%first), 2, span%s1)
@@ -124,20 +126,27 @@ contains
     end subroutine evaluate_meetings
 
     !> The columns of one end of d.
-    pure subroutine put_end(pose, s, sign, n_rows, row, jacobian)
+    pure subroutine put_end(pose, s, sign, n_rows, row, m, width, jacobian)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), sign
-        integer, intent(in) :: n_rows, row
-        real(wp), intent(inout) :: jacobian(:, :)
-        real(wp) :: b(3, 4)
+        !> How many rows, the first of them, and the shape of the C that is set, which may be compressed.
+        integer, intent(in) :: n_rows, row, m, width
+        real(wp), intent(inout) :: jacobian(m, width)
+        real(wp) :: b(3, 4), v(3)
         integer :: j, k
 
         do k = 1, pose%n_place
             jacobian(row + k - 1, pose%place_column + k - 1) = sign
         end do
         if (pose%n_turn == 0) return
+        if (pose%n_turn == 1) then
+            v = turned(pose, 0, s)
+            jacobian(row, pose%turn_column) = -sign*v(2)
+            jacobian(row + 1, pose%turn_column) = sign*v(1)
+            return
+        end if
         b = gradient_matrix(pose, 0, s)
-        do j = 1, pose%n_turn
+        do j = 1, 4
             do k = 1, n_rows
                 jacobian(row + k - 1, pose%turn_column + j - 1) = sign*b(k, j)
             end do

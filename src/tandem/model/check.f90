@@ -23,6 +23,7 @@ contains
         if (.not. allocated(error)) call check_procedures(model, error)
         if (.not. allocated(error)) call check_lists(model, error)
         if (.not. allocated(error)) call check_breakpoints(model, error)
+        if (.not. allocated(error)) call check_pattern(model, error)
     end subroutine check_model
 
     subroutine check_sizes(model, error)
@@ -141,6 +142,18 @@ contains
             call refuse('the breakpoints do not ascend', 'sort them, each once', error)
         end if
     end subroutine check_breakpoints
+
+    !> A pattern that does not fit would let a chart take the motion for another one.
+    subroutine check_pattern(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+        character(len=120) :: fault
+
+        if (.not. allocated(model%pattern)) return
+        fault = model%pattern%find_fault(model%n, model%n_constraints())
+        if (fault /= '') call refuse('the pattern of C and M cannot be that of the model: '//trim(fault), &
+            'correct what build of the pattern is given', error)
+    end subroutine check_pattern
 
     subroutine refuse(problem, advice, error)
         character(len=*), intent(in) :: problem, advice

@@ -12,7 +12,7 @@ module tandem_model_consistency
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_status, only: status_ok
     use tandem_model_counts, only: counts_type
     implicit none (type, external)
@@ -49,6 +49,7 @@ contains
         character(len=contradiction_length), intent(out) :: contradiction
         !> A way moves no coordinate by more than this part of it or of its scale.
         real(wp), parameter :: longest = 0.05_wp
+        integer, parameter :: of_pattern = need_jacobian + need_mass
         type(evaluator_type) :: probe
         real(wp) :: speed, way, magnitude(model%n)
         real(wp), dimension(model%n_constraints(), n_kinds) :: value, rate
@@ -63,7 +64,8 @@ contains
         speed = maxval(abs(qd)/magnitude)
         way = span
         if (speed*abs(span) > longest) way = sign(longest/speed, span)
-        call probe%initialize(model, compressed=allocated(model%pattern))
+        ! Single procedures set terms that are not compressed.
+        call probe%initialize(model, compressed=allocated(model%pattern) .and. iand(model%provides, of_pattern) == of_pattern)
         call judge(probe, model%n_holonomic, t, q, qd, magnitude, way, 0.5_wp, length(of_look:of_look), counts, value, rate, &
             is_wrong)
         do i = 1, size(place)

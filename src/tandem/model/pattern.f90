@@ -7,7 +7,8 @@
 !> M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). So entry (i, j) of C stands at (i, column(j)), for any
 !> row i that touches the body of j, and entry (i, j) of M at (i, mass_column(j)).
 module tandem_model_pattern
-    use tandem_kinds, only: wp
+    use tandem_error, only: to_text
+    use tandem_kinds, only: long, wp
     implicit none (type, external)
     private
 
@@ -25,8 +26,11 @@ module tandem_model_pattern
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
+        !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
+        character(len=120) :: fault = ''
     contains
         procedure :: build
+        procedure :: find_fault
         procedure :: multiply
         procedure :: multiply_mass
         procedure :: add_row_scales
@@ -48,6 +52,8 @@ contains
         integer, allocatable :: next(:), all_bodies(:)
         integer :: b, i, j, k, last, n
 
+        self%fault = unusable(first, mass_blocks, n_rows, rows, bodies, owner)
+        if (self%fault /= '') return
         self%n_bodies = size(first) - 1
         self%n_rows = n_rows
         self%first = first
@@ -98,7 +104,7 @@ contains
             self%n_entries = self%n_entries + first(b + 1) - first(b)
         end do
         call self%colour()
-        allocate (self%mass_column(first(self%n_bodies + 1) - 1))
+        self%mass_column = spread(0, 1, first(self%n_bodies + 1) - 1)
         n = 0
         do k = 1, size(mass_blocks)
             self%mass_column(n + 1:n + mass_blocks(k)) = [(j, j=1, mass_blocks(k))]
@@ -106,6 +112,130 @@ contains
         end do
         self%mass_width = maxval(mass_blocks)
     end subroutine build
+
+    !> What a list that `build` is given cannot be, blank where it serves.
+    pure function unusable(first, mass_blocks, n_rows, rows, bodies, owner) result(fault)
+        integer, intent(in) :: first(:), mass_blocks(:), n_rows, rows(:), bodies(:), owner(:)
+        character(len=120) :: fault
+        integer :: k, n
+
+        fault = ''
+        n = size(first) - 1
+        if (n < 1) then
+            fault = 'first has '//to_text(size(first))//' entries: it needs the first coordinate of each body, and n + 1'
+        else if (first(1) /= 1 .or. any(first(2:) <= first(:n))) then
+            fault = 'first does not ascend from 1'
+        else if (any(mass_blocks < 1) .or. sum(int(mass_blocks, long)) /= first(n + 1) - 1) then
+            fault = 'mass_blocks are not positive sizes that add up to the coordinates of the bodies'
+        else if (size(owner) /= n_rows) then
+            fault = 'owner has '//to_text(size(owner))//' entries for '//to_text(n_rows)//' rows'
+        else if (size(rows) /= size(bodies)) then
+            fault = 'there are '//to_text(size(rows))//' rows in pairs with '//to_text(size(bodies))//' bodies'
+        else
+            do k = 1, size(rows)
+                if (rows(k) < 1 .or. rows(k) > n_rows .or. bodies(k) < 0 .or. bodies(k) > n) exit
+            end do
+            if (k <= size(rows)) fault = 'pair '//to_text(k)//' is of row '//to_text(rows(k))//' and body '// &
+                to_text(bodies(k))//', where there are '//to_text(n_rows)//' rows and '//to_text(n)//' bodies'
+        end if
+    end function unusable
+
+    !> What of a pattern does not fit a model with n coordinates and m constraints, or contradicts itself, blank for nothing. A
+    !> chart would read what is not there, or take a row for what it is not.
+    pure function find_fault(self, n, m) result(fault)
+        class(pattern_type), intent(in) :: self
+        integer, intent(in) :: n, m
+        character(len=120) :: fault
+
+        fault = self%fault
+        if (fault /= '') return
+        if (.not. (allocated(self%first) .and. allocated(self%row_start) .and. allocated(self%row_body) .and. &
+            allocated(self%owner) .and. allocated(self%column) .and. allocated(self%mass_column))) then
+            fault = 'it was not built'
+        else if (self%n_rows /= m .or. size(self%row_start) /= self%n_rows + 1 .or. size(self%owner) /= self%n_rows) then
+            fault = 'it has '//to_text(self%n_rows)//' rows, and the model '//to_text(m)//' constraints'
+        else if (size(self%first) /= self%n_bodies + 1 .or. self%n_bodies < 1) then
+            fault = 'first does not have an entry for each body and one more'
+        else if (self%first(1) /= 1 .or. any(self%first(2:) <= self%first(:self%n_bodies)) .or. &
+            self%first(self%n_bodies + 1) /= n + 1) then
+            fault = 'its bodies do not cover the coordinates 1 to '//to_text(n)//', each once and in their order'
+        else if (size(self%column) /= n .or. size(self%mass_column) /= n) then
+            fault = 'it does not have a column of C and of M for each coordinate'
+        else
+            call find_fault_of_mass(self, fault)
+            if (fault == '') call find_fault_of_rows(self, fault)
+        end if
+    end function find_fault
+
+    !> Blocks of M stay within bodies.
+    pure subroutine find_fault_of_mass(self, fault)
+        type(pattern_type), intent(in) :: self
+        character(len=*), intent(inout) :: fault
+        integer :: b, j
+
+        do b = 1, self%n_bodies
+            if (self%mass_column(self%first(b)) == 1) cycle
+            fault = 'a block of M reaches into body '//to_text(b)//' from the one before it'
+            return
+        end do
+        do j = 2, size(self%mass_column)
+            if (self%mass_column(j) == 1 .or. self%mass_column(j) == self%mass_column(j - 1) + 1) cycle
+            fault = 'mass_column does not count from 1 within a block of M at coordinate '//to_text(j)
+            return
+        end do
+        if (maxval(self%mass_column) > self%mass_width) fault = 'a block of M is wider than mass_width'
+    end subroutine find_fault_of_mass
+
+    !> Rows name bodies that there are, in columns of their own, and owners touch nothing else.
+    pure subroutine find_fault_of_rows(self, fault)
+        type(pattern_type), intent(in) :: self
+        character(len=*), intent(inout) :: fault
+        integer :: taken_by(max(self%width, 1)), owned_by(self%n_bodies)
+        integer :: b, i, j, k
+
+        if (any(self%row_start(2:) < self%row_start(:self%n_rows)) .or. self%row_start(1) /= 1 .or. &
+            self%row_start(self%n_rows + 1) /= size(self%row_body) + 1) then
+            fault = 'row_start does not say where the bodies of each row stand in row_body'
+            return
+        else if (any(self%row_body < 1 .or. self%row_body > self%n_bodies)) then
+            fault = 'row_body names a body that there is not'
+            return
+        else if (any(self%column < 1 .or. self%column > self%width)) then
+            fault = 'a column of C is not within its width'
+            return
+        end if
+        taken_by = 0
+        owned_by = 0
+        do i = 1, self%n_rows
+            associate (from => self%row_start(i), to => self%row_start(i + 1) - 1)
+                do k = from, to
+                    do j = self%first(self%row_body(k)), self%first(self%row_body(k) + 1) - 1
+                        if (taken_by(self%column(j)) == i) then
+                            fault = 'row '//to_text(i)//' touches two coordinates with the same column of C'
+                            return
+                        end if
+                        taken_by(self%column(j)) = i
+                    end do
+                end do
+                b = self%owner(i)
+                if (b == 0) cycle
+                if (b < 0 .or. b > self%n_bodies) then
+                    fault = 'row '//to_text(i)//' has the owner '//to_text(b)//', where there are '// &
+                        to_text(self%n_bodies)//' bodies'
+                    return
+                end if
+                if (to /= from) then
+                    fault = 'row '//to_text(i)//' is owned by body '//to_text(b)//', and touches others'
+                else if (self%row_body(from) /= b) then
+                    fault = 'row '//to_text(i)//' is owned by body '//to_text(b)//', and touches others'
+                else if (owned_by(b) > 0) then
+                    fault = 'body '//to_text(b)//' owns the rows '//to_text(owned_by(b))//' and '//to_text(i)
+                end if
+                if (fault /= '') return
+                owned_by(b) = i
+            end associate
+        end do
+    end subroutine find_fault_of_rows
 
     !> Columns of the compressed C: each body takes the first colour that no body has which shares a row with it.
     pure subroutine colour(self)
@@ -148,7 +278,7 @@ contains
                 width(c) = max(width(c), self%first(b + 1) - self%first(b))
             end do
             self%width = sum(width(:n_colours))
-            allocate (self%column(self%first(n_bodies + 1) - 1))
+            self%column = spread(0, 1, self%first(n_bodies + 1) - 1)
             do b = 1, n_bodies
                 k = sum(width(:colour_of(b) - 1))
                 do j = self%first(b), self%first(b + 1) - 1

@@ -91,6 +91,7 @@ contains
             end if
             call self%control%restart()
             call self%local_error%restart()
+            call self%stiffness%smoothness%restart()
             ! Where a loss of rank was ahead before, it need not be so now.
             self%room = huge(1.0_wp)
             call chart%forget_model()

@@ -114,6 +114,7 @@ contains
             model%segment = model%segment + 1
             call self%control%restart()
             call self%local_error%restart()
+            call self%stiffness%smoothness%restart()
             call self%chart%forget()
             stat = status_ok
             if (jumps) then

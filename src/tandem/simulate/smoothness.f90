@@ -26,6 +26,7 @@ module tandem_simulate_smoothness
         procedure :: initialize
         procedure :: pause
         procedure :: observe
+        procedure :: restart
         procedure :: pack_state
     end type smoothness_type
 
@@ -78,6 +79,13 @@ contains
             self%n_known = 1
         end if
     end subroutine observe
+
+    !> The motion bends or jumps here: no window reaches across.
+    pure subroutine restart(self)
+        class(smoothness_type), intent(inout) :: self
+
+        self%n_known = 0
+    end subroutine restart
 
     !> The cubic polynomials through the ends of a window less the state in the middle.
     pure subroutine bend(first, middle, last, error_q, error_qd)

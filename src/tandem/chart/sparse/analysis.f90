@@ -11,15 +11,15 @@
 module tandem_chart_sparse_analysis
     use tandem_kinds, only: long, wp
     use tandem_model_pattern, only: pattern_type
-    use tandem_chart_sparse_blocks, only: of_any_blocks, of_rigid_body, of_single_blocks
+    use tandem_chart_sparse_blocks, only: most_coordinates, of_any_blocks, of_rigid_body, of_single_blocks
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
 
     public :: analysis_type, most_rows, most_coordinates, most_links
 
-    !> The most rows of a node, coordinates of a body, and nodes at a body that is eliminated first.
-    integer, parameter :: most_rows = 6, most_coordinates = 12, most_links = 8
+    !> The most rows of a node, and nodes at a body that is eliminated first.
+    integer, parameter :: most_rows = 6, most_links = 8
 
     type :: analysis_type
         integer :: n = 0, m = 0, n_bodies = 0, n_nodes = 0
@@ -32,6 +32,11 @@ module tandem_chart_sparse_analysis
         !> A link is where a body and a node meet: those of body b are link_start(b) to link_start(b + 1) - 1. Of each its node, and
         !> where its part of C begins among all, (rows, coordinates) in size.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
+        !> The same for loops, side by side in memory: of each link the first unknown less one and the height of its node, the
+        !> offset in C and the first row (4, links + 1); the links of node k are node_link(:, node_start(k)) to
+        !> node_link(:, node_start(k + 1) - 1), each with the first coordinate and the number of coordinates of its body and the
+        !> offset in C (3, links + 1). The last ones are empty, so that there is one to begin with where a list is empty.
+        integer, allocatable :: link(:, :), node_start(:), node_link(:, :)
         integer :: n_entries = 0
         !> Where a product of the parts of two links of a body that is eliminated goes: of link 1 with itself, of 2 with 1 and with
         !> itself, and so on; of a kept body the block of each link. From pair_start(b) + 1 on.
@@ -44,6 +49,9 @@ module tandem_chart_sparse_analysis
         !> Neighbours behind node k: later(later_start(k)) to later(later_start(k + 1) - 1), ascending; where each block begins, and
         !> the diagonal ones. A block has as many rows as the later node has unknowns.
         integer, allocatable :: later_start(:), later(:), later_offset(:), diagonal_offset(:)
+        !> The same for loops: the first unknown less one, height, offset of the diagonal block, first row or coordinate of each
+        !> node (4, nodes), the first three of each neighbour behind, the offset that of the block (3, neighbours + 1).
+        integer, allocatable :: node(:, :), behind(:, :)
         integer :: n_factor = 0
         !> Where the products of those neighbours go when node k is eliminated, from update_start(k) + 1 on, in the order of pairs.
         integer, allocatable :: update_start(:), update_target(:)
@@ -109,7 +117,41 @@ contains
         call self%place_blocks()
         call self%find_updates()
         call self%find_pairs()
+        call list_for_loops(self)
     end subroutine analyse
+
+    !> What loops read, side by side.
+    pure subroutine list_for_loops(self)
+        class(analysis_type), intent(inout) :: self
+        integer, allocatable :: next(:)
+        integer :: b, k, l, n
+
+        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
+            [4, self%n_nodes])
+        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
+            k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
+        self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), self%link_offset(l), &
+            self%origin(self%link_node(l)), l=1, size(self%link_node))], [4, size(self%link_node) + 1], pad=[0])
+        self%node_start = spread(0, 1, self%n_nodes + 1)
+        do l = 1, size(self%link_node)
+            self%node_start(self%link_node(l) + 1) = self%node_start(self%link_node(l) + 1) + 1
+        end do
+        self%node_start(1) = 1
+        do n = 2, self%n_nodes + 1
+            self%node_start(n) = self%node_start(n) + self%node_start(n - 1)
+        end do
+        allocate (next, source=self%node_start)
+        if (allocated(self%node_link)) deallocate (self%node_link)
+        allocate (self%node_link(3, size(self%link_node) + 1), source=0)
+        do b = 1, self%n_bodies
+            do l = self%link_start(b), self%link_start(b + 1) - 1
+                associate (k => next(self%link_node(l)))
+                    self%node_link(:, k) = [self%first(b), self%first(b + 1) - self%first(b), self%link_offset(l)]
+                    k = k + 1
+                end associate
+            end do
+        end do
+    end subroutine list_for_loops
 
     !> Rows that follow each other and touch the same bodies become nodes; bodies with many of them are kept.
     subroutine gather_rows(self, pattern, rows, node_first, node_size, nodes_of, bodies_of)

@@ -1,14 +1,18 @@
 ! SPDX-License-Identifier: MIT
 !> Products, inverses and solutions of small blocks. Heights that joints have, 5 in space and 2 in the plane, are constants to the
-!> compiler: loops of known length are several times as fast.
+!> compiler: loops of known length are several times as fast. Work space has a fixed size: of a length that is known at run time it
+!> would be allocated by each call.
 module tandem_chart_sparse_blocks
     use tandem_kinds, only: wp
     implicit none (type, external)
     private
 
-    public :: invert, invert_some, subtract_product, multiply_block, multiply_by, set_product, subtract_rows, subtract_transposed
-    public :: apply_inverse, add_moved, of_single_blocks, of_rigid_body, of_any_blocks
+    public :: invert, invert_some, subtract_product, multiply_block, apply_inverse
+    public :: multiply_inverse, subtract_rows, subtract_transposed, add_moved
+    public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates
 
+    !> The most coordinates of a body, and so the most unknowns of a block.
+    integer, parameter :: most_coordinates = 12
     !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
     integer, parameter :: of_single_blocks = 1, of_rigid_body = 2, of_any_blocks = 3
 
@@ -33,39 +37,50 @@ contains
             call invert_sized(4, x, alone, sign, least, worst)
         case (3)
             call invert_sized(3, x, alone, sign, least, worst)
+        case (1)
+            call invert_sized(1, x, alone, sign, least, worst)
         case default
             call invert_sized(s, x, alone, sign, least, worst)
         end select
     end subroutine invert
 
+    !> Pivot by pivot, x := x - u u'/p with u = x(:, k): symmetric throughout, and every column is a vector.
     pure subroutine invert_sized(s, x, alone, sign, least, worst)
         integer, intent(in), value :: s
         real(wp), intent(inout) :: x(s, s), alone(s)
         real(wp), intent(in) :: sign, least
         integer, intent(out) :: worst
-        real(wp) :: factor
+        real(wp) :: pivot, u(most_coordinates), v(most_coordinates)
         integer :: i, j, k
 
         worst = 0
+        !GCC$ UNROLL 5
         do k = 1, s
-            factor = sign*x(k, k)
-            if (.not. factor > least*alone(k)) then
+            pivot = sign*x(k, k)
+            if (.not. pivot > least*alone(k)) then
                 worst = k
                 return
             end if
-            alone(k) = factor/alone(k)
-            factor = 1.0_wp/x(k, k)
-            x(k, k) = 1.0_wp
+            alone(k) = pivot/alone(k)
+            pivot = 1.0_wp/x(k, k)
             do i = 1, s
-                x(i, k) = x(i, k)*factor
+                u(i) = x(i, k)
+                v(i) = u(i)*pivot
             end do
             do j = 1, s
-                if (j == k) cycle
-                factor = x(k, j)
-                x(k, j) = 0.0_wp
                 do i = 1, s
-                    x(i, j) = x(i, j) - factor*x(i, k)
+                    x(i, j) = x(i, j) - u(i)*v(j)
                 end do
+            end do
+            do i = 1, s
+                x(i, k) = v(i)
+                x(k, i) = v(i)
+            end do
+            x(k, k) = -pivot
+        end do
+        do j = 1, s
+            do i = 1, s
+                x(i, j) = -x(i, j)
             end do
         end do
     end subroutine invert_sized
@@ -79,12 +94,12 @@ contains
         logical, intent(in) :: chooses
         logical, intent(inout) :: is_out(s)
         integer, intent(out) :: worst
-        logical :: is_done(s)
+        logical :: is_done(most_coordinates)
         real(wp) :: factor
         integer :: i, j, k, pass
 
         worst = 0
-        is_done = is_out
+        is_done(:s) = is_out
         do pass = 1, s
             k = 0
             do i = 1, s
@@ -125,7 +140,7 @@ contains
 
     !> x := x - c y' for c (s, nb), y (p, nb), x (s, p).
     pure subroutine subtract_product(s, p, nb, c, y, x)
-        integer, intent(in) :: s, p, nb
+        integer, intent(in), value :: s, p, nb
         real(wp), intent(in) :: c(s*nb), y(p*nb)
         real(wp), intent(inout) :: x(s*p)
 
@@ -133,6 +148,8 @@ contains
             call subtract_product_sized(5, 5, 7, c, y, x)
         else if (s == 5 .and. p == 5 .and. nb == 5) then
             call subtract_product_sized(5, 5, 5, c, y, x)
+        else if (s == 2 .and. p == 2 .and. nb == 3) then
+            call subtract_product_sized(2, 2, 3, c, y, x)
         else if (s == 2 .and. p == 2) then
             call subtract_product_sized(2, 2, nb, c, y, x)
         else if (s == 3 .and. p == 3) then
@@ -146,7 +163,7 @@ contains
         integer, intent(in), value :: s, p, nb
         real(wp), intent(in) :: c(s, nb), y(p, nb)
         real(wp), intent(inout) :: x(s, p)
-        real(wp) :: column(s)
+        real(wp) :: column(most_coordinates)
         integer :: i, j, k
 
         do j = 1, p
@@ -166,7 +183,7 @@ contains
 
     !> z := x y for x (p, s), y (s, s).
     pure subroutine multiply_block(p, s, x, y, z)
-        integer, intent(in) :: p, s
+        integer, intent(in), value :: p, s
         real(wp), intent(in) :: x(p*s), y(s*s)
         real(wp), intent(out) :: z(p*s)
 
@@ -197,152 +214,6 @@ contains
         end do
     end subroutine multiply_block_sized
 
-    !> z := x y for x (s, s).
-    pure subroutine set_product(s, x, y, z)
-        integer, intent(in) :: s
-        real(wp), intent(in) :: x(s*s), y(s)
-        real(wp), intent(out) :: z(s)
-
-        select case (s)
-        case (5)
-            call set_product_sized(5, x, y, z)
-        case (2)
-            call set_product_sized(2, x, y, z)
-        case default
-            call set_product_sized(s, x, y, z)
-        end select
-    end subroutine set_product
-
-    !> z := x z for x (s, s).
-    pure subroutine multiply_by(s, x, z)
-        integer, intent(in) :: s
-        real(wp), intent(in) :: x(s*s)
-        real(wp), intent(inout) :: z(s)
-
-        select case (s)
-        case (5)
-            call multiply_by_sized(5, x, z)
-        case (2)
-            call multiply_by_sized(2, x, z)
-        case default
-            call multiply_by_sized(s, x, z)
-        end select
-    end subroutine multiply_by
-
-    pure subroutine multiply_by_sized(s, x, z)
-        integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s, s)
-        real(wp), intent(inout) :: z(s)
-        real(wp) :: total(s)
-        integer :: i, j
-
-        do i = 1, s
-            total(i) = x(i, 1)*z(1)
-        end do
-        do j = 2, s
-            do i = 1, s
-                total(i) = total(i) + x(i, j)*z(j)
-            end do
-        end do
-        do i = 1, s
-            z(i) = total(i)
-        end do
-    end subroutine multiply_by_sized
-
-    pure subroutine set_product_sized(s, x, y, z)
-        integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s, s), y(s)
-        real(wp), intent(out) :: z(s)
-        real(wp) :: total(s)
-        integer :: i, j
-
-        do i = 1, s
-            total(i) = x(i, 1)*y(1)
-        end do
-        do j = 2, s
-            do i = 1, s
-                total(i) = total(i) + x(i, j)*y(j)
-            end do
-        end do
-        do i = 1, s
-            z(i) = total(i)
-        end do
-    end subroutine set_product_sized
-
-    !> g := g - c x for c (s, nb).
-    pure subroutine subtract_rows(s, nb, c, x, g)
-        integer, intent(in) :: s, nb
-        real(wp), intent(in) :: c(s*nb), x(nb)
-        real(wp), intent(inout) :: g(s)
-
-        if (s == 5 .and. nb == 7) then
-            call subtract_rows_sized(5, 7, c, x, g)
-        else if (s == 2 .and. nb == 3) then
-            call subtract_rows_sized(2, 3, c, x, g)
-        else if (s == 5 .and. nb == 5) then
-            call subtract_rows_sized(5, 5, c, x, g)
-        else if (s == 2 .and. nb == 2) then
-            call subtract_rows_sized(2, 2, c, x, g)
-        else
-            call subtract_rows_sized(s, nb, c, x, g)
-        end if
-    end subroutine subtract_rows
-
-    pure subroutine subtract_rows_sized(s, nb, c, x, g)
-        integer, intent(in), value :: s, nb
-        real(wp), intent(in) :: c(s, nb), x(nb)
-        real(wp), intent(inout) :: g(s)
-        real(wp) :: total(s)
-        integer :: i, j
-
-        do i = 1, s
-            total(i) = g(i)
-        end do
-        do j = 1, nb
-            do i = 1, s
-                total(i) = total(i) - c(i, j)*x(j)
-            end do
-        end do
-        do i = 1, s
-            g(i) = total(i)
-        end do
-    end subroutine subtract_rows_sized
-
-    !> f := f - c' l for c (s, nb).
-    pure subroutine subtract_transposed(s, nb, c, l, f)
-        integer, intent(in) :: s, nb
-        real(wp), intent(in) :: c(s*nb), l(s)
-        real(wp), intent(inout) :: f(nb)
-
-        if (s == 5 .and. nb == 7) then
-            call subtract_transposed_sized(5, 7, c, l, f)
-        else if (s == 2 .and. nb == 3) then
-            call subtract_transposed_sized(2, 3, c, l, f)
-        else if (s == 5 .and. nb == 5) then
-            call subtract_transposed_sized(5, 5, c, l, f)
-        else if (s == 2 .and. nb == 2) then
-            call subtract_transposed_sized(2, 2, c, l, f)
-        else
-            call subtract_transposed_sized(s, nb, c, l, f)
-        end if
-    end subroutine subtract_transposed
-
-    pure subroutine subtract_transposed_sized(s, nb, c, l, f)
-        integer, intent(in), value :: s, nb
-        real(wp), intent(in) :: c(s, nb), l(s)
-        real(wp), intent(inout) :: f(nb)
-        real(wp) :: total
-        integer :: i, j
-
-        do j = 1, nb
-            total = 0.0_wp
-            do i = 1, s
-                total = total + c(i, j)*l(i)
-            end do
-            f(j) = f(j) - total
-        end do
-    end subroutine subtract_transposed_sized
-
     !> y := c W for c (s, nb) and a body's W, compressed as its M.
     pure subroutine apply_inverse(kind, s, nb, block_first, first, ldw, w, c, y)
         integer, intent(in) :: kind, s, nb, block_first(nb), first, ldw
@@ -353,8 +224,10 @@ contains
             call apply_rigid(5, ldw, w, c, y)
         else if (kind == of_rigid_body) then
             call apply_rigid(s, ldw, w, c, y)
-        else if (kind == of_single_blocks .and. s == 2) then
-            call apply_single(2, nb, ldw, w, c, y)
+        else if (kind == of_single_blocks .and. s == 2 .and. nb == 3) then
+            call apply_single(2, 3, ldw, w, c, y)
+        else if (kind == of_single_blocks) then
+            call apply_single(s, nb, ldw, w, c, y)
         else
             call apply_any(s, nb, block_first, first, ldw, w, c, y)
         end if
@@ -410,22 +283,145 @@ contains
             end do
         end do
     end subroutine apply_any
+    !> z := x y for x (s, s).
+    pure subroutine multiply_inverse(s, x, y, z)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: x(s*s), y(s)
+        real(wp), intent(out) :: z(s)
 
-    !> x := x + W f.
-    pure subroutine add_moved(kind, nb, block_first, first, ldw, w, f, x)
-        integer, intent(in) :: kind, nb, block_first(nb), first, ldw
+        select case (s)
+        case (5)
+            call multiply_inverse_sized(5, x, y, z)
+        case (2)
+            call multiply_inverse_sized(2, x, y, z)
+        case (3)
+            call multiply_inverse_sized(3, x, y, z)
+        case default
+            call multiply_inverse_sized(s, x, y, z)
+        end select
+    end subroutine multiply_inverse
+
+    pure subroutine multiply_inverse_sized(s, x, y, z)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: x(s, s), y(s)
+        real(wp), intent(out) :: z(s)
+        real(wp) :: total(most_coordinates)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = x(i, 1)*y(1)
+        end do
+        do j = 2, s
+            do i = 1, s
+                total(i) = total(i) + x(i, j)*y(j)
+            end do
+        end do
+        do i = 1, s
+            z(i) = total(i)
+        end do
+    end subroutine multiply_inverse_sized
+
+    !> g := g - c x for c (s, nb).
+    pure subroutine subtract_rows(s, nb, c, x, g)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s*nb), x(nb)
+        real(wp), intent(inout) :: g(s)
+
+        if (s == 5 .and. nb == 7) then
+            call subtract_rows_sized(5, 7, c, x, g)
+        else if (s == 2 .and. nb == 3) then
+            call subtract_rows_sized(2, 3, c, x, g)
+        else if (s == 5 .and. nb == 5) then
+            call subtract_rows_sized(5, 5, c, x, g)
+        else if (s == 2 .and. nb == 2) then
+            call subtract_rows_sized(2, 2, c, x, g)
+        else if (s == 3 .and. nb == 7) then
+            call subtract_rows_sized(3, 7, c, x, g)
+        else if (s == 3 .and. nb == 3) then
+            call subtract_rows_sized(3, 3, c, x, g)
+        else
+            call subtract_rows_sized(s, nb, c, x, g)
+        end if
+    end subroutine subtract_rows
+
+    pure subroutine subtract_rows_sized(s, nb, c, x, g)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s, nb), x(nb)
+        real(wp), intent(inout) :: g(s)
+        real(wp) :: total(most_coordinates)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = g(i)
+        end do
+        do j = 1, nb
+            do i = 1, s
+                total(i) = total(i) - c(i, j)*x(j)
+            end do
+        end do
+        do i = 1, s
+            g(i) = total(i)
+        end do
+    end subroutine subtract_rows_sized
+
+    !> f := f - c' l for c (s, nb).
+    pure subroutine subtract_transposed(s, nb, c, l, f)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s*nb), l(s)
+        real(wp), intent(inout) :: f(nb)
+
+        if (s == 5 .and. nb == 7) then
+            call subtract_transposed_sized(5, 7, c, l, f)
+        else if (s == 2 .and. nb == 3) then
+            call subtract_transposed_sized(2, 3, c, l, f)
+        else if (s == 5 .and. nb == 5) then
+            call subtract_transposed_sized(5, 5, c, l, f)
+        else if (s == 2 .and. nb == 2) then
+            call subtract_transposed_sized(2, 2, c, l, f)
+        else if (s == 3 .and. nb == 7) then
+            call subtract_transposed_sized(3, 7, c, l, f)
+        else if (s == 3 .and. nb == 3) then
+            call subtract_transposed_sized(3, 3, c, l, f)
+        else
+            call subtract_transposed_sized(s, nb, c, l, f)
+        end if
+    end subroutine subtract_transposed
+
+    pure subroutine subtract_transposed_sized(s, nb, c, l, f)
+        integer, intent(in), value :: s, nb
+        real(wp), intent(in) :: c(s, nb), l(s)
+        real(wp), intent(inout) :: f(nb)
+        real(wp) :: total
+        integer :: i, j
+
+        do j = 1, nb
+            total = 0.0_wp
+            do i = 1, s
+                total = total + c(i, j)*l(i)
+            end do
+            f(j) = f(j) - total
+        end do
+    end subroutine subtract_transposed_sized
+
+    !> x := x + W f for a body.
+    pure subroutine add_moved(kind, nb, block_first, ldw, w, f, x)
+        integer, intent(in), value :: kind, nb, ldw
+        !> The first coordinates of the blocks of its M.
+        integer, intent(in) :: block_first(nb)
         real(wp), intent(in) :: w(ldw, nb), f(nb)
         real(wp), intent(inout) :: x(nb)
+        real(wp) :: moved(4)
         integer :: from, j, k
 
         if (kind == of_rigid_body) then
+            do k = 1, 4
+                moved(k) = (w(k, 4)*f(4) + w(k, 5)*f(5)) + (w(k, 6)*f(6) + w(k, 7)*f(7))
+            end do
             do j = 1, 3
                 x(j) = x(j) + w(1, j)*f(j)
             end do
-            do j = 4, 7
-                do k = 1, 4
-                    x(3 + k) = x(3 + k) + w(k, j)*f(j)
-                end do
+            do k = 1, 4
+                x(3 + k) = x(3 + k) + moved(k)
             end do
         else if (kind == of_single_blocks) then
             do j = 1, nb
@@ -433,7 +429,7 @@ contains
             end do
         else
             do j = 1, nb
-                from = block_first(j) - first + 1
+                from = block_first(j) - block_first(1) + 1
                 do k = from, nb
                     if (block_first(k) /= block_first(j)) exit
                     x(k) = x(k) + w(k - from + 1, j)*f(j)

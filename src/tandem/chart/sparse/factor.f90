@@ -1,14 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> M x + C' lambda = f, C x = g at one point, by blocks: C and the inverses of the bodies' masses, and the factor of what they
 !> leave, see `tandem_chart_sparse_analysis`.
-!>
-!> A body with a row of its own, c'x = g, has the inverse W = N - u u'/(c'u), R = u/(c'u) with N = (M + a c c')^-1, u = N c: M need
-!> be definite across c only, and any a > 0 gives the same.
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
-    use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_links, most_rows
-    use tandem_chart_sparse_blocks, only: add_moved, apply_inverse, invert, invert_some, multiply_block, multiply_by, set_product, &
-        subtract_product, subtract_rows, subtract_transposed
+    use tandem_chart_sparse_analysis, only: analysis_type, most_links, most_rows
+    use tandem_chart_sparse_blocks, only: apply_inverse, invert, invert_some, most_coordinates, multiply_block, of_rigid_body, &
+        subtract_product
+    use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok, status_rank_deficient, status_singular_mass
@@ -20,9 +18,6 @@ module tandem_chart_sparse_factor
     !> A row whose pivot falls to this part of what it would be alone depends on those before it: an angle of 1e-5. Rounding leaves
     !> some 1e-15 of it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
-    !> The same of coordinates that carry no mass.
-    real(wp), parameter :: least_mass = 1.0e-14_wp
-
     type :: factor_type
         !> The parts of C by links, and owned rows by coordinates (n).
         real(wp), allocatable :: c(:), own(:)
@@ -54,10 +49,57 @@ module tandem_chart_sparse_factor
         procedure :: multiply
         procedure :: add_reactions
         procedure :: move
+        procedure :: add_squares
         procedure :: pack_state
         procedure, private :: add_bodies
         procedure, private :: eliminate
     end type factor_type
+
+    interface
+        !> Solve M x + C' lambda = f, C x = g.
+        pure module subroutine solve(self, a, has_force, f, g, x, z)
+            implicit none (type, external)
+            class(factor_type), intent(in) :: self
+            type(analysis_type), intent(in) :: a
+            !> Whether f is not zero.
+            logical, intent(in) :: has_force
+            !> f (n), g (m).
+            real(wp), intent(in), contiguous :: f(:), g(:)
+            !> x (n); the multipliers of all rows but the owned ones in the order of the nodes, among x of kept bodies (n_unknowns).
+            real(wp), intent(out), contiguous :: x(:)
+            real(wp), intent(inout), contiguous :: z(:)
+        end subroutine solve
+
+        !> g := g - C x, all rows in use.
+        pure module subroutine multiply(self, a, x, g)
+            implicit none (type, external)
+            class(factor_type), intent(in) :: self
+            type(analysis_type), intent(in) :: a
+            !> x (n), g (m).
+            real(wp), intent(in), contiguous :: x(:)
+            real(wp), intent(inout), contiguous :: g(:)
+        end subroutine multiply
+
+        !> f := f - C' lambda, all rows in use.
+        pure module subroutine add_reactions(self, a, lambda, f)
+            implicit none (type, external)
+            class(factor_type), intent(in) :: self
+            type(analysis_type), intent(in) :: a
+            !> lambda (m), f (n).
+            real(wp), intent(in), contiguous :: lambda(:)
+            real(wp), intent(inout), contiguous :: f(:)
+        end subroutine add_reactions
+
+        !> What a force moves of each body by itself: W f; kept bodies stay.
+        pure module subroutine move(self, a, f, x)
+            implicit none (type, external)
+            class(factor_type), intent(in) :: self
+            type(analysis_type), intent(in) :: a
+            !> f and x (n).
+            real(wp), intent(in), contiguous :: f(:)
+            real(wp), intent(inout), contiguous :: x(:)
+        end subroutine move
+    end interface
 
 contains
 
@@ -83,41 +125,58 @@ contains
         type(pattern_type), intent(in) :: pattern
         !> Compressed, of the rows in use.
         real(wp), intent(in), contiguous :: jacobian(:, :)
-        integer :: b, i, j, k, l, row
+        integer :: b
 
+        call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, a%link_start, a%link, pattern%column, &
+            jacobian, self%c)
         do b = 1, a%n_bodies
-            do l = a%link_start(b), a%link_start(b + 1) - 1
-                associate (s => a%height(a%link_node(l)), origin => a%origin(a%link_node(l)))
-                    k = a%link_offset(l)
-                    do j = a%first(b), a%first(b + 1) - 1
-                        if (s == 5) then
-                            ! A copy of variable length would be a call.
-                            self%c(k + 1) = jacobian(origin, pattern%column(j))
-                            self%c(k + 2) = jacobian(origin + 1, pattern%column(j))
-                            self%c(k + 3) = jacobian(origin + 2, pattern%column(j))
-                            self%c(k + 4) = jacobian(origin + 3, pattern%column(j))
-                            self%c(k + 5) = jacobian(origin + 4, pattern%column(j))
-                        else if (s == 2) then
-                            self%c(k + 1) = jacobian(origin, pattern%column(j))
-                            self%c(k + 2) = jacobian(origin + 1, pattern%column(j))
-                        else
-                            do i = 1, s
-                                self%c(k + i) = jacobian(origin + i - 1, pattern%column(j))
-                            end do
-                        end if
-                        k = k + s
-                    end do
-                end associate
-            end do
-            row = a%norm_row(b)
-            if (row == 0) cycle
-            do j = a%first(b), a%first(b + 1) - 1
-                self%own(j) = jacobian(row, pattern%column(j))
-            end do
+            if (a%norm_row(b) == 0) cycle
+            associate (from => a%first(b), to => a%first(b + 1) - 1)
+                self%own(from:to) = jacobian(a%norm_row(b), pattern%column(from:to))
+            end associate
         end do
         self%has_rows = .true.
         self%is_factored = .false.
     end subroutine load_rows
+
+    !> The rows of the nodes by links.
+    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, link_start, link, column, jacobian, c)
+        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), link_start(n_bodies + 1), link(4, n_links), &
+            column(n)
+        real(wp), intent(in) :: jacobian(m, width)
+        real(wp), intent(inout) :: c(*)
+        integer :: b, i, j, k, l, row
+
+        do b = 1, n_bodies
+            do l = link_start(b), link_start(b + 1) - 1
+                k = link(3, l)
+                row = link(4, l)
+                ! A copy of variable length would be a call.
+                select case (link(2, l))
+                case (5)
+                    do j = first(b), first(b + 1) - 1
+                        do i = 0, 4
+                            c(k + 1 + i) = jacobian(row + i, column(j))
+                        end do
+                        k = k + 5
+                    end do
+                case (2)
+                    do j = first(b), first(b + 1) - 1
+                        c(k + 1) = jacobian(row, column(j))
+                        c(k + 2) = jacobian(row + 1, column(j))
+                        k = k + 2
+                    end do
+                case default
+                    do j = first(b), first(b + 1) - 1
+                        do i = 1, link(2, l)
+                            c(k + i) = jacobian(row + i - 1, column(j))
+                        end do
+                        k = k + link(2, l)
+                    end do
+                end select
+            end do
+        end do
+    end subroutine take_rows
 
     !> W and R from a compressed M (n, ld). `load_rows` was called.
     subroutine invert_masses(self, a, ld, mass, stat)
@@ -127,116 +186,55 @@ contains
         real(wp), intent(in) :: mass(a%n, ld)
         !> ok or `singular_mass`.
         integer, intent(out) :: stat
+        real(wp) :: work(most_coordinates*most_coordinates)
         integer :: b, i, j, s, worst
-        real(wp) :: n(most_coordinates*most_coordinates)
 
         stat = status_ok
         do b = 1, a%n_bodies
             j = a%first(b)
-            do while (j < a%first(b + 1))
-                s = 1
-                do while (j + s < a%first(b + 1))
-                    if (a%block_first(j + s) /= j) exit
-                    s = s + 1
-                end do
-                if (s == 1 .and. a%norm_row(b) == 0) then
-                    if (.not. mass(j, 1) > 0.0_wp) then
-                        worst = 1
-                        exit
+            if (is_rigid(b)) then
+                call invert_rigid(a%n, mass(j, 1), a%norm_row(b) > 0, self%own(j), size(self%w, 1), self%w(1, j), self%r(j), &
+                    self%added(b), worst)
+            else
+                worst = 0
+                do while (j < a%first(b + 1))
+                    s = 1
+                    do while (j + s < a%first(b + 1))
+                        if (a%block_first(j + s) /= j) exit
+                        s = s + 1
+                    end do
+                    if (s == 1 .and. a%norm_row(b) == 0 .and. mass(j, 1) > 0.0_wp) then
+                        self%w(1, j) = merge(mass(j, 1), 1.0_wp/mass(j, 1), a%is_kept(b))
+                    else
+                        call invert_block(s, a%n, mass(j, 1), a%norm_row(b) > 0, a%is_kept(b), self%own(j), size(self%w, 1), &
+                            self%w(1, j), self%r(j), self%added(b), work, worst)
+                        if (worst > 0) exit
                     end if
-                    self%w(1, j) = 1.0_wp/mass(j, 1)
-                else if (s == 4) then
-                    call invert_block(4, a%n, mass(j, 1), a%norm_row(b) > 0, a%is_kept(b), self%own(j:j + 3), &
-                        size(self%w, 1), self%w(1, j), self%r(j:j + 3), self%added(b), n, worst)
-                    if (worst > 0) exit
-                else
-                    call invert_block(s, a%n, mass(j, 1), a%norm_row(b) > 0, a%is_kept(b), self%own(j:j + s - 1), &
-                        size(self%w, 1), self%w(1, j), self%r(j:j + s - 1), self%added(b), n, worst)
-                    if (worst > 0) exit
-                end if
-                j = j + s
-            end do
-            if (j >= a%first(b + 1)) cycle
+                    j = j + s
+                end do
+            end if
+            if (worst == 0) cycle
             stat = status_singular_mass
             self%failed_coordinate = j + worst - 1
-            do i = 1, s
-                if (.not. abs(mass(j + i - 1, 1)) <= huge(1.0_wp)) stat = status_not_finite
+            do i = a%first(b), a%first(b + 1) - 1
+                if (.not. abs(mass(i, 1)) <= huge(1.0_wp)) stat = status_not_finite
             end do
             return
         end do
+
+    contains
+
+        !> Whether a body goes first and has three single entries, and a block of four with the row that it owns, if it has one.
+        pure logical function is_rigid(body)
+            integer, intent(in) :: body
+
+            is_rigid = a%kind(body) == of_rigid_body .and. .not. a%is_kept(body)
+            if (.not. is_rigid .or. a%norm_row(body) == 0) return
+            associate (at => a%first(body))
+                is_rigid = .not. max(abs(self%own(at)), abs(self%own(at + 1)), abs(self%own(at + 2))) > 0.0_wp
+            end associate
+        end function is_rigid
     end subroutine invert_masses
-
-    !> W and R of one block of M. Of a kept body W is M + a c c' itself.
-    pure subroutine invert_block(s, ld, mass, has_row, is_kept, c, ldw, w, r, added, n, worst)
-        integer, intent(in) :: s, ld, ldw
-        !> The block (s, s) in its places, rows and columns of the compressed M.
-        real(wp), intent(in) :: mass(ld, s)
-        logical, intent(in) :: has_row, is_kept
-        !> The part of the owned row.
-        real(wp), intent(in) :: c(s)
-        real(wp), intent(inout) :: w(ldw, s), r(s), added
-        !> Work space.
-        real(wp), intent(inout) :: n(s, s)
-        !> The first coordinate without mass, 0 for none.
-        integer, intent(out) :: worst
-        real(wp) :: square, trace, along, u(s), before(s)
-        integer :: i, j
-
-        trace = 0.0_wp
-        square = 0.0_wp
-        do i = 1, s
-            trace = trace + mass(i, i)
-            if (has_row) square = square + c(i)**2
-        end do
-        do j = 1, s
-            do i = 1, s
-                n(i, j) = mass(i, j)
-            end do
-        end do
-        if (square > 0.0_wp) then
-            added = merge(trace, 1.0_wp, trace > 0.0_wp)/square
-            do j = 1, s
-                do i = 1, s
-                    n(i, j) = n(i, j) + added*c(i)*c(j)
-                end do
-            end do
-        end if
-        do i = 1, s
-            before(i) = n(i, i)
-        end do
-        worst = 0
-        if (is_kept) then
-            do j = 1, s
-                do i = 1, s
-                    w(i, j) = n(i, j)
-                end do
-                if (.not. before(j) > 0.0_wp .and. worst == 0) worst = j
-            end do
-            return
-        end if
-        call invert(s, n, before, 1.0_wp, least_mass, worst)
-        if (worst > 0) return
-        do j = 1, s
-            do i = 1, s
-                w(i, j) = n(i, j)
-            end do
-        end do
-        if (.not. square > 0.0_wp) return
-        along = 0.0_wp
-        do i = 1, s
-            u(i) = 0.0_wp
-            do j = 1, s
-                u(i) = u(i) + n(i, j)*c(j)
-            end do
-            along = along + u(i)*c(i)
-        end do
-        do j = 1, s
-            r(j) = u(j)/along
-            do i = 1, s
-                w(i, j) = w(i, j) - u(i)*r(j)
-            end do
-        end do
-    end subroutine invert_block
 
     !> Factor at the point of `load_rows` and `invert_masses`.
     subroutine factorize(self, a, chooses, stat)
@@ -264,7 +262,7 @@ contains
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         real(wp) :: y(most_rows*most_coordinates, most_links)
-        integer :: b, d, i, j, k, l, n, nb, p, s
+        integer :: b, d, i, j, k, l, n, nb, s
 
         do b = 1, a%n_bodies
             nb = a%first(b + 1) - a%first(b)
@@ -293,25 +291,9 @@ contains
                     end do
                     cycle
                 end if
-                do l = from, last
-                    n = a%link_node(l)
-                    s = a%height(n)
-                    call apply_inverse(a%kind(b), s, nb, a%block_first(f:f + nb - 1), f, size(self%w, 1), self%w(:, f:f + nb - 1), &
-                        self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), y(:s*nb, l - from + 1))
-                    do k = from, l
-                        d = d + 1
-                        associate (other => a%link_node(k), target => a%pair_target(d))
-                            p = a%height(other)
-                            if (other > n) then
-                                call subtract_product(p, s, nb, self%c(a%link_offset(k) + 1:a%link_offset(k) + p*nb), &
-                                    y(:s*nb, l - from + 1), self%blocks(target + 1:target + p*s))
-                            else
-                                call subtract_product(s, p, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), &
-                                    y(:p*nb, k - from + 1), self%blocks(target + 1:target + p*s))
-                            end if
-                        end associate
-                    end do
-                end do
+                if (last < from) cycle
+                call add_links(a%kind(b), nb, last - from + 1, a%block_first(f), size(self%w, 1), self%w(1, f), a%link(1, from), &
+                    a%pair_target(d + 1), self%c, y, self%blocks)
             end associate
         end do
         do n = 1, a%n_nodes
@@ -342,6 +324,34 @@ contains
             end associate
         end subroutine put_kept
     end subroutine add_bodies
+
+    !> Take C W C' of the links of a body from the blocks of their nodes.
+    pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
+        integer, intent(in), value :: kind, nb, n_links, ldw
+        !> The first coordinates of the blocks of the body's M, W, its links, where the products go.
+        integer, intent(in) :: block_first(nb), link(4, n_links), pair_target(*)
+        real(wp), intent(in) :: w(ldw, nb), c(*)
+        !> Work space.
+        real(wp), intent(inout) :: y(most_rows*most_coordinates, n_links)
+        real(wp), intent(inout) :: blocks(*)
+        integer :: d, k, l
+
+        d = 0
+        do l = 1, n_links
+            associate (place => link(1, l), s => link(2, l), offset => link(3, l))
+                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(1, l))
+                do k = 1, l
+                    d = d + 1
+                    ! The node that comes later has the rows of the block.
+                    if (link(1, k) > place) then
+                        call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(1, l), blocks(pair_target(d) + 1))
+                    else
+                        call subtract_product(s, link(2, k), nb, c(offset + 1), y(1, k), blocks(pair_target(d) + 1))
+                    end if
+                end do
+            end associate
+        end do
+    end subroutine add_links
 
     !> Eliminate the nodes.
     subroutine eliminate(self, a, chooses, stat)
@@ -424,188 +434,37 @@ contains
         end subroutine refuse
     end subroutine eliminate
 
-    !> Solve M x + C' lambda = f, C x = g.
-    subroutine solve(self, a, has_force, f, g, x, z)
+    !> Squared lengths of the rows of C, or of what they differ by from those elsewhere.
+    pure subroutine add_squares(self, a, scale, squares, other)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
-        !> Whether f is not zero.
-        logical, intent(in) :: has_force
-        !> f (n), g (m).
-        real(wp), intent(in), contiguous :: f(:), g(:)
-        !> x (n); the multipliers of all rows but the owned ones in the order of the nodes, among x of kept bodies (n_unknowns).
-        real(wp), intent(out), contiguous :: x(:)
-        real(wp), intent(inout), contiguous :: z(:)
-        real(wp) :: t(most_coordinates)
-        integer :: b, i, l, n, nb, s
+        !> Of the coordinates (n).
+        real(wp), intent(in) :: scale(:)
+        !> (m), to which they are added.
+        real(wp), intent(inout) :: squares(:)
+        type(factor_type), intent(in), optional :: other
+        real(wp) :: entry
+        integer :: b, i, j, k, l
 
-        do n = 1, a%n_nodes
-            do i = 1, a%height(n)
-                z(a%place(n) + i) = merge(0.0_wp, g(min(a%origin(n) + i - 1, a%m)), a%is_body(n))
+        do b = 1, a%n_bodies
+            do j = a%first(b), a%first(b + 1) - 1
+                do l = a%link_start(b), a%link_start(b + 1) - 1
+                    associate (s => a%height(a%link_node(l)), origin => a%origin(a%link_node(l)))
+                        k = a%link_offset(l) + (j - a%first(b))*s
+                        do i = 1, s
+                            entry = self%c(k + i)
+                            if (present(other)) entry = entry - other%c(k + i)
+                            squares(origin + i - 1) = squares(origin + i - 1) + (entry*scale(j))**2
+                        end do
+                    end associate
+                end do
+                if (a%own_row(b) == 0) cycle
+                entry = self%own(j)
+                if (present(other)) entry = entry - other%own(j)
+                squares(a%own_row(b)) = squares(a%own_row(b)) + (entry*scale(j))**2
             end do
         end do
-        do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            associate (first => a%first(b))
-                if (a%is_kept(b)) then
-                    associate (place => a%place(a%node_of_body(b)))
-                        do i = 1, nb
-                            if (has_force) z(place + i) = f(first + i - 1)
-                            if (a%norm_row(b) > 0) z(place + i) = z(place + i) + &
-                                self%added(b)*self%own(first + i - 1)*g(a%norm_row(b))
-                        end do
-                    end associate
-                    cycle
-                end if
-                if (has_force) then
-                    x(first:first + nb - 1) = 0.0_wp
-                    call add_moved(a%kind(b), nb, a%block_first(first:first + nb - 1), first, size(self%w, 1), &
-                        self%w(:, first:first + nb - 1), f(first:first + nb - 1), x(first:first + nb - 1))
-                    if (a%norm_row(b) > 0) then
-                        do i = first, first + nb - 1
-                            x(i) = x(i) + self%r(i)*g(a%norm_row(b))
-                        end do
-                    end if
-                else if (a%norm_row(b) > 0) then
-                    do i = first, first + nb - 1
-                        x(i) = self%r(i)*g(a%norm_row(b))
-                    end do
-                else
-                    x(first:first + nb - 1) = 0.0_wp
-                    cycle
-                end if
-                do l = a%link_start(b), a%link_start(b + 1) - 1
-                    n = a%link_node(l)
-                    s = a%height(n)
-                    call subtract_rows(s, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), x(first:first + nb - 1), &
-                        z(a%place(n) + 1:a%place(n) + s))
-                end do
-            end associate
-        end do
-        call solve_nodes(self, a, z)
-        do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            associate (first => a%first(b))
-                if (a%is_kept(b)) then
-                    x(first:first + nb - 1) = z(a%place(a%node_of_body(b)) + 1:a%place(a%node_of_body(b)) + nb)
-                    cycle
-                end if
-                t(:nb) = 0.0_wp
-                do l = a%link_start(b), a%link_start(b + 1) - 1
-                    n = a%link_node(l)
-                    s = a%height(n)
-                    call subtract_transposed(s, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), &
-                        z(a%place(n) + 1:a%place(n) + s), t(:nb))
-                end do
-                call add_moved(a%kind(b), nb, a%block_first(first:first + nb - 1), first, size(self%w, 1), &
-                    self%w(:, first:first + nb - 1), t(:nb), x(first:first + nb - 1))
-            end associate
-        end do
-    end subroutine solve
-
-    !> K z = z in place.
-    subroutine solve_nodes(self, a, z)
-        class(factor_type), intent(in) :: self
-        type(analysis_type), intent(in) :: a
-        real(wp), intent(inout), contiguous :: z(:)
-        real(wp) :: y(max(most_rows, most_coordinates))
-        integer :: j, n, p, s
-
-        do n = 1, a%n_nodes
-            s = a%height(n)
-            associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                call set_product(s, self%blocks(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
-                do j = a%later_start(n), a%later_start(n + 1) - 1
-                    p = a%height(a%later(j))
-                    call subtract_rows(p, s, self%blocks(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
-                        z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p))
-                end do
-            end associate
-        end do
-        do n = a%n_nodes, 1, -1
-            s = a%height(n)
-            associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                do j = a%later_start(n), a%later_start(n + 1) - 1
-                    p = a%height(a%later(j))
-                    call subtract_transposed(p, s, self%blocks(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
-                        z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
-                end do
-                call multiply_by(s, self%blocks(diagonal + 1:diagonal + s*s), z(place + 1:place + s))
-            end associate
-        end do
-    end subroutine solve_nodes
-
-    !> g := g - C x, all rows in use.
-    subroutine multiply(self, a, x, g)
-        class(factor_type), intent(in) :: self
-        type(analysis_type), intent(in) :: a
-        !> x (n), g (m).
-        real(wp), intent(in), contiguous :: x(:)
-        real(wp), intent(inout), contiguous :: g(:)
-        integer :: b, j, l, nb, s
-
-        do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            associate (first => a%first(b))
-                do l = a%link_start(b), a%link_start(b + 1) - 1
-                    s = a%height(a%link_node(l))
-                    associate (origin => a%origin(a%link_node(l)))
-                        call subtract_rows(s, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), &
-                            x(first:first + nb - 1), g(origin:origin + s - 1))
-                    end associate
-                end do
-                if (a%own_row(b) == 0) cycle
-                do j = first, first + nb - 1
-                    g(a%own_row(b)) = g(a%own_row(b)) - self%own(j)*x(j)
-                end do
-            end associate
-        end do
-    end subroutine multiply
-
-    !> f := f - C' lambda, all rows in use.
-    subroutine add_reactions(self, a, lambda, f)
-        class(factor_type), intent(in) :: self
-        type(analysis_type), intent(in) :: a
-        !> lambda (m), f (n).
-        real(wp), intent(in), contiguous :: lambda(:)
-        real(wp), intent(inout), contiguous :: f(:)
-        integer :: b, j, l, nb, s
-
-        do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            associate (first => a%first(b))
-                do l = a%link_start(b), a%link_start(b + 1) - 1
-                    s = a%height(a%link_node(l))
-                    associate (origin => a%origin(a%link_node(l)))
-                        call subtract_transposed(s, nb, self%c(a%link_offset(l) + 1:a%link_offset(l) + s*nb), &
-                            lambda(origin:origin + s - 1), f(first:first + nb - 1))
-                    end associate
-                end do
-                if (a%own_row(b) == 0) cycle
-                do j = first, first + nb - 1
-                    f(j) = f(j) - self%own(j)*lambda(a%own_row(b))
-                end do
-            end associate
-        end do
-    end subroutine add_reactions
-
-    !> What a force moves of each body by itself: W f; kept bodies stay.
-    subroutine move(self, a, f, x)
-        class(factor_type), intent(in) :: self
-        type(analysis_type), intent(in) :: a
-        !> f and x (n).
-        real(wp), intent(in), contiguous :: f(:)
-        real(wp), intent(inout), contiguous :: x(:)
-        integer :: b
-
-        do b = 1, a%n_bodies
-            associate (first => a%first(b), last => a%first(b + 1) - 1)
-                x(first:last) = 0.0_wp
-                if (a%is_kept(b)) cycle
-                call add_moved(a%kind(b), last - first + 1, a%block_first(first:last), first, size(self%w, 1), &
-                    self%w(:, first:last), f(first:last), x(first:last))
-            end associate
-        end do
-    end subroutine move
+    end subroutine add_squares
 
     !> All of it.
     subroutine pack_state(self, pack)
@@ -622,6 +481,8 @@ contains
         call pack%item(self%added)
         call pack%item(self%least)
         call pack%item(self%weakest)
+        call pack%item(self%rest)
+        call pack%item(self%loosest)
         out = merge(1, 0, self%is_out)
         call pack%item(out)
         self%is_out = out > 0

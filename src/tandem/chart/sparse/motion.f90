@@ -15,7 +15,7 @@ module tandem_chart_sparse_motion
     use tandem_options, only: options_type
     use tandem_status, only: status_chart_left, status_invalid_option, status_not_finite, status_ok, status_position_diverged, &
         status_rank_deficient, status_singular_mass
-    use tandem_chart_sparse_analysis, only: most_coordinates
+    use tandem_chart_sparse_blocks, only: most_coordinates
     implicit none (type, external)
     private
 

@@ -13,9 +13,8 @@ module tandem_chart_sparse_rank
     public :: rank_type
 
     type :: rank_type
-        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n), the root of the smallest pivot.
+        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n).
         real(wp), allocatable :: y(:), force(:)
-        real(wp) :: independence = 1.0_wp
         logical :: has_combination = .false.
         !> Work space.
         real(wp), allocatable, private :: next_y(:), next_force(:)
@@ -38,7 +37,6 @@ contains
         self%force = spread(0.0_wp, 1, system%analysis%n)
         self%next_force = self%force
         self%has_combination = .false.
-        self%independence = 1.0_wp
     end subroutine allocate_rank
 
     !> The combination of rows that is nearest to zero where the system was factored last, by three inverse iterations.
@@ -84,7 +82,8 @@ contains
                 end do
             end do
             self%next_force = 0.0_wp
-            call here%add_reactions(a, -system%g, self%next_force)
+            system%g(:) = -system%g
+            call here%add_reactions(a, system%g, self%next_force)
         end associate
     end subroutine find_here
 
@@ -138,7 +137,6 @@ contains
 
         call pack%item(self%y)
         call pack%item(self%force)
-        call pack%item(self%independence)
         call pack%item(self%has_combination)
     end subroutine pack_state
 end module tandem_chart_sparse_rank

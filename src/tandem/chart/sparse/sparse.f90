@@ -129,7 +129,6 @@ contains
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
         real(wp), intent(out), contiguous :: lambda(:)
         integer, intent(out) :: stat
-        real(wp) :: x(size(qdd))
 
         lambda = 0.0_wp
         associate (s => self%system)
@@ -140,8 +139,6 @@ contains
                 return
             end if
             self%counts%multipliers = self%counts%multipliers + 1
-            s%g(:) = -s%model%terms%gamma
-            call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, x, s%z)
             call s%find_multipliers(qdd, lambda)
         end associate
     end subroutine multipliers
@@ -292,13 +289,18 @@ contains
         end associate
     end function loss_ahead
 
-    !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
+    !> How far C has changed from the start of the step to the current point: rows of unit length at the start, Frobenius norm.
     real(wp) function relative_change(self)
         class(sparse_chart_type), intent(in) :: self
+        real(wp), dimension(self%system%m) :: change, length
 
+        change = 0.0_wp
+        length = 0.0_wp
         associate (s => self%system)
-            relative_change = norm2(s%factor(s%here)%c - s%factor(s%base)%c)/max(norm2(s%factor(s%base)%c), tiny(1.0_wp))
+            call s%factor(s%base)%add_squares(s%analysis, self%scale, length)
+            call s%factor(s%here)%add_squares(s%analysis, self%scale, change, s%factor(s%base))
         end associate
+        relative_change = sqrt(sum(change/max(length, tiny(1.0_wp))))
     end function relative_change
 
     !> Nothing is watched: charts are renewed at every step.

@@ -3,6 +3,7 @@
 !> chart's origin, which is the point of a step's start. The matrix of the step's end becomes that of the next origin.
 module tandem_chart_sparse_system
     use tandem_chart_sparse_analysis, only: analysis_type
+    use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: are_same
@@ -30,6 +31,9 @@ module tandem_chart_sparse_system
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         logical :: has_point = .false., has_motion = .false., has_phi = .false.
+        !> Natural scales of Phi and of C qd - nu (m, 2), and whether they are those of the last point with its velocity.
+        real(wp), allocatable :: scales(:, :)
+        logical :: has_scales = .false.
         !> Work space: unknowns of nodes, (m), (n).
         real(wp), allocatable :: z(:), g(:), x(:)
     contains
@@ -70,6 +74,7 @@ contains
         self%x = self%q_point
         self%z = spread(0.0_wp, 1, self%analysis%n_unknowns)
         self%g = spread(0.0_wp, 1, self%m)
+        self%scales = spread(self%g, 2, 2)
         self%base = 1
         self%here = 1
         call self%forget()
@@ -82,6 +87,7 @@ contains
         self%has_point = .false.
         self%has_motion = .false.
         self%has_phi = .false.
+        self%has_scales = .false.
     end subroutine forget
 
     !> Evaluate C, nu and M at (t, q), unless that was the last point.
@@ -198,6 +204,7 @@ contains
             if (are_same(size(qd), qd, self%qd_point)) return
         end if
         self%has_motion = .false.
+        self%has_scales = .false.
         counts%right_hand_sides = counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, counts, stat)
         if (stat /= status_ok) return
@@ -212,82 +219,68 @@ contains
         self%base = self%here
     end subroutine take_origin
 
-    !> Reciprocals of the natural scales of the rows at the last point, for Phi (nh) and for C qd - nu (m).
+    !> Reciprocals of the natural scales of the rows at the last point, for Phi (nh) and for C qd - nu (m). The errors at the end of
+    !> a step have left them.
     subroutine find_weights(self, q, qd, scale, of_phi, of_velocity)
         class(system_type), intent(inout) :: self
         !> (n) each.
-        real(wp), intent(in) :: q(:), qd(:), scale(:)
+        real(wp), intent(in), contiguous :: q(:), qd(:), scale(:)
         real(wp), intent(out) :: of_phi(:), of_velocity(:)
+        real(wp) :: errors(3)
+        integer :: i, rows(3)
 
-        associate (terms => self%model%terms, pattern => self%pattern)
-            of_phi = 0.0_wp
-            call pattern%add_row_scales(terms%jacobian, q, scale, of_phi)
-            of_velocity = abs(terms%nu)
-            call pattern%add_row_scales(terms%jacobian, qd, scale, of_velocity)
-        end associate
-        of_phi = 1.0_wp/max(of_phi, tiny(1.0_wp))
-        of_velocity = 1.0_wp/max(of_velocity, tiny(1.0_wp))
+        if (self%has_scales) self%has_scales = are_same(size(qd), qd, self%qd_point)
+        ! qd stands in for qdd, which they do not depend on.
+        if (.not. self%has_scales) call self%find_errors(q, qd, qd, scale, errors, rows)
+        self%has_scales = .false.
+        do i = 1, self%nh
+            of_phi(i) = 1.0_wp/max(self%scales(i, 1), tiny(1.0_wp))
+        end do
+        do i = 1, self%m
+            of_velocity(i) = 1.0_wp/max(self%scales(i, 2), tiny(1.0_wp))
+        end do
     end subroutine find_weights
 
-    !> The errors of the three levels on the natural scales of their rows, and the worst rows, in one pass through C.
+    !> The errors of the three levels on the natural scales of their rows, and the worst rows.
     subroutine find_errors(self, q, qd, qdd, scale, errors, rows)
-        class(system_type), intent(in) :: self
+        class(system_type), intent(inout) :: self
         !> (n) each, at the last point with its velocity.
-        real(wp), intent(in) :: q(:), qd(:), qdd(:), scale(:)
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), scale(:)
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
-        real(wp) :: residual(3), scales(3), entry
-        integer :: i, j, k
 
-        errors = 0.0_wp
-        rows = 0
-        associate (terms => self%model%terms, pattern => self%pattern)
-            do i = 1, self%m
-                residual = [0.0_wp, -terms%nu(i), terms%gamma(i)]
-                scales = abs(residual)
-                if (i <= self%nh) residual(1) = terms%phi(i)
-                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
-                    do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
-                        entry = terms%jacobian(i, pattern%column(j))
-                        residual(2) = residual(2) + entry*qd(j)
-                        residual(3) = residual(3) + entry*qdd(j)
-                        entry = abs(entry)
-                        scales(1) = scales(1) + entry*max(abs(q(j)), scale(j))
-                        scales(2) = scales(2) + entry*max(abs(qd(j)), scale(j))
-                        scales(3) = scales(3) + entry*max(abs(qdd(j)), scale(j))
-                    end do
-                end do
-                do k = 1, 3
-                    entry = abs(residual(k))/max(scales(k), tiny(1.0_wp))
-                    if (.not. entry <= huge(1.0_wp) .or. .not. scales(k) <= huge(1.0_wp)) entry = huge(1.0_wp)
-                    if (entry <= errors(k) .and. rows(k) > 0) cycle
-                    if (k == 1 .and. i > self%nh) cycle
-                    errors(k) = entry
-                    rows(k) = i
-                end do
-            end do
-        end associate
+        call self%load()
+        call judge_rows(self%analysis, self%factor(self%here), self%model%terms, self%nh, q, qd, qdd, scale, errors, rows, &
+            self%scales)
+        self%has_scales = self%has_motion
     end subroutine find_errors
 
-    !> The multipliers of all rows after `solve` with the forces has left z and the acceleration.
+    !> The multipliers of all rows that belong to an acceleration: those of least force left over in the mass metric,
+    !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known.
     subroutine find_multipliers(self, qdd, lambda)
         class(system_type), intent(inout) :: self
         !> (n)
         real(wp), intent(in), contiguous :: qdd(:)
         !> (m)
         real(wp), intent(out), contiguous :: lambda(:)
+        real(wp) :: force(size(qdd)), moved(size(qdd))
         integer :: b, first, i, last, n
 
         lambda = 0.0_wp
-        associate (a => self%analysis, factor => self%factor(self%here), force => self%x)
+        associate (a => self%analysis, factor => self%factor(self%here))
+            call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
+            force = self%model%terms%force - force
+            self%g(:) = 0.0_wp
+            call factor%solve(a, .true., force, self%g, self%x, self%z)
             do n = 1, a%n_nodes
                 if (a%is_body(n)) cycle
                 do i = 1, a%height(n)
                     lambda(a%origin(n) + i - 1) = self%z(a%place(n) + i)
                 end do
             end do
-            call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
-            force = self%model%terms%force - force
+            ! Owned rows were eliminated with their bodies: they hold what is left.
+            call self%pattern%multiply_mass(self%model%terms%mass, self%x, moved)
+            force = force - moved
             call factor%add_reactions(a, lambda, force)
             do b = 1, a%n_bodies
                 if (a%own_row(b) == 0) cycle
@@ -349,5 +342,7 @@ contains
         call pack%item(self%has_point)
         call pack%item(self%has_motion)
         call pack%item(self%has_phi)
+        call pack%item(self%scales)
+        call pack%item(self%has_scales)
     end subroutine pack_state
 end module tandem_chart_sparse_system

@@ -1,0 +1,168 @@
+! SPDX-License-Identifier: MIT
+!> The errors of all constraint levels on the natural scales of their rows, in one pass through C node by node: what a node adds up
+!> stays in registers.
+module tandem_chart_sparse_errors
+    use tandem_chart_sparse_analysis, only: analysis_type, most_rows
+    use tandem_chart_sparse_blocks, only: most_coordinates
+    use tandem_chart_sparse_factor, only: factor_type
+    use tandem_kinds, only: wp
+    use tandem_model_terms, only: terms_type
+    implicit none (type, external)
+    private
+
+    public :: judge_rows
+
+    !> The most rows that are looked at together.
+    integer, parameter :: most = max(most_rows, most_coordinates)
+
+    !> Of each row C qd - nu and C qdd + gamma, and what their terms, and those of Phi, add up to.
+    type :: sums_type
+        real(wp) :: residual(most, 2) = 0.0_wp, scale(most, 3) = 0.0_wp
+    end type sums_type
+
+contains
+
+    !> The largest error of each level, and its row.
+    subroutine judge_rows(a, factor, terms, nh, q, qd, qdd, scale, errors, rows, scales)
+        type(analysis_type), intent(in) :: a
+        !> With C of the point.
+        type(factor_type), intent(in) :: factor
+        !> Phi, nu and gamma of the point.
+        type(terms_type), intent(in) :: terms
+        !> The number of holonomic rows.
+        integer, intent(in) :: nh
+        !> (n) each.
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), scale(:)
+        real(wp), intent(out) :: errors(3)
+        integer, intent(out) :: rows(3)
+        !> The natural scales of Phi and of C qd - nu (m, 2); those of Phi without a meaning for rows at velocity level.
+        real(wp), intent(inout), contiguous :: scales(:, :)
+        type(sums_type) :: sums
+        integer :: b, n
+
+        errors = 0.0_wp
+        rows = 0
+        do n = 1, a%n_nodes
+            if (a%is_body(n)) cycle
+            associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
+                from => a%node_start(n))
+                select case (s)
+                case (5)
+                    call add_node(5, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
+                        terms%gamma(origin:origin + s - 1), sums)
+                case (2)
+                    call add_node(2, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
+                        terms%gamma(origin:origin + s - 1), sums)
+                case default
+                    call add_node(s, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
+                        terms%gamma(origin:origin + s - 1), sums)
+                end select
+                call take(origin, s)
+            end associate
+        end do
+        do b = 1, a%n_bodies
+            if (a%own_row(b) == 0) cycle
+            associate (row => a%own_row(b), from => a%first(b), to => a%first(b + 1) - 1)
+                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), &
+                    terms%nu(row), terms%gamma(row), sums)
+                call take(row, 1)
+            end associate
+        end do
+
+    contains
+
+        !> Compare what rows have added up to with the worst ones so far.
+        subroutine take(first, count)
+            integer, intent(in) :: first, count
+            integer :: i
+
+            do i = 1, count
+                scales(first + i - 1, 1) = sums%scale(i, 1)
+                scales(first + i - 1, 2) = sums%scale(i, 2)
+                if (first + i - 1 <= nh) call compare(terms%phi(first + i - 1), sums%scale(i, 1), first + i - 1, errors(1), rows(1))
+                call compare(sums%residual(i, 1), sums%scale(i, 2), first + i - 1, errors(2), rows(2))
+                call compare(sums%residual(i, 2), sums%scale(i, 3), first + i - 1, errors(3), rows(3))
+            end do
+        end subroutine take
+    end subroutine judge_rows
+
+    !> The error of a row against the worst one so far.
+    pure subroutine compare(residual, scale, row, worst, worst_row)
+        real(wp), intent(in) :: residual, scale
+        integer, intent(in) :: row
+        real(wp), intent(inout) :: worst
+        integer, intent(inout) :: worst_row
+
+        ! As a product, which costs less; NaN go on.
+        if (abs(residual) <= worst*scale .and. worst_row > 0 .and. scale <= huge(1.0_wp)) return
+        if (abs(residual)/max(scale, tiny(1.0_wp)) <= worst .and. worst_row > 0 .and. scale <= huge(1.0_wp)) return
+        worst = abs(residual)/max(scale, tiny(1.0_wp))
+        if (.not. worst <= huge(1.0_wp) .or. .not. scale <= huge(1.0_wp)) worst = huge(1.0_wp)
+        worst_row = row
+    end subroutine compare
+
+    !> What the rows of a node add up to.
+    pure subroutine add_node(s, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
+        integer, intent(in), value :: s, n_links
+        integer, intent(in) :: node_link(3, n_links)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(s), gamma(s)
+        type(sums_type), intent(inout) :: sums
+        real(wp) :: entry, x(3)
+        real(wp), dimension(most) :: velocity, acceleration, of_q, of_qd, of_qdd
+        integer :: i, j, k, l
+
+        do i = 1, s
+            velocity(i) = -nu(i)
+            acceleration(i) = gamma(i)
+            of_q(i) = 0.0_wp
+            of_qd(i) = abs(nu(i))
+            of_qdd(i) = abs(gamma(i))
+        end do
+        do l = 1, n_links
+            k = node_link(3, l)
+            do j = node_link(1, l), node_link(1, l) + node_link(2, l) - 1
+                x = max([abs(q(j)), abs(qd(j)), abs(qdd(j))], scale(j))
+                do i = 1, s
+                    entry = c(k + i)
+                    velocity(i) = velocity(i) + entry*qd(j)
+                    acceleration(i) = acceleration(i) + entry*qdd(j)
+                    entry = abs(entry)
+                    of_q(i) = of_q(i) + entry*x(1)
+                    of_qd(i) = of_qd(i) + entry*x(2)
+                    of_qdd(i) = of_qdd(i) + entry*x(3)
+                end do
+                k = k + s
+            end do
+        end do
+        do i = 1, s
+            sums%residual(i, 1) = velocity(i)
+            sums%residual(i, 2) = acceleration(i)
+            sums%scale(i, 1) = of_q(i)
+            sums%scale(i, 2) = of_qd(i)
+            sums%scale(i, 3) = of_qdd(i)
+        end do
+    end subroutine add_node
+
+    !> The same of a row that a body owns.
+    pure subroutine add_owned(nb, own, q, qd, qdd, scale, nu, gamma, sums)
+        integer, intent(in) :: nb
+        real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), nu, gamma
+        type(sums_type), intent(inout) :: sums
+        real(wp) :: entry, residual(2), terms(3)
+        integer :: j
+
+        residual = [-nu, gamma]
+        terms = [0.0_wp, abs(nu), abs(gamma)]
+        do j = 1, nb
+            entry = own(j)
+            residual(1) = residual(1) + entry*qd(j)
+            residual(2) = residual(2) + entry*qdd(j)
+            entry = abs(entry)
+            terms(1) = terms(1) + entry*max(abs(q(j)), scale(j))
+            terms(2) = terms(2) + entry*max(abs(qd(j)), scale(j))
+            terms(3) = terms(3) + entry*max(abs(qdd(j)), scale(j))
+        end do
+        sums%residual(1, :) = residual
+        sums%scale(1, :) = terms
+    end subroutine add_owned
+end module tandem_chart_sparse_errors

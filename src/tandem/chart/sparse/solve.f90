@@ -1,0 +1,262 @@
+! SPDX-License-Identifier: MIT
+!> Solutions with a factor by blocks, and products with C: what a step does most often. Loops are over lists that stand side by side
+!> in memory.
+submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
+    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, subtract_rows, subtract_transposed
+    implicit none (type, external)
+
+    !> The most unknowns of a node.
+    integer, parameter :: most = max(most_rows, most_coordinates)
+
+contains
+
+    !> Bodies forward, nodes forward and back, bodies back.
+    module procedure solve
+        call scatter(a%n_nodes, a%node, a%is_body, g, z)
+        call send_bodies(self, a, has_force, f, g, x, z)
+        call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, z)
+        call fetch_bodies(self, a, x, z)
+    end procedure solve
+
+    !> g by nodes, zeros for kept bodies.
+    pure subroutine scatter(n_nodes, node, is_body, g, z)
+        integer, intent(in) :: n_nodes, node(4, n_nodes)
+        logical, intent(in) :: is_body(n_nodes)
+        real(wp), intent(in) :: g(*)
+        real(wp), intent(inout) :: z(*)
+        integer :: i, n
+
+        do n = 1, n_nodes
+            associate (place => node(1, n), origin => node(4, n))
+                if (is_body(n)) then
+                    do i = 1, node(2, n)
+                        z(place + i) = 0.0_wp
+                    end do
+                else
+                    do i = 1, node(2, n)
+                        z(place + i) = g(origin + i - 1)
+                    end do
+                end if
+            end associate
+        end do
+    end subroutine scatter
+
+    !> x = W f + R g of each body that goes first, and what that takes from its nodes.
+    pure subroutine send_bodies(self, a, has_force, f, g, x, z)
+        class(factor_type), intent(in) :: self
+        type(analysis_type), intent(in) :: a
+        logical, intent(in) :: has_force
+        real(wp), intent(in) :: f(a%n), g(a%m)
+        real(wp), intent(inout) :: x(a%n), z(a%n_unknowns)
+        integer :: b, i, nb
+        real(wp) :: g_own
+
+        do b = 1, a%n_bodies
+            nb = a%first(b + 1) - a%first(b)
+            g_own = 0.0_wp
+            if (a%norm_row(b) > 0) g_own = g(a%norm_row(b))
+            associate (first => a%first(b))
+                if (a%is_kept(b)) then
+                    associate (place => a%place(a%node_of_body(b)))
+                        do i = 1, nb
+                            if (has_force) z(place + i) = f(first + i - 1)
+                            if (a%norm_row(b) > 0) z(place + i) = z(place + i) + self%added(b)*self%own(first + i - 1)*g_own
+                        end do
+                    end associate
+                    cycle
+                end if
+                if (a%norm_row(b) > 0) then
+                    do i = first, first + nb - 1
+                        x(i) = self%r(i)*g_own
+                    end do
+                else
+                    do i = first, first + nb - 1
+                        x(i) = 0.0_wp
+                    end do
+                    if (.not. has_force) cycle
+                end if
+                if (has_force) call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), f(first), &
+                    x(first))
+                if (a%link_start(b + 1) == a%link_start(b)) cycle
+                call send_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, x(first), z)
+            end associate
+        end do
+    end subroutine send_bodies
+
+    !> z := z - C x for the links of a body.
+    pure subroutine send_links(nb, n_links, link, c, x, z)
+        integer, intent(in) :: nb, n_links, link(4, n_links)
+        real(wp), intent(in) :: c(*), x(nb)
+        real(wp), intent(inout) :: z(*)
+        integer :: l
+
+        do l = 1, n_links
+            associate (place => link(1, l), s => link(2, l), offset => link(3, l))
+                call subtract_rows(s, nb, c(offset + 1), x, z(place + 1))
+            end associate
+        end do
+    end subroutine send_links
+
+    !> x := x - W C' z of each body that goes first; kept ones take theirs from z.
+    pure subroutine fetch_bodies(self, a, x, z)
+        class(factor_type), intent(in) :: self
+        type(analysis_type), intent(in) :: a
+        real(wp), intent(inout) :: x(a%n)
+        real(wp), intent(in) :: z(a%n_unknowns)
+        real(wp) :: t(most_coordinates)
+        integer :: b, i, nb
+
+        do b = 1, a%n_bodies
+            nb = a%first(b + 1) - a%first(b)
+            associate (first => a%first(b))
+                if (a%is_kept(b)) then
+                    do i = 1, nb
+                        x(first + i - 1) = z(a%place(a%node_of_body(b)) + i)
+                    end do
+                    cycle
+                end if
+                if (a%link_start(b + 1) == a%link_start(b)) cycle
+                do i = 1, nb
+                    t(i) = 0.0_wp
+                end do
+                call fetch_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, z, t)
+                call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), t, x(first))
+            end associate
+        end do
+    end subroutine fetch_bodies
+
+    !> t := t - C' z for the links of a body.
+    pure subroutine fetch_links(nb, n_links, link, c, z, t)
+        integer, intent(in) :: nb, n_links, link(4, n_links)
+        real(wp), intent(in) :: c(*), z(*)
+        real(wp), intent(inout) :: t(nb)
+        integer :: l
+
+        do l = 1, n_links
+            associate (place => link(1, l), s => link(2, l), offset => link(3, l))
+                call subtract_transposed(s, nb, c(offset + 1), z(place + 1), t)
+            end associate
+        end do
+    end subroutine fetch_links
+
+    !> K z = z in place.
+    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, z)
+        integer, intent(in) :: n_nodes, n_behind, node(4, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
+        real(wp), intent(in) :: blocks(*)
+        real(wp), intent(inout) :: z(*)
+        integer :: n
+
+        do n = 1, n_nodes
+            associate (place => node(1, n), d => node(3, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
+                call eliminate_node(node(2, n), place, d, later, behind(1, from), blocks, z)
+            end associate
+        end do
+        do n = n_nodes, 1, -1
+            associate (place => node(1, n), d => node(3, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
+                call find_node(node(2, n), place, d, later, behind(1, from), blocks, z)
+            end associate
+        end do
+    end subroutine solve_nodes
+
+    !> Take from later nodes what one gives them.
+    pure subroutine eliminate_node(s, place, diagonal, n_later, behind, blocks, z)
+        integer, intent(in), value :: s, place, diagonal, n_later
+        integer, intent(in) :: behind(3, n_later)
+        real(wp), intent(in) :: blocks(*)
+        real(wp), intent(inout) :: z(*)
+        real(wp) :: y(most)
+        integer :: k
+
+        if (n_later == 0) return
+        call multiply_inverse(s, blocks(diagonal + 1), z(place + 1), y)
+        do k = 1, n_later
+            call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), y, z(behind(1, k) + 1))
+        end do
+    end subroutine eliminate_node
+
+    !> The unknowns of a node where those behind it are known.
+    pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
+        integer, intent(in), value :: s, place, diagonal, n_later
+        integer, intent(in) :: behind(3, n_later)
+        real(wp), intent(in) :: blocks(*)
+        real(wp), intent(inout) :: z(*)
+        real(wp) :: y(most)
+        integer :: i, k
+
+        do i = 1, s
+            y(i) = z(place + i)
+        end do
+        do k = 1, n_later
+            call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), y)
+        end do
+        call multiply_inverse(s, blocks(diagonal + 1), y, z(place + 1))
+    end subroutine find_node
+
+    !> Node by node, whose part of g stays in registers; then owned rows.
+    module procedure multiply
+        integer :: b, j
+        real(wp) :: total
+
+        call multiply_nodes(a%n_nodes, size(a%node_link, 2), a%node, a%is_body, a%node_start, a%node_link, self%c, x, g)
+        do b = 1, a%n_bodies
+            if (a%own_row(b) == 0) cycle
+            total = g(a%own_row(b))
+            do j = a%first(b), a%first(b + 1) - 1
+                total = total - self%own(j)*x(j)
+            end do
+            g(a%own_row(b)) = total
+        end do
+    end procedure multiply
+
+    !> The rows of nodes.
+    pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, node_start, node_link, c, x, g)
+        integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
+        logical, intent(in) :: is_body(n_nodes)
+        real(wp), intent(in) :: c(*), x(*)
+        real(wp), intent(inout) :: g(*)
+        integer :: l, n
+
+        do n = 1, n_nodes
+            if (is_body(n)) cycle
+            do l = node_start(n), node_start(n + 1) - 1
+                associate (s => node(2, n), origin => node(4, n), first => node_link(1, l), nb => node_link(2, l), &
+                    offset => node_link(3, l))
+                    call subtract_rows(s, nb, c(offset + 1), x(first), g(origin))
+                end associate
+            end do
+        end do
+    end subroutine multiply_nodes
+
+    !> Body by body.
+    module procedure add_reactions
+        integer :: b, j, l
+
+        do b = 1, a%n_bodies
+            associate (from => a%first(b), to => a%first(b + 1) - 1)
+                do l = a%link_start(b), a%link_start(b + 1) - 1
+                    associate (s => a%link(2, l), origin => a%link(4, l))
+                        call subtract_transposed(s, to - from + 1, self%c(a%link(3, l) + 1), lambda(origin:origin + s - 1), &
+                            f(from:to))
+                    end associate
+                end do
+                if (a%own_row(b) == 0) cycle
+                do j = from, to
+                    f(j) = f(j) - self%own(j)*lambda(a%own_row(b))
+                end do
+            end associate
+        end do
+    end procedure add_reactions
+
+    module procedure move
+        integer :: b
+
+        x(:) = 0.0_wp
+        do b = 1, a%n_bodies
+            if (a%is_kept(b)) cycle
+            associate (from => a%first(b), to => a%first(b + 1) - 1)
+                call add_moved(a%kind(b), to - from + 1, a%block_first(from), size(self%w, 1), self%w(1, from), f(from:to), &
+                    x(from:to))
+            end associate
+        end do
+    end procedure move
+end submodule tandem_chart_sparse_solve
