@@ -25,6 +25,8 @@ module tandem_model_pattern
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
+        !> Pairs of bodies whose forces depend on each other (2, :), for `evaluate_stiffness`; none where not allocated.
+        integer, allocatable :: coupled(:, :)
     contains
         procedure :: build
         procedure :: multiply
