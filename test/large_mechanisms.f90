@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Mechanisms of any number of bodies: chains in the plane and in space, four-bars side by side, a star, a net, a train.
+!> Mechanisms of any number of bodies: chains in the plane and in space, four-bars side by side, a star, a net, a train, and sprung
+!> chains with stiff springs and dampers along their hinges.
 module large_mechanisms
     use tandem, only: error_type, mechanism_type, wp
     implicit none (type, external)
@@ -7,8 +8,8 @@ module large_mechanisms
 
     public :: make_large, large_names
 
-    character(len=14), parameter :: large_names(6) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'star', &
-        'net', 'trailers']
+    character(len=14), parameter :: large_names(8) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'star', &
+        'net', 'trailers', 'sprung_chain', 'sprung_plane']
 
 contains
 
@@ -19,12 +20,15 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
 
-        mechanism%planar = any(name == [character(len=14) :: 'planar_chain', 'four_bars', 'trailers'])
+        mechanism%planar = any(name == [character(len=14) :: 'planar_chain', 'four_bars', 'trailers', 'sprung_plane'])
         mechanism%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
         if (mechanism%planar) mechanism%gravity = [0.0_wp, -9.81_wp, 0.0_wp]
         select case (name)
         case ('planar_chain', 'spatial_chain')
             call draw_chain(n, mechanism, error)
+        case ('sprung_chain', 'sprung_plane')
+            call draw_chain(n, mechanism, error)
+            if (.not. allocated(error)) call add_springs(n, mechanism, error)
         case ('four_bars')
             call draw_four_bars((n - 1)/2, mechanism, error)
         case ('star')
@@ -74,6 +78,21 @@ contains
             last = numbered('b', i)
         end do
     end subroutine draw_chain
+
+    !> Stiff springs and dampers along the hinges of a chain, and soft ones to the next body but one.
+    subroutine add_springs(n, mechanism, error)
+        integer, intent(in) :: n
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        do i = 1, n
+            call mechanism%add_torsion(numbered('s', i), numbered('j', i), error, stiffness=1.0e4_wp, damping=10.0_wp)
+            if (i > 2 .and. .not. allocated(error)) call mechanism%add_spring(numbered('f', i), numbered('b', i - 2), &
+                numbered('b', i), error, stiffness=100.0_wp, damping=1.0_wp)
+            if (allocated(error)) return
+        end do
+    end subroutine add_springs
 
     !> The problem A02 of the benchmarks of the IFToMM: n four-bars in a row.
     subroutine draw_four_bars(n, mechanism, error)

@@ -60,6 +60,7 @@ program main
     use test_root, only: collect_root
     use test_simulation, only: collect_simulation
     use test_sparse, only: collect_sparse
+    use test_sparse_implicit, only: collect_sparse_implicit
     use test_singular, only: collect_singular
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
@@ -150,6 +151,7 @@ program main
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
+        new_testsuite('sparse_implicit', collect_sparse_implicit), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('small_motions', collect_small_motions), &

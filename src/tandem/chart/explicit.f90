@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A chart that serves explicit steppers alone: what only implicit ones ask for ends with a failure here. Its `initialize` refuses
-!> them before.
+!> A chart that serves explicit steppers alone: what only implicit ones ask for ends with a failure here, unless it is overridden.
+!> Its `initialize` refuses them before.
 module tandem_chart_explicit
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp

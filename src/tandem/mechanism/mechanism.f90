@@ -28,6 +28,7 @@ module tandem_mechanism
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
         need_dynamics_q, need_dynamics_qd, need_velocity_q
+    use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_pack, only: pack_type
     use tandem_rigid_euler_parameters, only: e_transposed_product
@@ -58,6 +59,8 @@ module tandem_mechanism
         integer, private :: inputs_of_f = 0
         !> C and nu at a row of a file; only where a sensor looks at reactions.
         type(terms_type), private :: at_row
+        !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
+        type(derivatives_type), private :: window
     contains
         procedure :: define
         procedure :: start
@@ -76,6 +79,20 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine allow_changes
+
+        !> Which bodies' forces depend on each other, and the room for an element's gradient blocks.
+        module subroutine list_coupled(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_coupled
+
+        !> The blocks of the elements at the point that the poses are set for.
+        module subroutine add_stiffness(self, t, lambda, stiffness)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, lambda(:)
+            type(stiffness_type), intent(inout) :: stiffness
+        end subroutine add_stiffness
     end interface
 
 contains
@@ -117,6 +134,10 @@ contains
         self%potential_energy => potential_energy
         self%list_motions => list_motions
         self%input_name = [character(len=label_length) :: self%motions%name]
+        if (allocated(self%pattern)) then
+            call list_coupled(self)
+            self%evaluate_stiffness => evaluate_stiffness
+        end if
         call list_quantities(self)
         call allow_changes(self)
     end subroutine define
@@ -514,12 +535,27 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    subroutine differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
-        type(mechanism_type), intent(inout) :: self
-        integer, intent(in) :: need
+    !> Derivatives of the forces by blocks of bodies.
+    subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, stat)
+        class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-        type(derivatives_type), intent(inout) :: derivatives
-        integer :: i, j, k
+        type(stiffness_type), intent(inout) :: stiffness
+        integer, intent(out) :: stat
+
+        stat = 0
+        call stiffness%clear()
+        select type (self)
+        class is (mechanism_type)
+            call set_motion(self, t, q, qd, qdd)
+            call add_stiffness(self, t, lambda, stiffness)
+        end select
+    end subroutine evaluate_stiffness
+
+    !> Poses with all derivatives, and the functions of time.
+    subroutine set_motion(self, t, q, qd, qdd)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        integer :: i
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         do i = 1, size(self%bodies)
@@ -528,6 +564,16 @@ contains
             call set_curve(self%pose(i), qdd)
         end do
         call evaluate_functions(self, t)
+    end subroutine set_motion
+
+    subroutine differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
+        type(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer :: i, j, k
+
+        call set_motion(self, t, q, qd, qdd)
         call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
         call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)

@@ -5,10 +5,13 @@ module tandem_model_evaluator
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: is_zero_where
     use tandem_model, only: model_type
+    use tandem_model_derivatives, only: n_derivatives, need_dynamics_q, need_dynamics_qd
+    use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
-    use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_evaluate, of_holonomic, of_holonomic_jacobian, &
-        of_holonomic_rate, of_inertia_force, of_mass_matrix, of_nonholonomic_jacobian, of_nonholonomic_rhs
+    use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_evaluate, of_evaluate_derivatives, &
+        of_holonomic, of_holonomic_jacobian, of_holonomic_rate, of_inertia_force, of_mass_matrix, of_nonholonomic_jacobian, &
+        of_nonholonomic_rhs
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -16,6 +19,9 @@ module tandem_model_evaluator
     private
 
     public :: evaluator_type
+
+    !> What `evaluate_stiffness` of a model gives.
+    integer, parameter :: need_dynamics = need_dynamics_q + need_dynamics_qd
 
     type :: evaluator_type
         !> The values of the last evaluation of each term, of the rows in use.
@@ -47,6 +53,8 @@ module tandem_model_evaluator
         real(wp), allocatable, private :: part(:)
     contains
         procedure :: segment
+        procedure :: constant_mass
+        procedure :: evaluate_stiffness
         procedure :: initialize
         procedure :: evaluate
         procedure :: evaluate_phi
@@ -149,6 +157,33 @@ contains
 
         segment = self%model%segment
     end function segment
+
+    !> Whether M does not depend on q.
+    pure logical function constant_mass(self)
+        class(evaluator_type), intent(in) :: self
+
+        constant_mass = self%model%constant_mass
+    end function constant_mass
+
+    !> The derivatives of the forces by blocks of bodies.
+    subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, counts, stat)
+        class(evaluator_type), intent(inout) :: self
+        !> As of the model's.
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(stiffness_type), intent(inout) :: stiffness
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: i
+
+        if (associated(self%model%timer)) call self%model%timer%begin_call(of_evaluate_derivatives + need_dynamics)
+        call self%model%evaluate_stiffness(t, q, qd, qdd, lambda, stiffness, stat)
+        if (associated(self%model%timer)) call self%model%timer%end_call()
+        do i = 1, n_derivatives
+            if (btest(need_dynamics, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
+        end do
+        if (stat /= 0) stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+    end subroutine evaluate_stiffness
 
     !> Evaluate the terms of a need mask that the model has.
     subroutine evaluate(self, need, t, q, qd, counts, stat)

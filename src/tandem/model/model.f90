@@ -14,6 +14,7 @@ module tandem_model
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_pattern, only: pattern_type
+    use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
@@ -161,6 +162,8 @@ module tandem_model
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
+        !> The derivatives of the forces by blocks of the bodies of `pattern`: with it implicit steppers run on sparse charts.
+        procedure(evaluate_stiffness_interface), pointer :: evaluate_stiffness => null()
         !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
         !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
@@ -355,6 +358,19 @@ module tandem_model
             type(derivatives_type), intent(inout) :: derivatives
             integer, intent(out) :: stat
         end subroutine evaluate_derivatives_interface
+
+        !> K = (M qdd + C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by blocks. What is left out of them costs corrections, and
+        !> never changes the solution.
+        subroutine evaluate_stiffness_interface(self, t, q, qd, qdd, lambda, stiffness, stat)
+            import :: model_type, wp, stiffness_type
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
+            real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+            !> All blocks are set, zeros included; its bodies are those of the pattern, its pairs those of `pattern%coupled`.
+            type(stiffness_type), intent(inout) :: stiffness
+            integer, intent(out) :: stat
+        end subroutine evaluate_stiffness_interface
     end interface
 
 contains

@@ -28,6 +28,8 @@ module tandem_model_pattern
         integer, allocatable :: column(:), mass_column(:)
         !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
         character(len=120) :: fault = ''
+        !> Pairs of bodies whose forces depend on each other (2, :), for `evaluate_stiffness`; none where not allocated.
+        integer, allocatable :: coupled(:, :)
     contains
         procedure :: build
         procedure :: find_fault

@@ -3,8 +3,9 @@
 module tandem_profile_sparse_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
-    use tandem_profile_parts, only: part_acceleration, part_energy, part_errors, part_multipliers, part_position, part_projection, &
-        part_rank, part_refresh, part_renew, part_velocity
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_energy, part_errors, part_filter, &
+        part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
+        part_velocity
     use tandem_chart_sparse, only: sparse_chart_type
     implicit none (type, external)
     private
@@ -21,6 +22,10 @@ module tandem_profile_sparse_chart
         procedure :: restore_position
         procedure :: restore_velocity
         procedure :: solve_dynamics
+        procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: correct_stage
+        procedure :: filter_error
         procedure :: restore_near
         procedure :: multipliers
         procedure :: project_velocity
@@ -95,6 +100,55 @@ contains
         call self%sparse_chart_type%solve_dynamics(t, q, qd, qdd, stat)
         call self%profile%leave(mark)
     end subroutine solve_dynamics
+
+    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_matrix, mark)
+        call self%sparse_chart_type%factor_stage(t, q, qd, qdd, ha, stat)
+        call self%profile%leave(mark)
+    end subroutine factor_stage
+
+    subroutine reuse_stage(self, ha, can)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_reuse, mark)
+        call self%sparse_chart_type%reuse_stage(ha, can)
+        call self%profile%leave(mark)
+    end subroutine reuse_stage
+
+    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_correction, mark)
+        call self%sparse_chart_type%correct_stage(t, q, qd, ha, rate_q, rate_qd, change, stat)
+        call self%profile%leave(mark)
+    end subroutine correct_stage
+
+    subroutine filter_error(self, error_q, error_qd)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_filter, mark)
+        call self%sparse_chart_type%filter_error(error_q, error_qd)
+        call self%profile%leave(mark)
+    end subroutine filter_error
 
     subroutine restore_near(self, t, q, qd, stat)
         class(profiled_sparse_chart_type), intent(inout) :: self

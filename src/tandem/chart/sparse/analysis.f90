@@ -16,7 +16,7 @@ module tandem_chart_sparse_analysis
     implicit none (type, external)
     private
 
-    public :: analysis_type, most_rows, most_coordinates, most_links
+    public :: analysis_type, most_rows, most_coordinates, most_links, sorted
 
     !> The most rows of a node, and nodes at a body that is eliminated first.
     integer, parameter :: most_rows = 6, most_links = 8
@@ -60,10 +60,10 @@ module tandem_chart_sparse_analysis
     contains
         procedure :: analyse
         procedure, private :: gather_rows
-        procedure, private :: find_waiting
+        procedure :: find_waiting
         procedure, private :: number_nodes
-        procedure, private :: place_blocks
-        procedure, private :: find_updates
+        procedure :: place_blocks
+        procedure :: find_updates
         procedure, private :: find_pairs
         procedure :: block_of
     end type analysis_type

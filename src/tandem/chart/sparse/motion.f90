@@ -19,7 +19,7 @@ module tandem_chart_sparse_motion
     implicit none (type, external)
     private
 
-    public :: sparse_motion_type, find_obstacle, largest
+    public :: sparse_motion_type, find_obstacle, initialize, largest
 
     !> Stands for an error or a part of it that nothing is known of.
     real(wp), parameter :: unknown = 1.0e100_wp
@@ -88,8 +88,10 @@ contains
             obstacle = 'the model''s evaluate does not give the jacobian, the mass matrix and gamma'
         else if (maxval(model%pattern%first(2:) - model%pattern%first(:model%pattern%n_bodies)) > most_coordinates) then
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
-        else if (implicit) then
-            obstacle = 'implicit steppers need the dense chart'
+        else if (implicit .and. options%stepper == 'radau5') then
+            obstacle = 'radau5 needs the dense chart'
+        else if (implicit .and. .not. associated(model%evaluate_stiffness)) then
+            obstacle = 'the model gives no derivatives by bodies (evaluate_stiffness), which implicit steppers need'
         else if (options%chart /= 'every_step') then
             obstacle = 'chart = "'//trim(options%chart)//'" needs the dense chart'
         else if (options%refresh /= 'factor' .or. options%basis /= 'qr') then

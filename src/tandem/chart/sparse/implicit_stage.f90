@@ -1,0 +1,280 @@
+! SPDX-License-Identifier: MIT
+!> What implicit stages ask of the sparse chart: the Newton matrix, corrections of a stage's rates, errors through the matrix.
+!>
+!> Rates are ambient, and of a stage's rates qd and qdd only what the chart's complement leaves of them counts. So Newton's unknowns
+!> are the acceleration and the multipliers of the stage, and the rate of the position follows: with r = qd - rate_q,
+!>
+!>   [H, C'; C, 0] [b; mu] = [S + Q_A - M qdd - C' lambda - ha K r; -gamma - C qdd],   H = M + ha D + ha^2 K,
+!>   qdd := qdd + b,   lambda := lambda + mu,   rate_q := qd + ha b.
+!>
+!> At its end the equations of motion and C qdd = -gamma hold at the stage itself, whatever matrix led there.
+module tandem_chart_sparse_implicit_stage
+    use tandem_chart_sparse_motion, only: initialize_motion => initialize, sparse_motion_type
+    use tandem_chart_sparse_newton_matrix, only: newton_matrix_type
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_stiffness, only: stiffness_type
+    use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_not_finite, status_ok
+    implicit none (type, external)
+    private
+
+    public :: sparse_implicit_type
+
+    !> The chart with implicit stages.
+    type, abstract, extends(sparse_motion_type) :: sparse_implicit_type
+        !> Only where the stepper is implicit, as the rest.
+        type(newton_matrix_type), allocatable :: newton
+        !> The model's segment when the matrix was formed.
+        integer :: newton_segment = 0
+        !> The multipliers of the last stage (m).
+        real(wp), allocatable :: lambda(:)
+        !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
+        real(wp), allocatable, private :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
+    contains
+        procedure :: initialize
+        procedure :: factor_stage
+        procedure :: reuse_stage
+        procedure :: matrix_cost
+        procedure :: correct_stage
+        procedure :: filter_error
+        procedure :: pack_newton
+        procedure, private :: find_correction
+        procedure, private :: make_tangent
+    end type sparse_implicit_type
+
+contains
+
+    !> Attach the model; for an implicit stepper analyse the Newton matrix too.
+    subroutine initialize(self, model, options, implicit, error, kept)
+        class(sparse_implicit_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
+        type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
+        type(stiffness_type) :: stiffness
+        integer, allocatable :: pairs(:, :)
+
+        call initialize_motion(self, model, options, implicit, error, kept)
+        if (allocated(self%newton)) deallocate (self%newton)
+        if (allocated(error) .or. .not. implicit) return
+        allocate (pairs(2, 0))
+        if (allocated(model%pattern%coupled)) pairs = model%pattern%coupled
+        call stiffness%build(model%pattern%first, pairs)
+        allocate (self%newton)
+        call self%newton%initialize(self%system%analysis, stiffness, model%pattern%mass_width)
+        self%force = spread(0.0_wp, 1, model%n)
+        self%part = self%force
+        self%total = self%force
+        self%lambda = spread(0.0_wp, 1, model%n_constraints())
+        self%mu = self%lambda
+        self%total_mu = self%lambda
+        self%rows = self%lambda
+    end subroutine initialize
+
+    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
+    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        real(wp), intent(in) :: ha
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        associate (s => self%system)
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
+            s%g(:) = -s%model%terms%gamma
+            call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
+            call s%find_multipliers(self%part, self%lambda)
+            call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%stiffness, self%counts, stat)
+            if (stat /= status_ok) then
+                self%failed_term = 'a derivative'
+                return
+            end if
+            call self%newton%form(s%factor(s%here), s%model%terms%mass)
+            call self%newton%factor(ha, stat)
+            self%newton_segment = s%model%segment()
+        end associate
+        self%counts%newton_matrices = self%counts%newton_matrices + 1
+        self%counts%newton_factorizations = self%counts%newton_factorizations + 1
+    end subroutine factor_stage
+
+    !> Make the last matrix serve ha.
+    subroutine reuse_stage(self, ha, can)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        logical, intent(out) :: can
+        !> A step of the grid differs from the next by rounding of the time.
+        real(wp), parameter :: rounding = 1.0e-6_wp
+        integer :: stat
+
+        can = self%newton%ha > 0.0_wp .and. self%newton_segment == self%system%model%segment()
+        if (can) can = self%newton%is_near(self%system%analysis, self%system%factor(self%system%base))
+        if (.not. can .or. abs(ha - self%newton%ha) <= rounding*self%newton%ha) return
+        call self%newton%factor(ha, stat)
+        self%counts%newton_factorizations = self%counts%newton_factorizations + 1
+        can = stat == status_ok
+    end subroutine reuse_stage
+
+    !> What a matrix costs, in corrections; measured on chains.
+    pure real(wp) function matrix_cost(self)
+        class(sparse_implicit_type), intent(in) :: self
+
+        matrix_cost = 2.5_wp
+    end function matrix_cost
+
+    !> One Newton correction of a stage's rates at the restored point.
+    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        real(wp) :: moved
+        integer :: j
+
+        self%failed_row = 0
+        change = 0.0_wp
+        associate (s => self%system)
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat /= status_ok) then
+                self%failed_term = trim(s%model%failed_term)
+                return
+            end if
+            call s%load()
+            associate (here => s%factor(s%here), terms => s%model%terms)
+                ! What the equations of motion and the rows leave.
+                call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
+                self%force(:) = terms%force - self%force
+                call here%add_reactions(s%analysis, self%lambda, self%force)
+                self%part(:) = qd - rate_q
+                call self%newton%stiffness%multiply(-ha, self%part, self%force)
+                self%rows(:) = -terms%gamma
+                call here%multiply(s%analysis, rate_qd, self%rows)
+                call self%find_correction(qd, ha)
+            end associate
+            do j = 1, self%n
+                moved = qd(j) + ha*self%total(j) - rate_q(j)
+                change = max(change, abs(ha*moved)/max(abs(q(j)), self%scale(j)), &
+                    abs(ha*self%total(j))/max(abs(qd(j)), self%scale(j)))
+                rate_q(j) = rate_q(j) + moved
+                rate_qd(j) = rate_qd(j) + self%total(j)
+            end do
+            self%lambda(:) = self%lambda + self%total_mu
+            if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+                stat = status_not_finite
+                call s%name_infinite(stat)
+                self%failed_term = trim(s%model%failed_term)
+            end if
+        end associate
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+    end subroutine correct_stage
+
+    !> Solve for `force` and `rows` into `total` and `total_mu`, with M and C of the current point, by refinement.
+    subroutine find_correction(self, qd, ha)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(in) :: ha
+        !> Solutions at most; what is left of the first one that is of no account; a step that is none.
+        integer, parameter :: most = 4
+        real(wp), parameter :: negligible = 0.01_wp, slow = 0.5_wp
+        real(wp) :: first_size, last_size, size
+        integer :: j, pass
+
+        self%total(:) = 0.0_wp
+        self%total_mu(:) = 0.0_wp
+        first_size = 0.0_wp
+        last_size = huge(1.0_wp)
+        associate (s => self%system, newton => self%newton)
+            call newton%look_at(s%factor(s%here))
+            do pass = 1, most
+                call newton%solve(self%force, self%rows, self%part, self%mu)
+                size = 0.0_wp
+                do j = 1, self%n
+                    self%total(j) = self%total(j) + self%part(j)
+                    size = max(size, abs(ha*self%part(j))/max(abs(qd(j)), self%scale(j)))
+                end do
+                self%total_mu(:) = self%total_mu + self%mu
+                if (pass == 1) first_size = size
+                if (pass == most .or. size <= negligible*first_size .and. pass > 1 .or. .not. size < slow*last_size) exit
+                last_size = size
+                ! What M and C then leave that they are now.
+                self%rows(:) = 0.0_wp
+                call newton%turn%multiply(s%analysis, self%part, self%rows)
+                self%rows(:) = -self%rows
+                self%force(:) = 0.0_wp
+                call newton%turn%add_reactions(s%analysis, self%mu, self%force)
+                self%force(:) = -self%force
+                if (s%model%constant_mass()) cycle
+                call add_mass(self, 1.0_wp, newton%mass)
+                call add_mass(self, -1.0_wp, s%model%terms%mass)
+            end do
+        end associate
+    end subroutine find_correction
+
+    !> force := force + sign M part.
+    subroutine add_mass(self, sign, mass)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in) :: sign, mass(:, :)
+
+        call self%system%pattern%multiply_mass(mass, self%part, self%system%x)
+        self%force(:) = self%force + sign*self%system%x
+    end subroutine add_mass
+
+    !> The error through the Newton matrix; of its velocity, what the chart at the last point makes of it.
+    subroutine filter_error(self, error_q, error_qd)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
+
+        associate (s => self%system, newton => self%newton)
+            call self%make_tangent(.true., s%nh, error_q)
+            call self%make_tangent(.true., s%m, error_qd)
+            call s%pattern%multiply_mass(newton%mass, error_qd, self%force)
+            call newton%stiffness%multiply(-newton%ha, error_q, self%force)
+            self%rows(:) = 0.0_wp
+            call newton%solve(self%force, self%rows, self%part, self%mu)
+            error_qd(:) = self%part
+            error_q(:) = error_q + newton%ha*self%part
+            call self%make_tangent(.false., s%m, error_qd)
+        end associate
+    end subroutine filter_error
+
+    !> Take from a vector what the chart ignores of it, by the first rows at the origin or at the last point.
+    subroutine make_tangent(self, is_origin, n_rows, x)
+        class(sparse_implicit_type), intent(inout) :: self
+        logical, intent(in) :: is_origin
+        integer, intent(in) :: n_rows
+        real(wp), intent(inout), contiguous :: x(:)
+
+        if (n_rows == 0) return
+        associate (s => self%system)
+            if (.not. is_origin .and. .not. s%factor(s%here)%has_rows) return
+            s%g(:) = 0.0_wp
+            call s%factor(merge(s%base, s%here, is_origin))%multiply(s%analysis, x, s%g)
+            s%g(n_rows + 1:) = 0.0_wp
+            call s%factor(s%base)%solve(s%analysis, .false., x, s%g, s%x, s%z)
+            x(:) = x + s%x
+        end associate
+    end subroutine make_tangent
+
+    !> The matrix, and the last stage's multipliers.
+    subroutine pack_newton(self, pack)
+        class(sparse_implicit_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        if (.not. allocated(self%newton)) return
+        call self%newton%pack_state(pack)
+        call pack%item(self%newton_segment)
+        call pack%item(self%lambda)
+    end subroutine pack_newton
+end module tandem_chart_sparse_implicit_stage

@@ -1,0 +1,397 @@
+! SPDX-License-Identifier: MIT
+!> The Newton matrix of implicit stages of a sparse chart, [H, C'; C, 0] with H = M + ha D + ha^2 K, factored by blocks L U: it is
+!> not symmetric where forces turn with bodies, rub or are controlled. No basis is formed, and the cost is that of the pattern.
+!>
+!> A matrix outlives its chart and serves while C has not turned far. M, C, D and K are kept, so that another ha costs a
+!> factorisation and no derivatives. What C and M have changed by since is made up for by refinement (`turn`): corrections contract
+!> as with the C of the point, but for the third power of the angle.
+module tandem_chart_sparse_newton_matrix
+    use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_rows
+    use tandem_chart_sparse_blocks, only: multiply_block, multiply_by, set_product, subtract_product, subtract_rows, &
+        subtract_transposed
+    use tandem_chart_sparse_factor, only: factor_type
+    use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
+    use tandem_kinds, only: wp
+    use tandem_model_stiffness, only: stiffness_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_newton_failed, status_ok
+    implicit none (type, external)
+    private
+
+    public :: newton_matrix_type
+
+    !> The most unknowns of a node.
+    integer, parameter :: most = max(most_rows, most_coordinates + 1)
+
+    type :: newton_matrix_type
+        type(newton_analysis_type) :: analysis
+        !> D and K of the last `form`.
+        type(stiffness_type) :: stiffness
+        !> M, compressed, the parts of C by links and by owned rows there.
+        real(wp), allocatable :: mass(:, :), c(:), own(:)
+        !> Rows that are left out (m).
+        logical, allocatable, private :: is_out(:)
+        !> What C has changed by from there to the last point that was looked at.
+        type(factor_type) :: turn
+        !> Blocks below the diagonal with inverse diagonal ones, and transposed ones above it.
+        real(wp), allocatable, private :: lower(:), upper(:)
+        !> ha of the last `factor`, 0 where there is none.
+        real(wp) :: ha = 0.0_wp
+        !> Work space: unknowns of nodes.
+        real(wp), allocatable, private :: z(:)
+    contains
+        procedure :: initialize
+        procedure :: form
+        procedure :: factor
+        procedure :: solve
+        procedure :: look_at
+        procedure :: is_near
+        procedure :: pack_state
+        procedure, private :: fill
+        procedure, private :: eliminate
+    end type newton_matrix_type
+
+contains
+
+    !> Allocate.
+    subroutine initialize(self, base, stiffness, mass_width)
+        class(newton_matrix_type), intent(inout) :: self
+        !> The chart's own analysis.
+        type(analysis_type), intent(in) :: base
+        !> Built.
+        type(stiffness_type), intent(in) :: stiffness
+        integer, intent(in) :: mass_width
+
+        self%stiffness = stiffness
+        call self%analysis%analyse_newton(base, stiffness)
+        if (allocated(self%lower)) deallocate (self%lower, self%upper, self%mass, self%c, self%own, self%z, self%is_out, &
+            self%turn%c, self%turn%own)
+        allocate (self%lower(self%analysis%n_factor), self%upper(self%analysis%n_factor), self%mass(base%n, mass_width), &
+            self%c(base%n_entries), self%own(base%n), self%z(self%analysis%n_unknowns), self%turn%c(base%n_entries), &
+            self%turn%own(base%n), source=0.0_wp)
+        allocate (self%is_out(base%m), source=.false.)
+        self%ha = 0.0_wp
+    end subroutine initialize
+
+    !> Take M and C of a point; D and K are there.
+    subroutine form(self, here, mass)
+        class(newton_matrix_type), intent(inout) :: self
+        !> With its rows loaded.
+        type(factor_type), intent(in) :: here
+        !> Compressed.
+        real(wp), intent(in), contiguous :: mass(:, :)
+
+        self%mass(:, :) = mass
+        self%c(:) = here%c
+        self%own(:) = here%own
+        self%is_out(:) = here%is_out
+        self%ha = 0.0_wp
+    end subroutine form
+
+    !> Factor for ha = h a_ii.
+    subroutine factor(self, ha, stat)
+        class(newton_matrix_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        !> ok or `newton_failed`.
+        integer, intent(out) :: stat
+
+        call self%fill(ha)
+        call self%eliminate(stat)
+        self%ha = merge(ha, 0.0_wp, stat == status_ok)
+    end subroutine factor
+
+    !> The matrix before the first node goes.
+    subroutine fill(self, ha)
+        class(newton_matrix_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        integer :: b, i, j, k, l, s, other, offset, entry, p
+
+        self%lower = 0.0_wp
+        self%upper = 0.0_wp
+        associate (a => self%analysis, first => self%analysis%first, k_ => self%stiffness)
+            do b = 1, a%n_bodies
+                s = a%height(a%node_of_body(b))
+                offset = a%diagonal_offset(a%node_of_body(b))
+                do j = first(b), first(b + 1) - 1
+                    do i = a%block_first(j), first(b + 1) - 1
+                        if (a%block_first(i) /= a%block_first(j)) exit
+                        self%lower(offset + (j - first(b))*s + i - first(b) + 1) = self%mass(i, j - a%block_first(j) + 1)
+                    end do
+                    if (a%norm_row(b) == 0) cycle
+                    self%lower(offset + (j - first(b))*s + s) = self%own(j)
+                    self%lower(offset + (s - 1)*s + j - first(b) + 1) = self%own(j)
+                end do
+                do k = k_%start(b), k_%start(b + 1) - 1
+                    other = k_%partner(k)
+                    offset = a%force_target(k)
+                    entry = k_%offset(k)
+                    p = a%height(a%node_of_body(other))
+                    do j = 1, first(other + 1) - first(other)
+                        do i = 1, first(b + 1) - first(b)
+                            entry = entry + 1
+                            associate (value => ha*k_%by_qd(entry) + ha**2*k_%by_q(entry))
+                                if (other == b) then
+                                    self%lower(offset + (j - 1)*s + i) = self%lower(offset + (j - 1)*s + i) + value
+                                else if (a%node_of_body(b) > a%node_of_body(other)) then
+                                    self%lower(offset + (j - 1)*s + i) = value
+                                else
+                                    self%upper(offset + (i - 1)*p + j) = value
+                                end if
+                            end associate
+                        end do
+                    end do
+                end do
+                do l = a%link_start(b), a%link_start(b + 1) - 1
+                    if (a%link_node(l) > 0) call put_link(b, l, s)
+                end do
+            end do
+            do k = 1, a%n_nodes
+                if (a%is_body(k)) cycle
+                do i = 1, a%height(k)
+                    if (self%is_out(a%origin(k) + i - 1)) self%lower(a%diagonal_offset(k) + (i - 1)*(a%height(k) + 1) + 1) = 1.0_wp
+                end do
+            end do
+        end associate
+
+    contains
+
+        !> The part of C of a link, above and below the diagonal.
+        subroutine put_link(body, link, height)
+            integer, intent(in) :: body, link, height
+            integer :: at, column, from, row, rows
+
+            associate (a => self%analysis, node => self%analysis%link_node(link))
+                rows = a%height(node)
+                from = a%link_offset(link)
+                do column = 1, a%first(body + 1) - a%first(body)
+                    do row = 1, rows
+                        if (self%is_out(a%origin(node) + row - 1)) cycle
+                        if (a%is_row_later(link)) then
+                            at = a%link_target(link) + (column - 1)*rows + row
+                        else
+                            at = a%link_target(link) + (row - 1)*height + column
+                        end if
+                        self%lower(at) = self%c(from + (column - 1)*rows + row)
+                        self%upper(at) = self%lower(at)
+                    end do
+                end do
+            end associate
+        end subroutine put_link
+    end subroutine fill
+
+    !> Eliminate the nodes.
+    subroutine eliminate(self, stat)
+        class(newton_matrix_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        real(wp) :: transposed(most*most), below(most*most), above(most*most)
+        integer :: d, i, j, k, n, p, q, s, target
+        logical :: is_regular
+
+        stat = status_ok
+        associate (a => self%analysis)
+            do n = 1, a%n_nodes
+                s = a%height(n)
+                associate (inverse => self%lower(a%diagonal_offset(n) + 1:a%diagonal_offset(n) + s*s))
+                    call invert_pivoted(s, inverse, is_regular)
+                    if (.not. is_regular) then
+                        stat = status_newton_failed
+                        return
+                    end if
+                    do j = 1, s
+                        do i = 1, s
+                            transposed((i - 1)*s + j) = inverse((j - 1)*s + i)
+                        end do
+                    end do
+                    d = a%update_start(n)
+                    do j = a%later_start(n), a%later_start(n + 1) - 1
+                        p = a%height(a%later(j))
+                        associate (from => a%later_offset(j) + 1, to => a%later_offset(j) + p*s)
+                            call multiply_block(p, s, self%lower(from:to), inverse, below(:p*s))
+                            call multiply_block(p, s, self%upper(from:to), transposed(:s*s), above(:p*s))
+                        end associate
+                        do k = a%later_start(n), j
+                            d = d + 1
+                            q = a%height(a%later(k))
+                            target = a%update_target(d)
+                            associate (from => a%later_offset(k) + 1, to => a%later_offset(k) + q*s)
+                                call subtract_product(p, q, s, below(:p*s), self%upper(from:to), &
+                                    self%lower(target + 1:target + p*q))
+                                if (k < j) call subtract_product(p, q, s, above(:p*s), self%lower(from:to), &
+                                    self%upper(target + 1:target + p*q))
+                            end associate
+                        end do
+                    end do
+                end associate
+            end do
+        end associate
+    end subroutine eliminate
+
+    !> The inverse in place, by Gauss and Jordan with exchanges of rows.
+    pure subroutine invert_pivoted(s, x, is_regular)
+        integer, intent(in) :: s
+        real(wp), intent(inout) :: x(s, s)
+        logical, intent(out) :: is_regular
+        integer :: from(most), i, j, k, p
+        real(wp) :: factor, kept
+
+        is_regular = .true.
+        do k = 1, s
+            p = k
+            do i = k + 1, s
+                if (abs(x(i, k)) > abs(x(p, k))) p = i
+            end do
+            from(k) = p
+            if (.not. (abs(x(p, k)) > 0.0_wp .and. abs(x(p, k)) <= huge(1.0_wp))) then
+                is_regular = .false.
+                return
+            end if
+            factor = 1.0_wp/x(p, k)
+            x(p, k) = x(k, k)
+            x(k, k) = 1.0_wp
+            do j = 1, s
+                if (j /= k) then
+                    kept = x(p, j)
+                    x(p, j) = x(k, j)
+                    x(k, j) = kept
+                end if
+                x(k, j) = x(k, j)*factor
+            end do
+            do i = 1, s
+                if (i == k) cycle
+                factor = x(i, k)
+                x(i, k) = 0.0_wp
+                do j = 1, s
+                    x(i, j) = x(i, j) - factor*x(k, j)
+                end do
+            end do
+        end do
+        do k = s, 1, -1
+            p = from(k)
+            if (p == k) cycle
+            do i = 1, s
+                kept = x(i, k)
+                x(i, k) = x(i, p)
+                x(i, p) = kept
+            end do
+        end do
+    end subroutine invert_pivoted
+
+    !> Solve H x + C' mu = f, C x = g.
+    subroutine solve(self, f, g, x, mu)
+        class(newton_matrix_type), intent(inout) :: self
+        !> f and x (n), g and mu (m).
+        real(wp), intent(in), contiguous :: f(:), g(:)
+        real(wp), intent(out), contiguous :: x(:), mu(:)
+        real(wp) :: y(most)
+        integer :: b, i, j, n, p, s
+
+        associate (a => self%analysis, z => self%z)
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    z(a%place(n) + i) = g(a%origin(n) + i - 1)
+                    if (self%is_out(a%origin(n) + i - 1)) z(a%place(n) + i) = 0.0_wp
+                end do
+            end do
+            do b = 1, a%n_bodies
+                associate (place => a%place(a%node_of_body(b)), nb => a%first(b + 1) - a%first(b))
+                    do i = 1, nb
+                        z(place + i) = f(a%first(b) + i - 1)
+                    end do
+                    if (a%norm_row(b) > 0) z(place + nb + 1) = g(a%norm_row(b))
+                end associate
+            end do
+            do n = 1, a%n_nodes
+                s = a%height(n)
+                associate (place => a%place(n), diagonal => a%diagonal_offset(n))
+                    call set_product(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
+                    do j = a%later_start(n), a%later_start(n + 1) - 1
+                        p = a%height(a%later(j))
+                        call subtract_rows(p, s, self%lower(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
+                            z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p))
+                    end do
+                end associate
+            end do
+            do n = a%n_nodes, 1, -1
+                s = a%height(n)
+                associate (place => a%place(n), diagonal => a%diagonal_offset(n))
+                    do j = a%later_start(n), a%later_start(n + 1) - 1
+                        p = a%height(a%later(j))
+                        call subtract_transposed(p, s, self%upper(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
+                            z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
+                    end do
+                    call multiply_by(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s))
+                end associate
+            end do
+            do n = 1, a%n_nodes
+                if (a%is_body(n)) cycle
+                do i = 1, a%height(n)
+                    mu(a%origin(n) + i - 1) = z(a%place(n) + i)
+                end do
+            end do
+            do b = 1, a%n_bodies
+                associate (place => a%place(a%node_of_body(b)), nb => a%first(b + 1) - a%first(b))
+                    do i = 1, nb
+                        x(a%first(b) + i - 1) = z(place + i)
+                    end do
+                    if (a%norm_row(b) > 0) mu(a%norm_row(b)) = z(place + nb + 1)
+                end associate
+            end do
+        end associate
+    end subroutine solve
+
+    !> Find what C has changed by.
+    subroutine look_at(self, here)
+        class(newton_matrix_type), intent(inout) :: self
+        !> With its rows loaded.
+        type(factor_type), intent(in) :: here
+
+        self%turn%c(:) = self%c - here%c
+        self%turn%own(:) = self%own - here%own
+    end subroutine look_at
+
+    !> Whether C has turned so little since that the matrix may serve, for every joint of every body.
+    pure logical function is_near(self, base, here)
+        class(newton_matrix_type), intent(in) :: self
+        !> The chart's own analysis.
+        type(analysis_type), intent(in) :: base
+        type(factor_type), intent(in) :: here
+        !> Squared change against the squared length: an angle of some 13 degrees.
+        real(wp), parameter :: farthest = 0.05_wp
+        real(wp) :: length, turned
+        integer :: b, k, l, to
+
+        is_near = .false.
+        do b = 1, base%n_bodies
+            do l = base%link_start(b), base%link_start(b + 1) - 1
+                to = base%link_offset(l) + base%height(base%link_node(l))*(base%first(b + 1) - base%first(b))
+                length = 0.0_wp
+                turned = 0.0_wp
+                do k = base%link_offset(l) + 1, to
+                    length = length + self%c(k)**2
+                    turned = turned + (self%c(k) - here%c(k))**2
+                end do
+                if (turned > farthest*length) return
+            end do
+        end do
+        is_near = .true.
+    end function is_near
+
+    !> The factor, and what it was made of.
+    subroutine pack_state(self, pack)
+        class(newton_matrix_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer, allocatable :: out(:)
+
+        call pack%item(self%ha)
+        call pack%item(self%lower)
+        call pack%item(self%upper)
+        call pack%item(self%mass)
+        call pack%item(self%c)
+        call pack%item(self%own)
+        out = merge(1, 0, self%is_out)
+        call pack%item(out)
+        self%is_out = out > 0
+        call self%stiffness%pack_state(pack)
+    end subroutine pack_state
+end module tandem_chart_sparse_newton_matrix

@@ -1,0 +1,179 @@
+! SPDX-License-Identifier: MIT
+!> A mechanism's gradient blocks by bodies, element by element: its columns are made those of a small window of the bodies that it
+!> joins, the element is differentiated into it, and the window is added to the bodies' blocks.
+!>
+!> Of the constraints the curvature of points that meet and of Euler parameters is there, which is what bodies that hang see;
+!> that of axes and distances ties bodies that share no force, and is left out.
+submodule(tandem_mechanism) tandem_mechanism_stiffness
+    use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_time
+    implicit none (type, external)
+
+    !> What is asked of the elements.
+    integer, parameter :: needed = need_dynamics_q + need_dynamics_qd
+
+contains
+
+    !> Pairs of bodies that share a force, and the size of the window.
+    module procedure list_coupled
+        integer, allocatable :: pairs(:, :), bodies(:)
+        integer :: i, k, n, pass, most
+
+        most = 2
+        do pass = 1, 2
+            n = 0
+            do i = 1, size(self%springs)
+                call add_pair(self%springs(i)%span%first, self%springs(i)%span%second)
+            end do
+            do i = 1, size(self%torsions)
+                call add_pair(self%torsions(i)%coordinate%first, self%torsions(i)%coordinate%second)
+            end do
+            do i = 1, size(self%bushings)
+                call add_pair(self%bushings(i)%coordinates(1)%first, self%bushings(i)%coordinates(1)%second)
+            end do
+            do i = 1, size(self%loads)
+                call list_load(self, i, bodies)
+                most = max(most, size(bodies))
+                do k = 2, size(bodies)
+                    call add_pair(bodies(1), bodies(k))
+                end do
+            end do
+            if (pass == 1) allocate (pairs(2, n), source=0)
+        end do
+        call move_alloc(pairs, self%pattern%coupled)
+        call self%window%allocate(7*most, 0)
+
+    contains
+
+        !> One pair more.
+        subroutine add_pair(one, two)
+            integer, intent(in) :: one, two
+
+            n = n + 1
+            if (allocated(pairs)) pairs(:, n) = [one, two]
+        end subroutine add_pair
+    end procedure list_coupled
+
+    !> The bodies that a load depends on, each once: first the one on which it acts.
+    subroutine list_load(self, number, bodies)
+        class(mechanism_type), intent(in) :: self
+        integer, intent(in) :: number
+        integer, allocatable, intent(out) :: bodies(:)
+        integer :: i, k
+
+        bodies = [self%loads(number)%body]
+        do k = 1, 6
+            if (self%loads(number)%formula(k) == 0) cycle
+            associate (variables => self%formulas(self%loads(number)%formula(k))%variables)
+                do i = 1, size(variables)
+                    select case (variables(i)%kind)
+                    case (is_time)
+                        cycle
+                    case (is_joint, is_joint_rate)
+                        call join(self%coordinates(variables(i)%of)%first)
+                        call join(self%coordinates(variables(i)%of)%second)
+                    case default
+                        call join(variables(i)%of)
+                    end select
+                end do
+            end associate
+        end do
+
+    contains
+
+        subroutine join(body)
+            integer, intent(in) :: body
+
+            if (body == 0 .or. any(bodies == body)) return
+            bodies = [bodies, body]
+        end subroutine join
+    end subroutine list_load
+
+    !> The blocks of all elements.
+    module procedure add_stiffness
+        integer, allocatable :: bodies(:)
+        integer :: i, j, n_rows
+
+        n_rows = merge(2, 3, self%planar)
+        do i = 1, size(self%meetings)
+            associate (it => self%meetings(i))
+                call open_window(self, [it%first, it%second])
+                call differentiate_meetings(self%meetings(i:i), n_rows, need_dynamics_q, self%pose, lambda, self%window)
+                call close_window(self, [it%first, it%second], stiffness)
+            end associate
+        end do
+        do i = 1, size(self%turning)
+            associate (body => self%turning(i))
+                call open_window(self, [body])
+                call differentiate_inertia(self%bodies(body), self%pose(body), needed, self%window)
+                do j = self%pose(body)%turn, self%pose(body)%turn + 3
+                    self%window%dynamics_q(j, j) = self%window%dynamics_q(j, j) + lambda(self%before_norms + i)
+                end do
+                call close_window(self, [body], stiffness)
+            end associate
+        end do
+        do i = 1, size(self%springs)
+            associate (it => self%springs(i)%span)
+                call open_window(self, [it%first, it%second])
+                call differentiate_springs(self%springs(i:i), needed, t, self%pose, self%f, self%laws, self%window)
+                call close_window(self, [it%first, it%second], stiffness)
+            end associate
+        end do
+        do i = 1, size(self%torsions)
+            associate (it => self%torsions(i)%coordinate)
+                call open_window(self, [it%first, it%second])
+                call differentiate_torsions(self%torsions(i:i), needed, t, self%pose, self%f, self%laws, self%window)
+                call close_window(self, [it%first, it%second], stiffness)
+            end associate
+        end do
+        do i = 1, size(self%bushings)
+            associate (it => self%bushings(i)%coordinates(1))
+                call open_window(self, [it%first, it%second])
+                call differentiate_bushings(self%bushings(i:i), needed, self%pose, self%window)
+                call close_window(self, [it%first, it%second], stiffness)
+            end associate
+        end do
+        do i = 1, size(self%loads)
+            call list_load(self, i, bodies)
+            call open_window(self, bodies)
+            call differentiate_loads(self%loads(i:i), needed, t, self%pose, self%f, self%formulas, self%coordinates, self%window)
+            call close_window(self, bodies, stiffness)
+        end do
+    end procedure add_stiffness
+
+    !> Let some bodies, 0 the ground, have the columns of the window, in their order.
+    subroutine open_window(self, bodies)
+        class(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: bodies(:)
+        integer :: k, n
+
+        n = 0
+        do k = 1, size(bodies)
+            if (bodies(k) == 0) cycle
+            associate (pose => self%pose(bodies(k)))
+                pose%place = n + 1
+                n = n + pose%n_place
+                if (pose%n_turn > 0) pose%turn = n + 1
+                n = n + pose%n_turn
+            end associate
+        end do
+        self%window%dynamics_q(:n, :n) = 0.0_wp
+        self%window%dynamics_qd(:n, :n) = 0.0_wp
+    end subroutine open_window
+
+    !> Add the window to the bodies' blocks, and give them their own columns back.
+    subroutine close_window(self, bodies, stiffness)
+        class(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: bodies(:)
+        type(stiffness_type), intent(inout) :: stiffness
+        integer :: k
+
+        call stiffness%add(pack(bodies, bodies > 0), self%window%dynamics_q, self%window%dynamics_qd)
+        do k = 1, size(bodies)
+            if (bodies(k) == 0) cycle
+            associate (pose => self%pose(bodies(k)))
+                pose%place = stiffness%first(bodies(k))
+                if (pose%n_turn > 0) pose%turn = pose%place + pose%n_place
+            end associate
+        end do
+    end subroutine close_window
+end submodule tandem_mechanism_stiffness

@@ -1,0 +1,191 @@
+! SPDX-License-Identifier: MIT
+!> The derivatives of the forces by blocks of bodies, for implicit steps of large mechanisms: K = (M qdd + C' lambda - S - Q_A)_q
+!> and D = -(S + Q_A)_qd. A block (a, b) says what of the forces on body a changes with body b. Only bodies whose forces depend on
+!> each other have one, and each with itself, so that memory grows with their number.
+module tandem_model_stiffness
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: stiffness_type
+
+    type :: stiffness_type
+        !> The first coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
+        integer, allocatable :: first(:)
+        !> The partners of body a are partner(start(a):start(a + 1) - 1), ascending, itself among them; each block begins behind
+        !> entry `offset` of the values, column by column.
+        integer, allocatable :: start(:), partner(:), offset(:)
+        !> K and D.
+        real(wp), allocatable :: by_q(:), by_qd(:)
+    contains
+        procedure :: build
+        procedure :: clear
+        procedure :: block_of
+        procedure :: add
+        procedure :: multiply
+        procedure :: pack_state
+    end type stiffness_type
+
+contains
+
+    !> Allocate the blocks.
+    pure subroutine build(self, first, pairs)
+        class(stiffness_type), intent(inout) :: self
+        !> The first coordinate of each body and n + 1.
+        integer, intent(in) :: first(:)
+        !> Pairs of bodies (2, :) in any order and as often as it happens; one with 0, the ground, counts for nothing.
+        integer, intent(in) :: pairs(:, :)
+        integer, allocatable :: next(:), list(:)
+        integer :: b, i, j, k, last, n, n_bodies
+
+        n_bodies = size(first) - 1
+        self%first = first
+        allocate (next(n_bodies + 1), source=1)
+        next(1) = 1
+        do k = 1, size(pairs, 2)
+            if (any(pairs(:, k) == 0) .or. pairs(1, k) == pairs(2, k)) cycle
+            next(pairs(:, k) + 1) = next(pairs(:, k) + 1) + 1
+        end do
+        do b = 2, n_bodies + 1
+            next(b) = next(b) + next(b - 1)
+        end do
+        self%start = next
+        allocate (list(next(n_bodies + 1) - 1))
+        do b = 1, n_bodies
+            list(next(b)) = b
+            next(b) = next(b) + 1
+        end do
+        do k = 1, size(pairs, 2)
+            if (any(pairs(:, k) == 0) .or. pairs(1, k) == pairs(2, k)) cycle
+            do i = 1, 2
+                list(next(pairs(i, k))) = pairs(3 - i, k)
+                next(pairs(i, k)) = next(pairs(i, k)) + 1
+            end do
+        end do
+        ! Each partner once and in order, by insertion.
+        n = 0
+        do b = 1, n_bodies
+            last = n
+            do k = self%start(b), next(b) - 1
+                i = list(k)
+                j = n
+                do while (j > last)
+                    if (list(j) <= i) exit
+                    j = j - 1
+                end do
+                if (j > last) then
+                    if (list(j) == i) cycle
+                end if
+                list(j + 2:n + 1) = list(j + 1:n)
+                list(j + 1) = i
+                n = n + 1
+            end do
+            self%start(b) = last + 1
+        end do
+        self%start(n_bodies + 1) = n + 1
+        self%partner = list(:n)
+        self%offset = self%partner
+        n = 0
+        do b = 1, n_bodies
+            do k = self%start(b), self%start(b + 1) - 1
+                self%offset(k) = n
+                n = n + (first(b + 1) - first(b))*(first(self%partner(k) + 1) - first(self%partner(k)))
+            end do
+        end do
+        if (allocated(self%by_q)) deallocate (self%by_q, self%by_qd)
+        allocate (self%by_q(n), self%by_qd(n), source=0.0_wp)
+    end subroutine build
+
+    !> Before blocks are added.
+    pure subroutine clear(self)
+        class(stiffness_type), intent(inout) :: self
+
+        self%by_q = 0.0_wp
+        self%by_qd = 0.0_wp
+    end subroutine clear
+
+    !> Behind which entry the block of two bodies begins, -1 where there is none.
+    pure integer function block_of(self, one, two) result(offset)
+        class(stiffness_type), intent(in) :: self
+        !> The body on which the forces act, and the one that they change with.
+        integer, intent(in) :: one, two
+        integer :: from, middle, to
+
+        from = self%start(one)
+        to = self%start(one + 1) - 1
+        do while (from < to)
+            middle = (from + to)/2
+            if (self%partner(middle) < two) then
+                from = middle + 1
+            else
+                to = middle
+            end if
+        end do
+        offset = merge(self%offset(from), -1, self%partner(from) == two)
+    end function block_of
+
+    !> Add to the blocks of some bodies. Those of bodies that are no partners are left out, which may cost corrections.
+    pure subroutine add(self, bodies, by_q, by_qd)
+        class(stiffness_type), intent(inout) :: self
+        !> Different bodies, whose coordinates follow each other in the matrices.
+        integer, intent(in) :: bodies(:)
+        real(wp), intent(in) :: by_q(:, :), by_qd(:, :)
+        integer :: column, i, j, k, offset, one, row, two
+
+        column = 0
+        do two = 1, size(bodies)
+            associate (nc => self%first(bodies(two) + 1) - self%first(bodies(two)))
+                row = 0
+                do one = 1, size(bodies)
+                    associate (nr => self%first(bodies(one) + 1) - self%first(bodies(one)))
+                        offset = self%block_of(bodies(one), bodies(two))
+                        if (offset >= 0) then
+                            do j = 1, nc
+                                do i = 1, nr
+                                    k = offset + (j - 1)*nr + i
+                                    self%by_q(k) = self%by_q(k) + by_q(row + i, column + j)
+                                    self%by_qd(k) = self%by_qd(k) + by_qd(row + i, column + j)
+                                end do
+                            end do
+                        end if
+                        row = row + nr
+                    end associate
+                end do
+                column = column + nc
+            end associate
+        end do
+    end subroutine add
+
+    !> y := y + factor K x.
+    pure subroutine multiply(self, factor, x, y)
+        class(stiffness_type), intent(in) :: self
+        real(wp), intent(in) :: factor
+        !> (n) each.
+        real(wp), intent(in) :: x(:)
+        real(wp), intent(inout) :: y(:)
+        integer :: a, b, i, j, k, l
+
+        do a = 1, size(self%first) - 1
+            do k = self%start(a), self%start(a + 1) - 1
+                b = self%partner(k)
+                l = self%offset(k)
+                do j = self%first(b), self%first(b + 1) - 1
+                    do i = self%first(a), self%first(a + 1) - 1
+                        l = l + 1
+                        y(i) = y(i) + factor*self%by_q(l)*x(j)
+                    end do
+                end do
+            end do
+        end do
+    end subroutine multiply
+
+    !> The values.
+    subroutine pack_state(self, pack)
+        class(stiffness_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%by_q)
+        call pack%item(self%by_qd)
+    end subroutine pack_state
+end module tandem_model_stiffness

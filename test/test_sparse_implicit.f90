@@ -1,0 +1,428 @@
+! SPDX-License-Identifier: MIT
+!> Tests of implicit steps on the sparse chart: the gradient blocks by bodies against the matrices of the same mechanism, motions
+!> against those of the dense chart and of an explicit stepper, orders, constraint errors, checkpoints, counters, refusals.
+module test_sparse_implicit
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
+    use large_mechanisms, only: make_large
+    use tandem, only: chart_type, expression_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, &
+        options_type, parse_expression, profile_type, simulation_type, statistics_type, wp
+    use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
+    use tandem_model_stiffness, only: stiffness_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_sparse_implicit
+
+    character(len=14), parameter :: scenes(7) = [character(len=14) :: 'sprung_chain', 'sprung_plane', 'spatial_chain', &
+        'four_bars', 'star', 'net', 'trailers']
+
+contains
+
+    !> The suite.
+    subroutine collect_sparse_implicit(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('blocks-alike', test_blocks), &
+            new_unittest('both-charts-alike', test_alike), &
+            new_unittest('orders', test_orders), &
+            new_unittest('many-bodies', test_many), &
+            new_unittest('checkpoint', test_checkpoint), &
+            new_unittest('redundant-rows', test_redundant), &
+            new_unittest('choice', test_choice), &
+            new_unittest('profile', test_profile), &
+            new_unittest('refusals', test_refusals)]
+    end subroutine collect_sparse_implicit
+
+    !> Begin a run of a scene.
+    subroutine begin(name, n, options, mechanism, simulation, error)
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: n
+        type(options_type), intent(in) :: options
+        type(mechanism_type), intent(inout), target :: mechanism
+        type(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+
+        if (allocated(error)) return
+        mechanism = mechanism_type()
+        call make_large(name, n, mechanism, failure)
+        call check_no_failure(error, failure)
+        if (.not. allocated(error)) call start(mechanism, options, simulation, error)
+    end subroutine begin
+
+    !> Begin a run of a mechanism.
+    subroutine start(mechanism, options, simulation, error)
+        type(mechanism_type), intent(inout), target :: mechanism
+        type(options_type), intent(in) :: options
+        type(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(mechanism%n), qd(mechanism%n)
+
+        call mechanism%start(q, qd)
+        call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+    end subroutine start
+
+    !> Run to a time.
+    subroutine go_on(simulation, t, error)
+        type(simulation_type), intent(inout) :: simulation
+        real(wp), intent(in) :: t
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+
+        if (allocated(error)) return
+        call simulation%integrate(t, failure)
+        call check_no_failure(error, failure)
+    end subroutine go_on
+
+    !> A chain in the plane with every kind of force: springs to far bodies and to the ground, along joints, bushings, loads that
+    !> turn with bodies, and one that an expression of other bodies' states controls.
+    subroutine draw_forces(planar, mechanism, error)
+        logical, intent(in) :: planar
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        character(len=2), parameter :: name(5) = ['b1', 'b2', 'b3', 'b4', 'b5']
+        real(wp), parameter :: zero(3) = 0.0_wp
+        character(len=32) :: control(3)
+        type(expression_type) :: force(3)
+        integer :: i, n
+
+        n = merge(2, 3, planar)
+        mechanism%planar = planar
+        do i = 1, 5
+            if (planar) then
+                call mechanism%add_body(name(i), 1.0_wp + 0.1_wp*i, [real(i, wp), 0.1_wp*i], failure, inertia=[0.1_wp], &
+                    omega=[0.3_wp*i], velocity=[0.1_wp, -0.2_wp*i])
+            else
+                call mechanism%add_body(name(i), 1.0_wp + 0.1_wp*i, [real(i, wp), 0.1_wp*i, 0.0_wp], failure, &
+                    inertia=[0.1_wp, 0.2_wp, 0.15_wp], omega=[0.3_wp*i, 0.2_wp, -0.5_wp], velocity=[0.1_wp, -0.2_wp*i, 0.3_wp])
+            end if
+            call check_no_failure(error, failure)
+        end do
+        call mechanism%add_joint('j', merge('revolute ', 'spherical', planar), 'ground', 'b1', failure, at=zero(:n))
+        call check_no_failure(error, failure)
+        if (planar) call mechanism%add_joint('k', 'revolute', 'b2', 'b3', failure, at=[2.5_wp, 0.3_wp])
+        if (.not. planar) call mechanism%add_joint('k', 'spherical', 'b2', 'b3', failure, at=[2.5_wp, 0.3_wp, 0.1_wp])
+        call check_no_failure(error, failure)
+        call mechanism%add_spring('far', 'b1', 'b5', failure, stiffness=20.0_wp, damping=0.3_wp, length=3.0_wp)
+        call check_no_failure(error, failure)
+        call mechanism%add_spring('near', 'ground', 'b2', failure, stiffness=30.0_wp, damping=0.1_wp)
+        call check_no_failure(error, failure)
+        if (planar) then
+            call mechanism%add_torsion('twist', 'k', failure, stiffness=7.0_wp, damping=0.2_wp, angle=0.3_wp)
+            call check_no_failure(error, failure)
+            call mechanism%add_bushing('soft', 'b3', 'b4', failure, stiffness=[5.0_wp, 6.0_wp, 7.0_wp], &
+                damping=[0.1_wp, 0.2_wp, 0.3_wp], at=[3.5_wp, 0.3_wp])
+        else
+            call mechanism%add_bushing('soft', 'b3', 'b4', failure, stiffness=[5.0_wp, 6.0_wp, 7.0_wp, 1.0_wp, 2.0_wp, 3.0_wp], &
+                damping=[0.1_wp, 0.2_wp, 0.3_wp, 0.1_wp, 0.2_wp, 0.3_wp], at=[3.5_wp, 0.3_wp, 0.0_wp])
+        end if
+        call check_no_failure(error, failure)
+        call mechanism%add_load('push', 'b4', failure, force=[(1.0_wp*i, i=1, n)], in_body=.true.)
+        call check_no_failure(error, failure)
+        control = [character(len=32) :: '-3*(b5.x - b2.x) + b1.vy*b4.y', '0.5*b3.vx', 't']
+        do i = 1, n
+            call parse_expression(force(i), trim(control(i)), mechanism%variable_names(), failure)
+            call check_no_failure(error, failure)
+        end do
+        call mechanism%add_load('control', 'b5', failure, force_by=force(:n))
+        call check_no_failure(error, failure)
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+    end subroutine draw_forces
+
+    !> Without multipliers the blocks are all of the gradients of the forces, and in the plane with those of hinges too: the
+    !> same numbers as in the matrices, added in another order, and nothing outside of the blocks.
+    subroutine test_blocks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        integer :: k
+
+        do k = 1, 2
+            mechanism = mechanism_type()
+            call draw_forces(k == 1, mechanism, error)
+            if (allocated(error)) return
+            call compare_blocks(mechanism, merge(1.5_wp, 0.0_wp, k == 1), error)
+            if (allocated(error)) return
+        end do
+    end subroutine test_blocks
+
+    !> Blocks against matrices.
+    subroutine compare_blocks(mechanism, multiplier, error)
+        type(mechanism_type), intent(inout) :: mechanism
+        real(wp), intent(in) :: multiplier
+        type(error_type), allocatable, intent(inout) :: error
+        type(stiffness_type) :: stiffness
+        type(derivatives_type) :: derivatives
+        real(wp), dimension(mechanism%n) :: q, qd, qdd, x, y
+        real(wp) :: lambda(mechanism%n_constraints()), largest
+        integer :: a, b, i, j, k, l, stat
+
+        call mechanism%start(q, qd)
+        qdd = [(0.1_wp*modulo(3*i, 7), i=1, mechanism%n)]
+        lambda = multiplier*[(modulo(2*i, 5) - 1.0_wp, i=1, size(lambda))]
+        call derivatives%allocate(mechanism%n, size(lambda))
+        call mechanism%evaluate_derivatives(need_all_derivatives, 0.0_wp, q, qd, qdd, lambda, derivatives, stat)
+        call stiffness%build(mechanism%pattern%first, mechanism%pattern%coupled)
+        call mechanism%evaluate_stiffness(0.0_wp, q, qd, qdd, lambda, stiffness, stat)
+        largest = maxval(abs(derivatives%dynamics_q))
+        x = [(sin(real(i, wp)), i=1, mechanism%n)]
+        y = 0.0_wp
+        call stiffness%multiply(2.0_wp, x, y)
+        call check_close(error, y, 2*matmul(derivatives%dynamics_q, x), 1.0e-13_wp*largest, 'K x')
+        do a = 1, size(stiffness%first) - 1
+            do k = stiffness%start(a), stiffness%start(a + 1) - 1
+                b = stiffness%partner(k)
+                l = stiffness%offset(k)
+                do j = stiffness%first(b), stiffness%first(b + 1) - 1
+                    do i = stiffness%first(a), stiffness%first(a + 1) - 1
+                        l = l + 1
+                        derivatives%dynamics_q(i, j) = derivatives%dynamics_q(i, j) - stiffness%by_q(l)
+                        derivatives%dynamics_qd(i, j) = derivatives%dynamics_qd(i, j) - stiffness%by_qd(l)
+                    end do
+                end do
+            end do
+        end do
+        call check_below(error, maxval(abs(derivatives%dynamics_q)), 1.0e-14_wp*largest, 'K')
+        call check_below(error, maxval(abs(derivatives%dynamics_qd)), 1.0e-14_wp*largest, 'D')
+    end subroutine compare_blocks
+
+    !> Options of controlled steps.
+    pure function controlled(stepper, rtol, kind) result(options)
+        character(len=*), intent(in) :: stepper, kind
+        real(wp), intent(in) :: rtol
+        type(options_type) :: options
+
+        options%stepper = stepper
+        options%rtol = rtol
+        options%chart_kind = kind
+    end function controlled
+
+    !> Both charts leave errors of steps of their own: they and an explicit stepper at a thousandth of the tolerance agree within
+    !> what local errors of the tolerance add up to.
+    subroutine test_alike(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two, three
+        type(simulation_type) :: sparse, dense, exact
+        character(len=9), parameter :: steppers(2) = ['sdirk54  ', 'trapezoid']
+        real(wp), parameter :: rtol(2) = [1.0e-8_wp, 1.0e-6_wp], allowed = 100.0_wp
+        integer :: i, k
+
+        do i = 1, size(scenes)
+            call begin(scenes(i), 9, controlled('dop853', 1.0e-11_wp, 'dense'), three, exact, error)
+            call go_on(exact, 0.1_wp, error)
+            do k = 1, 2
+                call begin(scenes(i), 9, controlled(trim(steppers(k)), rtol(k), 'sparse'), one, sparse, error)
+                call begin(scenes(i), 9, controlled(trim(steppers(k)), rtol(k), 'dense'), two, dense, error)
+                call go_on(sparse, 0.1_wp, error)
+                call go_on(dense, 0.1_wp, error)
+                if (allocated(error)) return
+                call check_close(error, sparse%state%q, exact%state%q, allowed*rtol(k), trim(scenes(i))//' '//steppers(k)//' q')
+                call check_close(error, sparse%state%q, dense%state%q, allowed*rtol(k), trim(scenes(i))//' '//steppers(k)// &
+                    ' q of the charts')
+            end do
+        end do
+    end subroutine test_alike
+
+    !> Halving the step divides the error by sixteen, or four.
+    subroutine test_orders(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        character(len=9), parameter :: steppers(2) = ['sdirk54  ', 'trapezoid']
+        real(wp), allocatable :: exact(:)
+        real(wp) :: errors(2)
+        integer :: k, way
+
+        call begin('spatial_chain', 4, controlled('dop853', 1.0e-13_wp, 'dense'), mechanism, simulation, error)
+        call go_on(simulation, 0.4_wp, error)
+        if (allocated(error)) return
+        allocate (exact, source=simulation%state%q)
+        do way = 1, 2
+            do k = 1, 2
+                options = options_type(stepper=steppers(way), chart_kind='sparse')
+                options%step = 1.0e-2_wp/k
+                call begin('spatial_chain', 4, options, mechanism, simulation, error)
+                call go_on(simulation, 0.4_wp, error)
+                if (allocated(error)) return
+                errors(k) = maxval(abs(simulation%state%q - exact))
+            end do
+            ! Errors of higher order are a tenth of it at these steps.
+            call check_below(error, abs(log(errors(1)/errors(2))/log(2.0_wp) - merge(4, 2, way == 1)), 0.3_wp, &
+                'order of '//steppers(way))
+        end do
+    end subroutine test_orders
+
+    !> Four hundred bodies: the constraints hold at every step, a matrix serves steps, and Newton needs few corrections.
+    subroutine test_many(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        integer :: i
+
+        do i = 1, size(scenes)
+            call begin(scenes(i), 400, options_type(stepper='sdirk54', chart_kind='sparse'), mechanism, simulation, error)
+            call go_on(simulation, 0.02_wp, error)
+            if (allocated(error)) return
+            statistics = simulation%statistics()
+            call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
+                1.0e-10_wp, trim(scenes(i))//' constraint errors')
+            ! Twenty steps of five stages.
+            call check_below(error, real(statistics%newton_corrections, wp), 300.0_wp, trim(scenes(i))//' corrections')
+            call check_below(error, real(statistics%newton_matrices, wp), 22.0_wp, trim(scenes(i))//' matrices')
+            call check_true(error, statistics%basis_factorizations == 0, trim(scenes(i))//' has a dense chart')
+            if (allocated(error)) return
+        end do
+    end subroutine test_many
+
+    !> A run that is taken up from a checkpoint goes on bitwise.
+    subroutine test_checkpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: first, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:), expected(:), found(:)
+        type(options_type) :: options
+        integer :: i, way
+
+        do i = 1, size(scenes)
+            do way = 1, 2
+                options = options_type(stepper='sdirk54', chart_kind='sparse')
+                if (way == 2) options = controlled('trapezoid', 1.0e-5_wp, 'sparse')
+                call begin(scenes(i), 14, options, one, first, error)
+                call begin(scenes(i), 14, options, two, again, error)
+                call go_on(first, 0.021_wp, error)
+                if (allocated(error)) return
+                call first%save_state(words, failure)
+                call check_no_failure(error, failure)
+                call again%restore_state(words, failure)
+                call check_no_failure(error, failure)
+                call go_on(first, 0.05_wp, error)
+                call go_on(again, 0.05_wp, error)
+                if (allocated(error)) return
+                call first%save_state(expected, failure)
+                call again%save_state(found, failure)
+                call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
+                    all(abs(first%state%qd - again%state%qd) <= 0.0_wp), trim(scenes(i))//' goes on otherwise')
+                call check_count(error, size(found), size(expected), 'words of the state')
+            end do
+        end do
+    end subroutine test_checkpoint
+
+    !> A door on two hinges, with a weight on a spring: five rows say what others say, and the motion is that of a door on one.
+    subroutine test_redundant(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: double, single
+
+        call draw_door(2, one)
+        call draw_door(1, two)
+        if (allocated(error)) return
+        call start(one, controlled('sdirk54', 1.0e-8_wp, 'sparse'), double, error)
+        call start(two, controlled('dop853', 1.0e-11_wp, 'dense'), single, error)
+        call go_on(double, 0.2_wp, error)
+        call go_on(single, 0.2_wp, error)
+        if (allocated(error)) return
+        call check_count(error, double%n_redundant, 5, 'rows left out')
+        call check_close(error, double%state%q, single%state%q, 1.0e-6_wp, 'q')
+
+    contains
+
+        subroutine draw_door(hinges, mechanism)
+            integer, intent(in) :: hinges
+            type(mechanism_type), intent(inout) :: mechanism
+            type(failure_type), allocatable :: failure
+            integer :: i
+
+            mechanism%gravity = [3.0_wp, 0.0_wp, -9.81_wp]
+            call mechanism%add_body('door', 1.0_wp, [0.0_wp, 0.5_wp, 0.5_wp], failure, inertia=[0.1_wp, 0.2_wp, 0.3_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_body('weight', 1.0_wp, [0.5_wp, 1.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.1_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_spring('spring', 'door', 'weight', failure, stiffness=1.0e3_wp, damping=1.0_wp)
+            call check_no_failure(error, failure)
+            do i = 1, hinges
+                call mechanism%add_joint('hinge'//merge('1', '2', i == 1), 'revolute', 'ground', 'door', failure, &
+                    at=[0.0_wp, 0.0_wp, 0.5_wp*(i - 1)], axis=[0.0_wp, 0.0_wp, 1.0_wp])
+                call check_no_failure(error, failure)
+            end do
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+        end subroutine draw_door
+    end subroutine test_redundant
+
+    !> Many bodies get the sparse chart without being asked for, few the dense one.
+    subroutine test_choice(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+
+        call begin('sprung_chain', 100, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call check_true(error, simulation%is_sparse, 'many bodies have a dense chart')
+        call begin('sprung_chain', 3, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call check_true(error, .not. simulation%is_sparse, 'few bodies have a sparse chart')
+        call begin('sprung_chain', 20, options_type(stepper='radau5'), mechanism, simulation, error)
+        call check_true(error, .not. simulation%is_sparse, 'radau5 has a sparse chart')
+    end subroutine test_choice
+
+    !> A run whose time is taken takes the same steps.
+    subroutine test_profile(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: plain, timed
+        type(profile_type), target :: profile
+        class(chart_type), allocatable :: chart
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp), allocatable :: q(:), qd(:)
+
+        options = options_type(stepper='sdirk54', chart_kind='sparse')
+        call begin('sprung_chain', 20, options, one, plain, error)
+        call make_large('sprung_chain', 20, two, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(two%n), qd(two%n))
+        call two%start(q, qd)
+        call profile%begin()
+        two%timer => profile
+        call new_profiled_chart(two, options, profile, chart)
+        call timed%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
+        call check_no_failure(error, failure)
+        call go_on(plain, 0.02_wp, error)
+        call go_on(timed, 0.02_wp, error)
+        if (allocated(error)) return
+        call check_true(error, all(abs(plain%state%q - timed%state%q) <= 0.0_wp), 'it takes other steps')
+    end subroutine test_profile
+
+    !> What cannot be had is refused by name.
+    subroutine test_refusals(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(failure_type), allocatable :: failure
+        type(mechanism_type), target :: mechanism
+
+        call make_large('sprung_plane', 5, mechanism, failure)
+        call check_no_failure(error, failure)
+        call initialize('radau5')
+        call check_failure(error, failure, 'invalid_option', 'radau5')
+        mechanism%evaluate_stiffness => null()
+        call initialize('sdirk54')
+        call check_failure(error, failure, 'invalid_option', 'evaluate_stiffness')
+
+    contains
+
+        subroutine initialize(stepper)
+            character(len=*), intent(in) :: stepper
+            type(simulation_type) :: simulation
+            real(wp) :: q(mechanism%n), qd(mechanism%n)
+
+            call mechanism%start(q, qd)
+            call simulation%initialize(mechanism, options_type(stepper=stepper, chart_kind='sparse'), 0.0_wp, q, qd, failure)
+        end subroutine initialize
+    end subroutine test_refusals
+end module test_sparse_implicit
