@@ -1,11 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Which bodies each row of a mechanism touches, for the pattern of C; the norms of Euler parameters are not among these rows.
+!> Which bodies each row of a mechanism touches, for the pattern of C, and which bodies forces couple; the norms of Euler parameters
+!> are not among these rows.
 module tandem_mechanism_incidence
     use tandem_mechanism_drawing, only: drawing_type
+    use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_time
     implicit none (type, external)
     private
 
-    public :: list_incidence
+    public :: list_incidence, list_coupled
 
 contains
 
@@ -74,4 +76,57 @@ contains
             n = n + 2
         end subroutine add
     end subroutine list_incidence
+
+    !> Pairs of bodies between which there are forces.
+    subroutine list_coupled(drawing, pairs)
+        class(drawing_type), intent(in) :: drawing
+        !> (2, any)
+        integer, allocatable, intent(out) :: pairs(:, :)
+        integer :: i, k, n, v, pass
+
+        do pass = 1, 2
+            n = 0
+            do i = 1, size(drawing%springs)
+                call add(drawing%springs(i)%span%first, drawing%springs(i)%span%second)
+            end do
+            do i = 1, size(drawing%torsions)
+                call add(drawing%torsions(i)%coordinate%first, drawing%torsions(i)%coordinate%second)
+            end do
+            do i = 1, size(drawing%bushings)
+                do k = 1, drawing%bushings(i)%n
+                    call add(drawing%bushings(i)%coordinates(k)%first, drawing%bushings(i)%coordinates(k)%second)
+                end do
+            end do
+            do i = 1, size(drawing%loads)
+                do k = 1, size(drawing%loads(i)%formula)
+                    if (drawing%loads(i)%formula(k) == 0) cycle
+                    associate (variables => drawing%formulas(drawing%loads(i)%formula(k))%variables)
+                        do v = 1, size(variables)
+                            select case (variables(v)%kind)
+                            case (is_time)
+                                cycle
+                            case (is_joint, is_joint_rate)
+                                call add(drawing%loads(i)%body, drawing%coordinates(variables(v)%of)%first)
+                                call add(drawing%loads(i)%body, drawing%coordinates(variables(v)%of)%second)
+                            case default
+                                call add(drawing%loads(i)%body, variables(v)%of)
+                            end select
+                        end do
+                    end associate
+                end do
+            end do
+            if (pass == 1) allocate (pairs(2, n))
+        end do
+
+    contains
+
+        !> A pair more; the ground is no body.
+        subroutine add(one, two)
+            integer, intent(in) :: one, two
+
+            if (one == 0 .or. two == 0 .or. one == two) return
+            n = n + 1
+            if (pass == 2) pairs(:, n) = [one, two]
+        end subroutine add
+    end subroutine list_coupled
 end module tandem_mechanism_incidence

@@ -16,7 +16,7 @@ module tandem_mechanism
     use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
         differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
-    use tandem_mechanism_incidence, only: list_incidence
+    use tandem_mechanism_incidence, only: list_coupled, list_incidence
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
@@ -61,6 +61,7 @@ module tandem_mechanism
     contains
         procedure :: define
         procedure :: start
+        procedure :: find_body_motions
         procedure :: pack_state
     end type mechanism_type
 
@@ -70,6 +71,18 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine list_quantities
+
+        !> A small motion of the coordinates as motions of the bodies: how their places move, and the vectors by which they turn, in
+        !> the world's axes.
+        module subroutine find_body_motions(self, q, shape, motions)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            !> Coordinates, and what is added to them (n).
+            real(wp), intent(in) :: q(:)
+            complex(wp), intent(in) :: shape(:)
+            !> x, y, z and the turns about these (6, bodies).
+            complex(wp), intent(out) :: motions(:, :)
+        end subroutine find_body_motions
 
         !> Let events change the mechanism.
         module subroutine allow_changes(self)
@@ -320,6 +333,7 @@ contains
         allocate (self%pattern)
         call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
+        call list_coupled(self, self%pattern%coupled)
     end subroutine declare_pattern
 
     !> Where the bodies' coordinates stand in the terms.

@@ -25,6 +25,9 @@ module tandem_model_pattern
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
+        !> Pairs of bodies whose forces depend on each other's coordinates without a row that touches both (2, any); they may come
+        !> more than once. Only the analysis of large systems asks.
+        integer, allocatable :: coupled(:, :)
     contains
         procedure :: build
         procedure :: multiply
