@@ -3,7 +3,9 @@
 module tandem
     use tandem_analysis_floquet, only: floquet_type
     use tandem_analysis_inputs, only: channel_length, inputs_type
-    use tandem_analysis_linearisation, only: at_an_instant, at_equilibrium, in_steady_motion, kind_name, linearisation_type
+    use tandem_analysis_linearisation, only: at_an_instant, at_equilibrium, in_steady_motion, kind_name, linearisation_type, &
+        most_linearised => most_coordinates
+    use tandem_analysis_nearest, only: most_nearest, nearest_type
     use tandem_analysis_spectrum, only: cause_name, is_asymptotically_stable, is_marginal, is_unstable, of_family, &
         of_motion, of_symmetry, spectrum_type, stability_name
     use tandem_analysis_settling, only: settling_type
@@ -77,7 +79,8 @@ module tandem
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type
     public :: floquet_type, inputs_type, channel_length
-    public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name
+    public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name, most_linearised
+    public :: nearest_type, most_nearest
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
     public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, settling_type

@@ -32,6 +32,7 @@ program main
     use test_large, only: collect_large
     use test_late_faults, only: collect_late_faults
     use test_linearisation, only: collect_linearisation
+    use test_nearest, only: collect_nearest
     use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -155,6 +156,7 @@ program main
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('small_motions', collect_small_motions), &
+        new_testsuite('nearest', collect_nearest), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

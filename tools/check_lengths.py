@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("src", "io/src", "cli/src", "mpi/src", "app")
 MOST = 100
-PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real|character|type)(?:\([^)]*\))?\s+)*"
+PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real|complex|character|type)(?:\([^)]*\))?\s+)*"
 BEGIN = re.compile(rf"\s*(?:{PREFIX}(?:subroutine|function)\s+(\w+)|module procedure (\w+)$)", re.I)
 END = re.compile(r"\s*end (?:subroutine|function|procedure)\b", re.I)
 INTERFACE = re.compile(r"\s*(end )?(?:abstract )?interface\b", re.I)
@@ -22,11 +22,12 @@ INTERFACE = re.compile(r"\s*(end )?(?:abstract )?interface\b", re.I)
 
 def procedures(lines):
     """(name, length) of each that is more than an interface."""
-    begun, in_interface = [], False
+    # An interface may hold a procedure whose argument has one.
+    begun, interfaces = [], 0
     for number, line in enumerate(lines):
         if border := INTERFACE.match(line):
-            in_interface = not border[1]
-        elif in_interface:
+            interfaces += -1 if border[1] else 1
+        elif interfaces:
             continue
         elif END.match(line):
             name, first = begun.pop()

@@ -5,7 +5,8 @@ module tandem_io
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
     use tandem_io_output_checksums, only: finding_type
     use tandem_io_output_fields, only: default_fields, field_names, output_type
-    use tandem_io_output_linearisation, only: write_linearisation
+    use tandem_io_output_linearisation, only: write_linearisation, write_nearest
+    use tandem_io_output_modes, only: body_motions
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_output_target, only: check_target
     use tandem_io_output_trajectory, only: energy_type, trajectory_type
@@ -47,7 +48,7 @@ module tandem_io
     public :: is_same_file
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, count_column, real_column, brief
-    public :: write_linearisation, check_target
+    public :: write_linearisation, write_nearest, body_motions, check_target
     public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, crossing_name
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &

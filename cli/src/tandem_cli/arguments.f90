@@ -25,7 +25,7 @@ module tandem_cli_arguments
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
-            profile = .false., json = .false., merges = .false.
+            profile = .false., json = .false., merges = .false., shapes = .false.
         !> The options of a study that have a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
@@ -178,6 +178,8 @@ contains
             self%force = .true.
         case ('--json')
             self%json = .true.
+        case ('--shapes')
+            self%shapes = .true.
         case ('--quick')
             self%quick = .true.
         case ('--merge')

@@ -38,7 +38,8 @@ module tandem_cli_commands
         command_type('run', 'SCENE', ' --set --output --force --error --no-error --profile --quiet --json ', &
         'runs it, writes HDF5, prints a report'), &
         command_type('equilibrium', 'SCENE', ' --set --json ', 'where it rests, and whether that is stable'), &
-        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --output --force --json ', &
+        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --near --modes --shapes --output '// &
+        '--force --json ', &
         'small motions about its start, rest or steady motion: eigenvalues, modes'), &
         command_type('resume', 'FILE', ' --set --error --no-error --quiet --json ', &
         'goes on with a run that was interrupted, in its result file'), &
@@ -78,6 +79,9 @@ module tandem_cli_commands
         option_type('--quiet', '', 'no progress and no report; warnings and errors still go to stderr'), &
         option_type('--json', '', 'print what is reported as one JSON object, numbers in full precision'), &
         option_type('--period', 'TIME', 'Floquet multipliers too, of a motion that has come round then'), &
+        option_type('--near', 'RE,IM', 'of a large mechanism at rest the eigenvalues nearest to this; RE alone will do'), &
+        option_type('--modes', 'N', 'how many of these (10, at most 50)'), &
+        option_type('--shapes', '', 'modes as motions of bodies too'), &
         option_type('--over', 'KEY=a:b:n', 'the key that is varied, from a to b by n values; --output is a file of commas then'), &
         option_type('--steppers', 'NAME,NAME...', 'only these steppers'), &
         option_type('--reference', 'FILE', 'the true motion: a result file or a text table; without it, the study makes its own'), &

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem equilibrium: where a scene rests, and whether that is stable.
 module tandem_cli_equilibrium
-    use tandem, only: error_type, linearisation_type, stability_name, to_text, wp
+    use tandem, only: error_type, linearisation_type, most_linearised, stability_name, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
@@ -34,7 +34,8 @@ contains
             call complain(error%message)
             return
         end if
-        call linearisation%make(scene%model, scene%t_start, scene%q, scene%qd, error)
+        ! Of more coordinates nothing is said of stability.
+        if (scene%model%n <= most_linearised) call linearisation%make(scene%model, scene%t_start, scene%q, scene%qd, error)
         if (allocated(error)) then
             call complain(error%message)
             code = run_failed
@@ -58,7 +59,11 @@ contains
         associate (settling => scene%settling, spectrum => linearisation%spectrum)
             call say(scene%name//' rests; found in '//to_text(settling%iterations)//' iterations and '// &
                 to_text(settling%relaxations)//' steps along the forces, '//brief(settling%moved)//' from the start at most')
-            call say('linear stability: '//trim(stability_name(spectrum%stability())))
+            if (allocated(spectrum%values)) then
+                call say('linear stability: '//trim(stability_name(spectrum%stability())))
+            else
+                call say('linear stability: not asked of so many coordinates; see tandem linearise --near')
+            end if
             if (settling%n_free > 0) call say('free: '//to_text(settling%n_free)//' directions lead to other equilibria; '// &
                 'this one is the nearest')
             if (linearisation%depends_on_time) call say('functions of time stand still at t = '//to_text(scene%t_start))
@@ -82,19 +87,21 @@ contains
             call json%begin_object()
             call json%add('scene', scene%name)
             call json%add('time', scene%t_start)
-            call json%add('stability', stability_name(spectrum%stability()))
+            if (allocated(spectrum%values)) call json%add('stability', stability_name(spectrum%stability()))
             call json%add('iterations', settling%iterations)
             call json%add('relaxations', settling%relaxations)
             call json%add('moved', settling%moved)
             call json%add('free', settling%n_free)
-            call json%add('residual', linearisation%residual)
-            call json%add('depends_on_time', linearisation%depends_on_time)
             call json%add('q', scene%q)
-            call json%begin_array('eigenvalues')
-            do i = 1, size(spectrum%values)
-                call json%add('', [real(spectrum%values(i), wp), aimag(spectrum%values(i))])
-            end do
-            call json%end_array()
+            if (allocated(spectrum%values)) then
+                call json%add('residual', linearisation%residual)
+                call json%add('depends_on_time', linearisation%depends_on_time)
+                call json%begin_array('eigenvalues')
+                do i = 1, size(spectrum%values)
+                    call json%add('', [real(spectrum%values(i), wp), aimag(spectrum%values(i))])
+                end do
+                call json%end_array()
+            end if
             call json%end_object()
             call say(json%text)
         end associate

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as tables to read.
 module tandem_cli_linearisation_table
-    use tandem, only: at_an_instant, floquet_type, in_steady_motion, kind_name, linearisation_type, of_family, of_motion, &
-        of_symmetry, to_text, wp
+    use tandem, only: at_an_instant, floquet_type, in_steady_motion, kind_name, linearisation_type, mechanism_type, model_type, &
+        of_family, of_motion, of_symmetry, to_text, wp
     use tandem_cli_messages, only: padded, say
-    use tandem_io, only: brief, scene_type
+    use tandem_io, only: body_motions, brief, scene_type
     implicit none (type, external)
     private
 
-    public :: print_linearisation, print_multipliers
+    public :: print_linearisation, print_multipliers, print_body_motions, shape_text, eigenvalue_text
 
     !> Most coordinates of a mode that are named.
     integer, parameter :: most_names = 6
@@ -72,7 +72,6 @@ contains
     subroutine print_eigenvalues(scene, it)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: it
-        character(len=28) :: re, im
         integer :: i
 
         call say(padded('eigenvalue [1/s]', 46)//padded('frequency', 12)//padded('damping', 12)//padded('error', 10)//'shape')
@@ -80,13 +79,9 @@ contains
             if (it%spectrum%cause(i) /= of_motion) cycle
             associate (value => it%spectrum%values(i))
                 if (aimag(value) < 0.0_wp) cycle
-                write (re, '(es20.12)') real(value, wp)
-                im = ''
-                if (aimag(value) > 0.0_wp) write (im, '(es18.12, a)') aimag(value), ' i'
-                if (im /= '') im = '+- '//im(:25)
-                call say(padded(trim(adjustl(re)), 21)//padded(trim(im), 25)//padded(hertz(it, i), 12)// &
+                call say(eigenvalue_text(value, .true.)//padded(hertz(it, i), 12)// &
                     padded(brief(it%spectrum%damping_ratio(i)), 12)//padded(brief(it%spectrum%error(i)), 10)// &
-                    shape_text(scene, it, i))
+                    shape_text(scene%model, it%spectrum%shapes(:, i), aimag(value) > 0.0_wp))
             end associate
         end do
         if (all(it%spectrum%cause /= of_motion)) call say('none')
@@ -102,31 +97,98 @@ contains
         if (aimag(it%spectrum%values(i)) > 0.0_wp) text = brief(it%spectrum%frequency(i))//' Hz'
     end function hertz
 
-    !> The coordinates that move most, with amplitude and phase.
-    function shape_text(scene, it, i) result(text)
-        type(scene_type), intent(in) :: scene
-        type(linearisation_type), intent(in) :: it
-        integer, intent(in) :: i
+    !> An eigenvalue, one of a pair or by itself, in 46 characters.
+    function eigenvalue_text(value, is_of_pair) result(text)
+        complex(wp), intent(in) :: value
+        logical, intent(in) :: is_of_pair
         character(len=:), allocatable :: text
-        real(wp) :: amplitude(size(it%q))
-        character(len=24) :: numbers
+        character(len=28) :: re, im
+
+        write (re, '(es20.12)') real(value, wp)
+        im = ''
+        if (abs(aimag(value)) > 0.0_wp) write (im, '(es18.12, a)') abs(aimag(value)), ' i'
+        if (im /= '' .and. is_of_pair) im = '+- '//im(:25)
+        if (im /= '' .and. .not. is_of_pair) im = merge('+ ', '- ', aimag(value) > 0.0_wp)//im(:26)
+        text = padded(trim(adjustl(re)), 21)//padded(trim(im), 25)
+    end function eigenvalue_text
+
+    !> The coordinates that move most, with amplitude and phase.
+    function shape_text(model, shape, oscillates) result(text)
+        class(model_type), intent(in) :: model
+        complex(wp), intent(in) :: shape(:)
+        logical, intent(in) :: oscillates
+        character(len=:), allocatable :: text
+        real(wp) :: amplitude(size(shape))
         integer :: k, n
 
-        amplitude = abs(it%spectrum%shapes(:, i))
+        amplitude = abs(shape)
         text = ''
-        do n = 1, most_names
+        do n = 1, min(most_names, size(shape))
             k = maxloc(amplitude, dim=1)
             if (amplitude(k) < 1.0e-3_wp) exit
-            if (aimag(it%spectrum%values(i)) > 0.0_wp) then
-                write (numbers, '(f0.3, "<", i0)') amplitude(k), nint(phase(it%spectrum%shapes(k, i)))
-            else
-                write (numbers, '(sp, f0.3)') real(it%spectrum%shapes(k, i), wp)
-            end if
             if (text /= '') text = text//', '
-            text = text//scene%model%coordinate_label(k)//' '//trim(numbers)
+            text = text//model%coordinate_label(k)//' '//entry_text(shape(k), oscillates)
             amplitude(k) = 0.0_wp
         end do
     end function shape_text
+
+    !> Amplitude and phase, or the number alone.
+    function entry_text(entry, oscillates) result(text)
+        complex(wp), intent(in) :: entry
+        logical, intent(in) :: oscillates
+        character(len=:), allocatable :: text
+        character(len=24) :: number
+
+        if (oscillates) then
+            write (number, '(f0.3, "<", i0)') abs(entry), nint(phase(entry))
+        else
+            write (number, '(sp, f0.3)') real(entry, wp)
+        end if
+        text = trim(number)
+    end function entry_text
+
+    !> Modes as motions of bodies, one of each pair: a line a body that moves.
+    subroutine print_body_motions(model, q, values, shapes)
+        class(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:)
+        complex(wp), intent(in) :: values(:)
+        !> (n, size(values))
+        complex(wp), intent(in) :: shapes(:, :)
+        complex(wp), allocatable :: motions(:, :)
+        character(len=:), allocatable :: line
+        character(len=4), parameter :: heads(6) = [character(len=4) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
+        integer :: i, k, mode
+
+        select type (model)
+        class is (mechanism_type)
+            call body_motions(model, q, shapes, motions)
+            do mode = 1, size(values)
+                if (aimag(values(mode)) < 0.0_wp) cycle
+                call say('')
+                call say('motions of bodies at '//trim(eigenvalue_text(values(mode), .true.))//': x, y, z in m, turns in rad')
+                line = padded('body', 20)
+                do k = 1, 6
+                    line = line//padded(heads(k), 12)
+                end do
+                call say(line)
+                do i = 1, size(model%bodies)
+                    if (maxval(abs(motions(6*i - 5:6*i, mode))) < 1.0e-3_wp*maxval(abs(motions(:, mode)))) cycle
+                    line = padded(trim(model%bodies(i)%name), 20)
+                    do k = 1, 6
+                        if (abs(motions(6*i - 6 + k, mode)) < 5.0e-4_wp) then
+                            line = line//padded('0', 12)
+                        else
+                            line = line//padded(entry_text(motions(6*i - 6 + k, mode), abs(aimag(values(mode))) > 0.0_wp), 12)
+                        end if
+                    end do
+                    call say(line)
+                end do
+            end do
+        class default
+            call say('')
+            call say('the model is no mechanism: its modes are those of its coordinates')
+        end select
+    end subroutine print_body_motions
 
     !> In degrees.
     pure real(wp) function phase(z)

@@ -2,10 +2,11 @@
 !> tandem linearise: the linear equations of small motions about a start, an equilibrium, a steady motion or a time of a run, their
 !> eigenvalues and modes.
 module tandem_cli_linearise
-    use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, simulation_type, wp
+    use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, of_motion, simulation_type, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_json, only: print_linearisation_json
-    use tandem_cli_linearisation_table, only: print_linearisation, print_multipliers
+    use tandem_cli_linearisation_table, only: print_body_motions, print_linearisation, print_multipliers
+    use tandem_cli_linearise_near, only: linearise_near
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed
     use tandem_io, only: check_target, find_scene, read_scene, scene_type, write_linearisation
     use tandem_status, only: status_no_equilibrium
@@ -30,6 +31,7 @@ contains
         type(inputs_type) :: inputs
         real(wp) :: time, period
         logical :: is_new
+        integer :: i
 
         code = input_wrong
         call find_scene(arguments%scene, path, error)
@@ -40,6 +42,10 @@ contains
         if (.not. allocated(error)) call arguments%number_of('--period', 0.0_wp, period, error)
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call check_target( &
             arguments%value_of('--output', ''), arguments%force, is_new, error)
+        if (.not. allocated(error) .and. arguments%value_of('--near', '') /= '') then
+            call linearise_near(arguments, scene, code)
+            return
+        end if
         if (.not. allocated(error)) call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, &
             error, scene%assembly)
         if (allocated(error)) then
@@ -67,6 +73,9 @@ contains
             call print_linearisation_json(scene, linearisation, inputs, floquet)
         else
             call print_linearisation(scene, linearisation)
+            if (arguments%shapes) call print_body_motions(scene%model, linearisation%q, pack(linearisation%spectrum%values, &
+                linearisation%spectrum%cause == of_motion), linearisation%spectrum%shapes(:, pack([(i, i=1, &
+                size(linearisation%spectrum%cause))], linearisation%spectrum%cause == of_motion)))
             if (allocated(floquet)) call print_multipliers(floquet)
         end if
         code = done

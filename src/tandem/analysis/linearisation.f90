@@ -18,20 +18,23 @@ module tandem_analysis_linearisation
     use tandem_analysis_point, only: point_type
     use tandem_analysis_spectrum, only: spectrum_type
     use tandem_analysis_symmetry, only: symmetry_type
-    use tandem_error, only: error_type
+    use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_singular, only: singular_type
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
-    use tandem_status, only: status_ok
+    use tandem_status, only: status_ok, status_work_limit
     implicit none (type, external)
     private
 
-    public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name
+    public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name, most_coordinates
 
     !> What the motion at the point is.
     integer, parameter :: at_equilibrium = 1, in_steady_motion = 2, at_an_instant = 3
     character(len=13), parameter :: kind_name(3) = [character(len=13) :: 'equilibrium', 'steady motion', 'instant']
+
+    !> Matrices of more coordinates take minutes and gigabytes.
+    integer, parameter :: most_coordinates = 1000
 
     type :: linearisation_type
         !> One of the three above.
@@ -71,7 +74,8 @@ module tandem_analysis_linearisation
 
 contains
 
-    !> Linearise a model at a state that satisfies its constraints.
+    !> Linearise a model at a state that satisfies its constraints. Errors: work_limit for more than `most_coordinates`,
+    !> invalid_model, and what evaluating the model may give.
     subroutine make(self, model, t, q, qd, error, names)
         class(linearisation_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
@@ -84,6 +88,12 @@ contains
 
         call check_model(model, error)
         if (allocated(error)) return
+        if (model%n > most_coordinates) then
+            call set_error(error, status_work_limit, 'the model "'//model%name//'" has '//to_text(model%n)//' coordinates, too '// &
+                'many for matrices that are full ('//to_text(most_coordinates)//' at most)', &
+                'ask for the eigenvalues of an equilibrium near a shift, tandem linearise --near')
+            return
+        end if
         allocate (point)
         call point%initialize(model)
         self%has_gradients = point%has_gradients

@@ -12,6 +12,7 @@
 !> potential, which finds a stable one from afar; then Newton's iteration again. All of it is bounded work.
 module tandem_analysis_settling
     use tandem_analysis_point, only: point_type
+    use tandem_analysis_sparse_settling, only: settle_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -45,6 +46,9 @@ module tandem_analysis_settling
         procedure, private :: refuse
     end type settling_type
 
+    !> From so many coordinates on the sparse form finds equilibria of models that have one.
+    integer, parameter :: large = 250
+    character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
     !> Most iterations, and steps along the forces.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
     !> The longest step, in scaled coordinates.
@@ -66,10 +70,15 @@ contains
 
         call check_model(model, error)
         if (allocated(error)) return
-        allocate (point)
-        call point%initialize(model)
         call no_fields(self, model%n)
         self%q = q
+        if (model%n >= large .and. allocated(model%pattern)) then
+            call settle_large(self, model, t, error)
+            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
+            return
+        end if
+        allocate (point)
+        call point%initialize(model)
         call self%iterate(point, t, .false., stat)
         if (stat == status_no_equilibrium) then
             self%q = q
@@ -82,6 +91,37 @@ contains
         end if
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_equilibrium
+
+    !> The same by the sparse form, which tells of no families.
+    subroutine settle_large(self, model, t, error)
+        class(settling_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t
+        type(error_type), allocatable, intent(out) :: error
+        character(len=:), allocatable :: reason
+        logical :: constraints_move
+        integer :: stat
+
+        call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, constraints_move, stat, error)
+        if (allocated(error) .or. stat == status_ok) return
+        if (stat /= status_no_equilibrium) then
+            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its equilibrium')
+            return
+        end if
+        reason = ''
+        if (constraints_move) reason = moved_reason
+        call set_error(error, stat, 'no equilibrium of the model "'//model%name//'" was found in '//to_text(self%iterations)// &
+            ' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)
+    end subroutine settle_large
+
+    !> The coordinate scales of a model (n).
+    pure function scale_of(model) result(scale)
+        class(model_type), intent(in) :: model
+        real(wp) :: scale(model%n)
+
+        scale = 1.0_wp
+        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+    end function scale_of
 
     !> The steady motion near (q, qd), along all symmetries or along fields that are named. Their rates stay those of qd, if that
     !> can be; else they change too.
@@ -373,7 +413,7 @@ contains
             return
         end if
         reason = ''
-        if (any(abs(point%nu) > 0.0_wp)) reason = '; its constraints move it, so that it cannot rest'
+        if (any(abs(point%nu) > 0.0_wp)) reason = moved_reason
         call set_error(error, stat, 'no '//what//' of the model "'//point%model%name//'" was found in '// &
             to_text(self%iterations)//' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)
     end subroutine refuse

@@ -129,6 +129,49 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine zgetrs
 
+        !> The Schur form of a complex matrix; not sorted where `sort` is 'N'.
+        subroutine zgees(jobvs, sort, select, n, a, lda, sdim, w, vs, ldvs, work, lwork, rwork, bwork, info)
+            import :: wp
+            implicit none (type, external)
+            interface
+                logical function select(value)
+                    import :: wp
+                    implicit none (type, external)
+                    complex(wp), intent(in) :: value
+                end function select
+            end interface
+            character(len=1), intent(in) :: jobvs, sort
+            integer, intent(in) :: n, lda, ldvs, lwork
+            complex(wp), intent(inout) :: a(lda, *)
+            complex(wp), intent(out) :: w(*), vs(ldvs, *), work(*)
+            real(wp), intent(out) :: rwork(*)
+            integer, intent(out) :: sdim, info
+            logical, intent(out) :: bwork(*)
+        end subroutine zgees
+
+        !> Move the entry ifst of the diagonal of a complex Schur form to the place ilst.
+        subroutine ztrexc(compq, n, t, ldt, q, ldq, ifst, ilst, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: compq
+            integer, intent(in) :: n, ldt, ldq, ifst, ilst
+            complex(wp), intent(inout) :: t(ldt, *), q(ldq, *)
+            integer, intent(out) :: info
+        end subroutine ztrexc
+
+        !> Eigenvectors of a complex triangular matrix.
+        subroutine ztrevc(side, howmny, select, n, t, ldt, vl, ldvl, vr, ldvr, mm, m, work, rwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: side, howmny
+            logical, intent(in) :: select(*)
+            integer, intent(in) :: n, ldt, ldvl, ldvr, mm
+            complex(wp), intent(inout) :: t(ldt, *), vl(ldvl, *), vr(ldvr, *)
+            complex(wp), intent(out) :: work(*)
+            real(wp), intent(out) :: rwork(*)
+            integer, intent(out) :: m, info
+        end subroutine ztrevc
+
         !> Reciprocal condition number from the factors of `dgetrf`.
         subroutine dgecon(norm, n, a, lda, anorm, rcond, work, iwork, info)
             import :: wp

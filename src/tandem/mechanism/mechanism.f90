@@ -64,6 +64,7 @@ module tandem_mechanism
     contains
         procedure :: define
         procedure :: start
+        procedure :: find_body_motions
         procedure :: pack_state
     end type mechanism_type
 
@@ -73,6 +74,18 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine list_quantities
+
+        !> A small motion of the coordinates as motions of the bodies: how their places move, and the vectors by which they turn, in
+        !> the world's axes.
+        module subroutine find_body_motions(self, q, shape, motions)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            !> Coordinates, and what is added to them (n).
+            real(wp), intent(in) :: q(:)
+            complex(wp), intent(in) :: shape(:)
+            !> x, y, z and the turns about these (6, bodies).
+            complex(wp), intent(out) :: motions(:, :)
+        end subroutine find_body_motions
 
         !> Let events change the mechanism.
         module subroutine allow_changes(self)

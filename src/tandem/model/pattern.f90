@@ -28,7 +28,8 @@ module tandem_model_pattern
         integer, allocatable :: column(:), mass_column(:)
         !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
         character(len=120) :: fault = ''
-        !> Pairs of bodies whose forces depend on each other (2, :), for `evaluate_stiffness`; none where not allocated.
+        !> Pairs of bodies whose forces depend on each other's coordinates (2, any), for `evaluate_stiffness` and the analysis of
+        !> large systems; they may come more than once, 0 is the ground; none where not allocated.
         integer, allocatable :: coupled(:, :)
     contains
         procedure :: build

@@ -1,14 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as an HDF5 file: /linearisation with the matrices, the eigenvalues and the modes.
 module tandem_io_output_linearisation
-    use tandem, only: cause_name, error_type, inputs_type, kind_name, linearisation_type, long, model_type, set_error, wp
+    use tandem, only: cause_name, error_type, inputs_type, kind_name, linearisation_type, long, model_type, &
+        nearest_type, set_error, wp
     use tandem_io_output_hdf5, only: hdf5_type
+    use tandem_io_output_modes, only: put_body_motions
     use tandem_io_version, only: format_version, tandem_version
     use tandem_status, only: status_output_failed
     implicit none (type, external)
     private
 
-    public :: write_linearisation
+    public :: write_linearisation, write_nearest
 
     character(len=*), parameter :: group = '/linearisation'
 
@@ -48,9 +50,51 @@ contains
         call file%put(group//'/qd', it%qd)
         call put_names(file, model, it, io)
         call put_modes(file, it)
+        call put_body_motions(file, group, model, it%q, it%spectrum%shapes)
         call file%close()
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_linearisation
+
+    !> Write the eigenvalues near a shift; the nearest comes first.
+    subroutine write_nearest(path, scene, model, it, error)
+        character(len=*), intent(in) :: path, scene
+        class(model_type), intent(in) :: model
+        type(nearest_type), intent(in) :: it
+        type(error_type), allocatable, intent(out) :: error
+        type(hdf5_type) :: file
+        character(len=64) :: names(size(it%q))
+        integer :: i
+
+        call file%create(path)
+        call file%attach('/', 'format_version', int(format_version, long))
+        call file%attach('/', 'tandem_version', tandem_version)
+        call file%attach('/', 'study', 'linearisation')
+        call file%attach('/', 'scene', scene)
+        call file%add_group(group)
+        call file%attach(group, 'kind', 'equilibrium')
+        call file%attach(group, 'time', it%t)
+        call file%attach(group, 'residual', it%residual)
+        call file%attach(group, 'shift_re', real(it%shift, wp))
+        call file%attach(group, 'shift_im', aimag(it%shift))
+        do i = 1, size(names)
+            names(i) = model%coordinate_label(i)
+        end do
+        call file%put(group//'/coordinates', names)
+        call file%put(group//'/q', it%q)
+        associate (values => it%values)
+            call file%put(group//'/eigenvalues', reshape([real(values, wp), aimag(values)], [size(values), 2]))
+            call file%attach(group//'/eigenvalues', 'unit', '1/s')
+            call file%put(group//'/error', it%error)
+            call file%put(group//'/frequency', abs(aimag(values))/(2*acos(-1.0_wp)))
+            call file%attach(group//'/frequency', 'unit', 'Hz')
+            call file%put(group//'/damping_ratio', -real(values, wp)/max(abs(values), tiny(1.0_wp)))
+        end associate
+        call file%put(group//'/shapes_re', transpose(real(it%shapes, wp)))
+        call file%put(group//'/shapes_im', transpose(aimag(it%shapes)))
+        call put_body_motions(file, group, model, it%q, it%shapes)
+        call file%close()
+        if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
+    end subroutine write_nearest
 
     !> What the rows and columns are.
     subroutine put_names(file, model, it, io)

@@ -1,0 +1,160 @@
+! SPDX-License-Identifier: MIT
+!> tandem linearise --near: the eigenvalues of a large mechanism nearest to a shift, at an equilibrium.
+module tandem_cli_linearise_near
+    use tandem, only: error_type, is_input_error, most_nearest, nearest_type, set_error, to_text, wp
+    use tandem_cli_arguments, only: arguments_type
+    use tandem_cli_linearisation_table, only: eigenvalue_text, print_body_motions, shape_text
+    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_io, only: brief, json_type, scene_type, write_nearest
+    use tandem_status, only: status_invalid_option
+    implicit none (type, external)
+    private
+
+    public :: linearise_near
+
+    !> How many modes, unless --modes says.
+    integer, parameter :: usual_modes = 10
+
+contains
+
+    !> Find them at the start of a scene that was read.
+    subroutine linearise_near(arguments, scene, code)
+        type(arguments_type), intent(in) :: arguments
+        type(scene_type), intent(inout), target :: scene
+        !> Exit code.
+        integer, intent(out) :: code
+        type(nearest_type) :: nearest
+        type(error_type), allocatable :: error
+        complex(wp) :: shift
+        integer :: n_modes
+
+        code = input_wrong
+        n_modes = usual_modes
+        call read_shift(arguments%value_of('--near', ''), shift, error)
+        if (.not. allocated(error)) call arguments%count_of('--modes', most_nearest/2, n_modes, error)
+        if (.not. allocated(error)) call refuse_others(arguments, error)
+        if (.not. allocated(error) .and. size(scene%steady) > 0) call set_error(error, status_invalid_option, &
+            '--near cannot be combined with a steady motion', 'eigenvalues near a shift are those of an equilibrium')
+        if (allocated(error)) then
+            call complain(error%message)
+            return
+        end if
+        ! Pairs count once.
+        call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error)
+        if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
+            arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
+        if (allocated(error)) then
+            call complain(in_scene_words(error))
+            code = merge(input_wrong, run_failed, is_input_error(error%stat))
+            return
+        end if
+        if (arguments%json) then
+            call print_json(scene, nearest)
+        else
+            call print_nearest(scene, nearest)
+            if (arguments%shapes) call print_body_motions(scene%model, nearest%q, nearest%values, nearest%shapes)
+        end if
+        code = done
+        if (nearest%is_complete) return
+        call complain('only '//to_text(size(nearest%values))//' eigenvalues converged; take a shift nearer to those that '// &
+            'are wanted')
+        code = run_failed
+    end subroutine linearise_near
+
+    !> RE or RE,IM.
+    subroutine read_shift(text, shift, error)
+        character(len=*), intent(in) :: text
+        complex(wp), intent(out) :: shift
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: parts(2)
+        integer :: comma, stat
+
+        parts = 0.0_wp
+        comma = index(text//',', ',')
+        stat = 1
+        if (verify(text, '0123456789.eE+-,') == 0 .and. comma > 1) then
+            read (text(:comma - 1), *, iostat=stat) parts(1)
+            if (stat == 0 .and. comma <= len(text)) then
+                stat = 1
+                if (index(text(comma + 1:), ',') == 0) read (text(comma + 1:), *, iostat=stat) parts(2)
+            end if
+        end if
+        shift = cmplx(parts(1), parts(2), wp)
+        if (stat == 0 .and. all(abs(parts) <= huge(1.0_wp))) return
+        call set_error(error, status_invalid_option, 'tandem linearise needs a shift after --near, RE or RE,IM such as '// &
+            '0 or 0,30, not "'//text//'"')
+    end subroutine read_shift
+
+    !> Options that say how small motions are found otherwise.
+    subroutine refuse_others(arguments, error)
+        type(arguments_type), intent(in) :: arguments
+        type(error_type), allocatable, intent(out) :: error
+        character(len=8), parameter :: others(2) = [character(len=8) :: '--at', '--period']
+        integer :: i
+
+        do i = 1, size(others)
+            if (arguments%value_of(trim(others(i)), '') == '') cycle
+            call set_error(error, status_invalid_option, '--near cannot be combined with '//trim(others(i)), &
+                'eigenvalues near a shift are those of an equilibrium')
+            return
+        end do
+    end subroutine refuse_others
+
+    !> As lines to read, one of each pair.
+    subroutine print_nearest(scene, it)
+        type(scene_type), intent(in) :: scene
+        type(nearest_type), intent(in) :: it
+        integer :: i
+        logical :: has_pairs
+
+        has_pairs = .not. abs(aimag(it%shift)) > 0.0_wp
+        call say(scene%name//' at rest: the eigenvalues nearest to '//complex_text(it%shift))
+        if (it%n_redundant > 0) call say(to_text(it%n_redundant)//' redundant rows are left out')
+        call say('')
+        call say(padded('eigenvalue [1/s]', 46)//padded('frequency', 14)//padded('damping', 12)//padded('error', 10)//'shape')
+        do i = 1, size(it%values)
+            associate (value => it%values(i))
+                if (has_pairs .and. aimag(value) < -it%error(i)) cycle
+                call say(eigenvalue_text(value, has_pairs)//padded(brief(abs(aimag(value))/(2*acos(-1.0_wp)))//' Hz', 14)// &
+                    padded(brief(-real(value, wp)/max(abs(value), tiny(1.0_wp))), 12)//padded(brief(it%error(i)), 10)// &
+                    shape_text(scene%model, it%shapes(:, i), abs(aimag(value)) > 0.0_wp))
+            end associate
+        end do
+    end subroutine print_nearest
+
+    !> A complex number to read.
+    function complex_text(value) result(text)
+        complex(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+
+        text = to_text(real(value, wp))
+        if (abs(aimag(value)) > 0.0_wp) text = text//' + '//to_text(aimag(value))//' i'
+    end function complex_text
+
+    !> As one object; the shapes are in the file of --output.
+    subroutine print_json(scene, it)
+        type(scene_type), intent(in) :: scene
+        type(nearest_type), intent(in) :: it
+        type(json_type) :: json
+        integer :: i
+
+        call json%begin_object()
+        call json%add('scene', scene%name)
+        call json%add('time', it%t)
+        call json%add('kind', 'equilibrium')
+        call json%add('residual', it%residual)
+        call json%add('shift', [real(it%shift, wp), aimag(it%shift)])
+        call json%add('complete', it%is_complete)
+        call json%add('redundant_rows', it%n_redundant)
+        call json%add('products', it%products)
+        call json%add('factor_entries', it%factor_entries)
+        call json%begin_array('eigenvalues')
+        do i = 1, size(it%values)
+            call json%add('', [real(it%values(i), wp), aimag(it%values(i))])
+        end do
+        call json%end_array()
+        call json%add('errors', it%error)
+        call json%end_object()
+        call say(json%text)
+    end subroutine print_json
+end module tandem_cli_linearise_near

@@ -1,0 +1,239 @@
+! SPDX-License-Identifier: MIT
+!> The eigenvalues of small motions about an equilibrium that are nearest to a shift, by shift and invert on the sparse form: for
+!> mechanisms of thousands of bodies, in memory and time that grow with their number. Neither V nor W is formed.
+!>
+!> With dq = q exp(lambda t), and (q, u) for the state, (A - sigma) (q1, u1) = (q0, u0) is
+!>
+!>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
+!>
+!> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level. The eigenvalues theta of that operator which are largest
+!> are those of A nearest to sigma, lambda = sigma + 1/theta.
+module tandem_analysis_nearest
+    use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: wp
+    use tandem_linalg_krylov, only: krylov_type, operator_type
+    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
+    use tandem_model, only: model_type
+    use tandem_model_check, only: check_model
+    use tandem_status, only: status_inconsistent_start, status_invalid_option, status_no_equilibrium, status_ok, status_work_limit
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: nearest_type, most_nearest
+
+    !> The most eigenvalues of a search.
+    integer, parameter :: most_nearest = 100
+
+    type :: nearest_type
+        real(wp) :: t = 0.0_wp
+        !> The equilibrium (n), and what is left of the forces there, over the size of their terms.
+        real(wp), allocatable :: q(:)
+        real(wp) :: residual = 0.0_wp
+        !> The shift: that which was asked for, or one beside it where that is an eigenvalue itself.
+        complex(wp) :: shift = (0.0_wp, 0.0_wp)
+        !> The nearest first, each the first of its copies.
+        complex(wp), allocatable :: values(:)
+        !> How far each is from being an eigenvalue of the matrices, to first order, its condition left out.
+        real(wp), allocatable :: error(:)
+        !> Motions of the coordinates, the largest entry 1 (n, size(values)).
+        complex(wp), allocatable :: shapes(:, :)
+        !> Numbers of redundant rows, of products with the operator, and of entries of the factors.
+        integer :: n_redundant = 0, products = 0, factor_entries = 0
+        !> Whether all that were asked for have been found.
+        logical :: is_complete = .false.
+    contains
+        procedure :: find
+        procedure, private :: take
+    end type nearest_type
+
+    !> (A - sigma)^-1.
+    type, extends(operator_type) :: inverse_type
+        type(sparse_point_type) :: point
+        type(sparse_matrix_type) :: matrix
+        type(sparse_lu_type) :: lu
+        complex(wp) :: shift = (0.0_wp, 0.0_wp)
+        real(wp) :: unit = 1.0_wp
+        !> 1 over the lengths of rows that take part, and their numbers.
+        real(wp), allocatable :: weight(:)
+        integer, allocatable :: rows(:)
+        !> Work space: unknowns, coordinates.
+        complex(wp), allocatable :: b(:), y(:), x(:), f(:)
+    contains
+        procedure :: apply
+        procedure :: factor
+    end type inverse_type
+
+    !> Forces are in balance where what is left is this of their terms.
+    real(wp), parameter :: balance_bound = 1.0e-9_wp
+    !> Of residuals of the iteration: rounding leaves some 1e-14.
+    real(wp), parameter :: tolerance = 1.0e-12_wp
+
+contains
+
+    !> Find k eigenvalues at the equilibrium q. Errors: no_equilibrium where it is none, invalid_option, invalid_model, work_limit,
+    !> and what evaluating the model may give.
+    subroutine find(self, model, t, q, shift, k, error)
+        class(nearest_type), intent(out) :: self
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t, q(:)
+        complex(wp), intent(in) :: shift
+        !> From 1 to `most_nearest`.
+        integer, intent(in) :: k
+        type(error_type), allocatable, intent(out) :: error
+        type(inverse_type), allocatable :: inverse
+        type(krylov_type), allocatable :: krylov
+        integer :: stat
+
+        call check_model(model, error)
+        if (allocated(error)) return
+        if (k < 1 .or. k > most_nearest) then
+            call set_error(error, status_invalid_option, to_text(k)//' eigenvalues were asked for', 'ask for 1 to '// &
+                to_text(most_nearest))
+        else if (.not. (ieee_is_finite(real(shift, wp)) .and. ieee_is_finite(aimag(shift)))) then
+            call set_error(error, status_invalid_option, 'the shift is not a finite number')
+        end if
+        if (allocated(error)) return
+        allocate (inverse, krylov)
+        call inverse%point%initialize(model, error)
+        if (allocated(error)) return
+        call rest_at(inverse%point, t, q, self%residual, error)
+        if (.not. allocated(error)) call inverse%point%check_structure(error)
+        if (allocated(error)) return
+        self%t = t
+        self%q = q
+        self%n_redundant = count(inverse%point%is_out)
+        call inverse%factor(shift, error)
+        if (allocated(error)) return
+        self%shift = inverse%shift
+        self%factor_entries = inverse%lu%n_entries()
+        call krylov%find(inverse, k, tolerance, stat)
+        if (stat /= 0) then
+            call set_error(error, status_work_limit, 'the eigenvalues near the shift did not converge', 'take another shift')
+            return
+        end if
+        call self%take(inverse, krylov, k)
+    end subroutine find
+
+    !> Evaluate the model at rest with multipliers, K and D; refuse what is no equilibrium.
+    subroutine rest_at(point, t, q, residual, error)
+        type(sparse_point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: residual
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: acceleration(:)
+        integer :: stat
+
+        residual = huge(residual)
+        call point%look(t, q, stat)
+        if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
+        if (stat == status_ok) call point%differentiate(.true., stat)
+        if (stat /= status_ok) then
+            call set_error(error, stat, 'the model "'//point%model%name//'" cannot be linearised at the point')
+            return
+        end if
+        call point%balance()
+        residual = point%imbalance()
+        associate (terms => point%evaluator%terms)
+            if (any(abs(terms%nu) > 0.0_wp) .or. any(abs(terms%gamma) > 0.0_wp)) then
+                call set_error(error, status_no_equilibrium, 'the constraints of the model "'//point%model%name// &
+                    '" move it, so that it is not at rest', 'eigenvalues near a shift are those of an equilibrium')
+            else if (point%violation() > balance_bound) then
+                call set_error(error, status_inconsistent_start, 'the model "'//point%model%name//'" violates its '// &
+                    'position constraints by '//to_text(point%violation())//' of their scale', 'give coordinates that satisfy them')
+            else if (residual > balance_bound) then
+                call set_error(error, status_no_equilibrium, 'the model "'//point%model%name//'" is not at rest: '// &
+                    'its forces are out of balance by '//to_text(residual)//' of their size', &
+                    'eigenvalues near a shift are those of an equilibrium; ask for --equilibrium')
+            end if
+        end associate
+    end subroutine rest_at
+
+    !> Factor for a shift, or for one beside it where that is an eigenvalue or none that rows at velocity level allow.
+    subroutine factor(self, shift, error)
+        class(inverse_type), intent(inout) :: self
+        complex(wp), intent(in) :: shift
+        type(error_type), allocatable, intent(out) :: error
+        !> Beside the shift: these parts of its modulus, or of 1/s.
+        real(wp), parameter :: beside(4) = [0.0_wp, 1.0e-2_wp, 3.0e-2_wp, 0.1_wp]
+        !> The matrix is as good as singular where a pivot falls to this part of its column.
+        real(wp), parameter :: least = 1.0e-12_wp
+        integer, allocatable :: order(:)
+        integer :: i, k, stat
+
+        associate (point => self%point)
+            self%n = 2*point%n
+            self%rows = pack([(i, i=1, point%m)], .not. point%is_out)
+            self%weight = [(1/point%row_length(self%rows(k)), k=1, size(self%rows))]
+            if (allocated(self%b)) deallocate (self%b, self%y, self%x, self%f)
+            allocate (self%b(point%n + size(self%rows)), self%y(point%n + size(self%rows)), self%x(point%n), self%f(point%n))
+            do k = 1, size(beside)
+                self%shift = shift + beside(k)*max(abs(shift), 1.0_wp)
+                if (point%m > point%nh .and. .not. abs(self%shift) > 0.0_wp) cycle
+                call point%assemble([self%shift**2, self%shift, (1.0_wp, 0.0_wp)], self%matrix, order, self%unit)
+                call self%lu%factor(self%matrix, order, most_factor_entries, stat)
+                if (stat < 0) exit
+                if (stat == 0 .and. self%lu%least > least) return
+            end do
+            if (stat < 0) then
+                call set_error(error, status_work_limit, 'the factors of the model "'//point%model%name//'" would fill more '// &
+                    'than '//to_text(most_factor_entries)//' entries: its bodies have too many neighbours')
+            else
+                call set_error(error, status_invalid_option, 'the matrix of the model "'//point%model%name//'" is singular at '// &
+                    'the shift and beside it', 'take another shift')
+            end if
+        end associate
+    end subroutine factor
+
+    !> y = (A - sigma)^-1 x of states (q, u).
+    subroutine apply(self, x, y)
+        class(inverse_type), intent(inout) :: self
+        complex(wp), intent(in), contiguous :: x(:)
+        complex(wp), intent(out), contiguous :: y(:)
+        integer :: i, k
+
+        associate (point => self%point, n => self%point%n, b => self%b, shift => self%shift)
+            self%x = shift*x(:n) + x(n + 1:)
+            call point%multiply([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], self%x, self%f)
+            b(:n) = -self%f/self%unit
+            call point%multiply([(0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], x(:n), self%f)
+            b(:n) = b(:n) - self%f/self%unit
+            do k = 1, size(self%rows)
+                i = self%rows(k)
+                b(n + k) = (0.0_wp, 0.0_wp)
+                if (i > point%nh) b(n + k) = -self%weight(k)*point%row_times(i, x(:n))/shift
+            end do
+            call self%lu%solve_refined(self%matrix, b, self%y)
+            y(:n) = self%y(:n)
+            y(n + 1:) = shift*self%y(:n) + x(:n)
+        end associate
+    end subroutine apply
+
+    !> Eigenvalues of A from those of the operator, with what a product more says of each.
+    subroutine take(self, inverse, krylov, k)
+        class(nearest_type), intent(inout) :: self
+        type(inverse_type), intent(inout) :: inverse
+        type(krylov_type), intent(in) :: krylov
+        integer, intent(in) :: k
+        complex(wp) :: y(inverse%n), largest
+        integer :: i, n
+
+        n = inverse%point%n
+        self%is_complete = krylov%is_complete
+        self%products = krylov%products + size(krylov%values)
+        allocate (self%values(size(krylov%values)), self%error(size(krylov%values)))
+        allocate (self%shapes(n, size(krylov%values)))
+        do i = 1, size(krylov%values)
+            associate (theta => krylov%values(i), x => krylov%vectors(:, i))
+                call inverse%apply(x, y)
+                self%values(i) = self%shift + 1/theta
+                self%error(i) = sqrt(sum(abs(y - theta*x)**2))/abs(theta)**2 + epsilon(1.0_wp)*abs(self%values(i))
+                self%shapes(:, i) = x(:n)
+                largest = x(maxloc(abs(x(:n)), dim=1))
+                if (abs(largest) > 0.0_wp) self%shapes(:, i) = x(:n)/largest
+            end associate
+        end do
+        if (size(self%values) < k) self%is_complete = self%is_complete .and. size(self%values) > 0
+    end subroutine take
+end module tandem_analysis_nearest

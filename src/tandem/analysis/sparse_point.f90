@@ -1,0 +1,627 @@
+! SPDX-License-Identifier: MIT
+!> A model at rest at one point, as the analysis of large mechanisms looks at it: M, K = (C' lambda - S - Q_A)_q and
+!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number.
+!>
+!> K and D are central differences of eighth order along groups of coordinates whose bodies have no neighbour in common, so that
+!> their number does not grow with that of the bodies. A comparison along a random direction says whether all of their entries are
+!> where they were looked for.
+!>
+!> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
+module tandem_analysis_sparse_point
+    use tandem_analysis_neighbours, only: find_groups, find_neighbours, most_groups
+    use tandem_chart_sparse_order, only: append, list_type, order_nodes
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_linalg_random, only: random_vector
+    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
+    use tandem_model, only: model_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_pattern, only: pattern_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_status, only: status_invalid_model, status_not_finite, status_ok, status_singular_mass, status_work_limit
+    implicit none (type, external)
+    private
+
+    public :: sparse_point_type, most_factor_entries
+
+    type :: sparse_point_type
+        !> Numbers of coordinates, rows of Phi and rows of C.
+        integer :: n = 0, nh = 0, m = 0
+        real(wp) :: t = 0.0_wp
+        !> The point, coordinate scales, velocities of zero (n); multipliers (m).
+        real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
+        !> Rows that depend on others (m): they take no part, and their multipliers are zero.
+        logical, allocatable :: is_out(:)
+        !> Columns of K, D and M: column j has the entries start(j) to start(j + 1) - 1, in the rows of its body and of its
+        !> neighbours.
+        integer, allocatable :: start(:), row(:)
+        real(wp), allocatable :: stiffness(:), damping(:), mass(:)
+        type(evaluator_type) :: evaluator
+        type(counts_type) :: counts
+        class(model_type), pointer :: model => null()
+        type(pattern_type), pointer :: pattern => null()
+        !> C' lambda - S - Q_A (n).
+        real(wp), allocatable :: residual(:)
+        !> What terms of it add up to (n).
+        real(wp), allocatable :: sizes(:)
+        !> The body of each coordinate (n), neighbours of each body, their groups, and coordinates and rows in their order of
+        !> elimination (n + m).
+        integer, allocatable, private :: body_of(:), group(:), order(:)
+        type(list_type), allocatable, private :: neighbours(:)
+        integer, private :: n_groups = 0
+    contains
+        procedure :: initialize
+        procedure :: look
+        procedure :: balance
+        procedure :: find_dependent_rows
+        procedure :: differentiate
+        procedure :: check_structure
+        procedure :: assemble
+        procedure :: solve
+        procedure :: multiply
+        procedure :: imbalance
+        procedure :: violation
+        procedure :: row_length
+        procedure :: row_times
+        procedure, private :: set_structure
+        procedure, private :: difference
+    end type sparse_point_type
+
+    !> The most entries of factors: 2 GB.
+    integer, parameter :: most_factor_entries = 80000000
+    !> Displacements and weights of central differences of eighth order; the step in coordinate scales.
+    real(wp), parameter :: place(8) = [-4.0_wp, -3.0_wp, -2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp]
+    real(wp), parameter :: weight(8) = [1.0_wp/280, -4.0_wp/105, 0.2_wp, -0.8_wp, 0.8_wp, -0.2_wp, 4.0_wp/105, -1.0_wp/280]
+    real(wp), parameter :: step = 2.0_wp**(-8)
+    !> A row whose pivot falls to this part of what it was depends on others: an angle of 1e-5, as the sparse chart has it.
+    real(wp), parameter :: least_pivot = 1.0e-10_wp
+
+contains
+
+    !> Attach a model that `check_model` has accepted. Errors: invalid_model where it has no pattern or too many neighbours.
+    subroutine initialize(self, model, error)
+        class(sparse_point_type), intent(inout) :: self
+        !> It must outlive the point.
+        class(model_type), intent(inout), target :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. allocated(model%pattern)) then
+            call set_error(error, status_invalid_model, 'the model "'//model%name//'" does not say which rows '// &
+                'touch which bodies, as large systems need it', 'linearise it without a shift')
+            return
+        end if
+        self%model => model
+        self%pattern => model%pattern
+        self%n = model%n
+        self%nh = model%n_holonomic
+        self%m = model%n_constraints()
+        self%scale = spread(1.0_wp, 1, self%n)
+        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%rest = spread(0.0_wp, 1, self%n)
+        self%q = self%rest
+        self%residual = self%rest
+        self%sizes = self%rest
+        self%lambda = spread(0.0_wp, 1, self%m)
+        self%is_out = spread(.false., 1, self%m)
+        call self%evaluator%initialize(model, compressed=.true.)
+        call self%set_structure()
+        if (self%n_groups > most_groups) call set_error(error, status_invalid_model, 'a body of the model "'//model%name// &
+            '" has too many neighbours for differences by groups of bodies', 'linearise it without a shift')
+    end subroutine initialize
+
+    !> Neighbours, groups, order, and where the entries of the columns stand.
+    subroutine set_structure(self)
+        class(sparse_point_type), intent(inout) :: self
+        type(list_type), allocatable :: left(:), none(:), rows_of(:)
+        integer, allocatable :: order(:), place_of(:)
+        integer :: b, i, j, k, l, n, first
+
+        associate (pattern => self%pattern, n_bodies => self%pattern%n_bodies)
+            call find_neighbours(pattern, self%neighbours)
+            call find_groups(self%neighbours, self%group, self%n_groups)
+            allocate (left, source=self%neighbours)
+            allocate (none(n_bodies), rows_of(n_bodies), order(n_bodies), place_of(n_bodies))
+            call order_nodes(left, none, order)
+            do b = 1, n_bodies
+                place_of(order(b)) = b
+            end do
+            ! A row goes with the first of its bodies.
+            do i = 1, self%m
+                first = 0
+                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                    b = pattern%row_body(k)
+                    if (first == 0) first = b
+                    if (place_of(b) < place_of(first)) first = b
+                end do
+                if (first > 0) call append(rows_of(first), i)
+            end do
+            self%order = spread(0, 1, self%n + self%m)
+            self%body_of = spread(0, 1, self%n)
+            self%start = spread(1, 1, self%n + 1)
+            n = 0
+            do i = 1, n_bodies
+                b = order(i)
+                do j = pattern%first(b), pattern%first(b + 1) - 1
+                    n = n + 1
+                    self%order(n) = j
+                    self%body_of(j) = b
+                end do
+                do k = 1, rows_of(b)%n
+                    n = n + 1
+                    self%order(n) = self%n + rows_of(b)%item(k)
+                end do
+            end do
+            ! Rows that touch nothing.
+            do i = 1, self%m
+                if (pattern%row_start(i + 1) > pattern%row_start(i)) cycle
+                n = n + 1
+                self%order(n) = self%n + i
+            end do
+            do l = 1, 2
+                n = 0
+                do j = 1, self%n
+                    self%start(j) = n + 1
+                    call list_rows(self%body_of(j))
+                    do k = 1, self%neighbours(self%body_of(j))%n
+                        call list_rows(self%neighbours(self%body_of(j))%item(k))
+                    end do
+                end do
+                self%start(self%n + 1) = n + 1
+                if (l == 1) self%row = spread(0, 1, n)
+            end do
+            self%stiffness = spread(0.0_wp, 1, n)
+            self%damping = self%stiffness
+            self%mass = self%stiffness
+        end associate
+
+    contains
+
+        subroutine list_rows(body)
+            integer, intent(in) :: body
+            integer :: coordinate
+
+            do coordinate = self%pattern%first(body), self%pattern%first(body + 1) - 1
+                n = n + 1
+                if (l == 2) self%row(n) = coordinate
+            end do
+        end subroutine list_rows
+    end subroutine set_structure
+
+    !> All terms at rest at a point, with M in columns.
+    subroutine look(self, t, q, stat)
+        class(sparse_point_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:)
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: i, j, k, column
+
+        self%t = t
+        self%q = q
+        call self%evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, self%q, &
+            self%rest, self%counts, stat)
+        if (stat /= status_ok) return
+        associate (terms => self%evaluator%terms)
+            if (.not. (sum(abs(terms%jacobian)) <= huge(1.0_wp) .and. sum(abs(terms%mass)) <= huge(1.0_wp) .and. &
+                sum(abs(terms%force)) <= huge(1.0_wp) .and. sum(abs(terms%phi)) <= huge(1.0_wp) .and. &
+                sum(abs(terms%gamma)) <= huge(1.0_wp) .and. sum(abs(terms%nu)) <= huge(1.0_wp))) then
+                stat = status_not_finite
+                return
+            end if
+            self%mass = 0.0_wp
+            do j = 1, self%n
+                do k = self%start(j), self%start(j + 1) - 1
+                    i = self%row(k)
+                    ! The block of M that j is in begins at the coordinate whose compressed column is 1.
+                    if (i - self%pattern%mass_column(i) /= j - self%pattern%mass_column(j)) cycle
+                    column = self%pattern%mass_column(j)
+                    self%mass(k) = terms%mass(i, column)
+                end do
+            end do
+        end associate
+    end subroutine look
+
+    !> C' lambda - S - Q_A of the last point, and the sizes of its terms.
+    subroutine balance(self)
+        class(sparse_point_type), intent(inout) :: self
+
+        call add_forces(self, self%lambda, self%residual)
+        self%sizes = abs(self%evaluator%terms%force)
+        call add_reactions(self, self%lambda, self%sizes, of_moduli=.true.)
+    end subroutine balance
+
+    !> What is left of the forces over the size of their terms: an error of the coordinates of that part of their size would leave
+    !> as much. After `differentiate` and `balance`.
+    pure real(wp) function imbalance(self)
+        class(sparse_point_type), intent(in) :: self
+        real(wp), dimension(self%n) :: product, sizes
+
+        call multiply_columns(self, self%stiffness, self%scale, product, sizes)
+        sizes = self%sizes + sizes*(1 + maxval(abs(self%q/self%scale)))
+        imbalance = maxval(abs(self%residual)/max(sizes, 1.0e-6_wp*maxval(sizes), tiny(1.0_wp)))
+    end function imbalance
+
+    !> The largest error of a position row over the natural scale of the row.
+    pure real(wp) function violation(self)
+        class(sparse_point_type), intent(in) :: self
+        real(wp) :: scales(self%nh)
+
+        scales = 0.0_wp
+        call self%pattern%add_row_scales(self%evaluator%terms%jacobian, self%q, self%scale, scales)
+        violation = maxval([0.0_wp, abs(self%evaluator%terms%phi)/max(scales, tiny(1.0_wp))])
+    end function violation
+
+    !> The same of what the evaluator holds.
+    subroutine add_forces(self, lambda, residual)
+        class(sparse_point_type), intent(in) :: self
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(out) :: residual(:)
+
+        residual = -self%evaluator%terms%force
+        call add_reactions(self, lambda, residual, of_moduli=.false.)
+    end subroutine add_forces
+
+    !> force := force + C' lambda.
+    subroutine add_reactions(self, lambda, force, of_moduli)
+        class(sparse_point_type), intent(in) :: self
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(inout) :: force(:)
+        logical, intent(in) :: of_moduli
+        real(wp) :: part
+        integer :: i, j, k
+
+        associate (pattern => self%pattern, jacobian => self%evaluator%terms%jacobian)
+            do i = 1, self%m
+                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                    do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                        part = jacobian(i, pattern%column(j))*lambda(i)
+                        if (of_moduli) part = abs(part)
+                        force(j) = force(j) + part
+                    end do
+                end do
+            end do
+        end associate
+    end subroutine add_reactions
+
+    !> Find the rows that depend on others, and the acceleration (n) from rest with the multipliers that go with it.
+    subroutine find_dependent_rows(self, acceleration, stat)
+        class(sparse_point_type), intent(inout) :: self
+        real(wp), allocatable, intent(out) :: acceleration(:)
+        !> A status code.
+        integer, intent(out) :: stat
+        type(sparse_matrix_type) :: a
+        type(sparse_lu_type) :: lu
+        integer, allocatable :: order(:)
+        real(wp) :: unit
+        logical :: may_leave(self%n + self%m)
+        integer :: i
+
+        self%is_out = .false.
+        call self%assemble([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], a, order, unit)
+        may_leave = [(i > self%n, i=1, self%n + self%m)]
+        call lu%factor(a, order, most_factor_entries, stat, may_leave, least_pivot)
+        if (stat < 0) then
+            stat = status_work_limit
+            return
+        else if (stat > 0 .or. any(lu%left_rows <= self%n)) then
+            stat = status_singular_mass
+            return
+        end if
+        self%is_out(lu%left_rows - self%n) = .true.
+        if (any(self%is_out)) then
+            call self%assemble([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], a, order, unit)
+            call lu%factor(a, order, most_factor_entries, stat)
+            if (stat /= 0) then
+                stat = status_singular_mass
+                return
+            end if
+        end if
+        allocate (acceleration(self%n))
+        associate (terms => self%evaluator%terms)
+            call self%solve(a, lu, unit, terms%force, -terms%gamma, acceleration, self%lambda)
+        end associate
+    end subroutine find_dependent_rows
+
+    !> K and D for the multipliers that the point has.
+    subroutine differentiate(self, with_damping, stat)
+        class(sparse_point_type), intent(inout) :: self
+        logical, intent(in) :: with_damping
+        !> A status code.
+        integer, intent(out) :: stat
+        integer :: g, l
+
+        self%stiffness = 0.0_wp
+        self%damping = 0.0_wp
+        stat = status_ok
+        associate (first => self%pattern%first)
+            do g = 1, self%n_groups
+                do l = 1, maxval(first(2:) - first(:size(first) - 1), mask=self%group == g)
+                    call self%difference(g, l, .false., self%stiffness, stat)
+                    if (stat == status_ok .and. with_damping) call self%difference(g, l, .true., self%damping, stat)
+                    if (stat /= status_ok) return
+                end do
+            end do
+        end associate
+        ! The terms of the point itself again.
+        call self%evaluator%evaluate(need_jacobian + need_force, self%t, self%q, self%rest, self%counts, stat)
+    end subroutine differentiate
+
+    !> The columns of coordinate l of the bodies of a group.
+    subroutine difference(self, g, l, by_qd, columns, stat)
+        class(sparse_point_type), intent(inout) :: self
+        integer, intent(in) :: g, l
+        logical, intent(in) :: by_qd
+        real(wp), intent(inout) :: columns(:)
+        integer, intent(out) :: stat
+        real(wp), dimension(self%n) :: direction, change
+        integer :: b, j, k
+
+        direction = 0.0_wp
+        do b = 1, size(self%group)
+            j = self%pattern%first(b) + l - 1
+            if (self%group(b) == g .and. j < self%pattern%first(b + 1)) direction(j) = self%scale(j)
+        end do
+        call difference_along(self, direction, step, by_qd, change, stat)
+        if (stat /= status_ok) return
+        do j = 1, self%n
+            if (.not. direction(j) > 0.0_wp) cycle
+            do k = self%start(j), self%start(j + 1) - 1
+                columns(k) = change(self%row(k))/self%scale(j)
+            end do
+        end do
+    end subroutine difference
+
+    !> The derivative of C' lambda - S - Q_A along a direction.
+    subroutine difference_along(self, direction, h, by_qd, change, stat)
+        class(sparse_point_type), intent(inout) :: self
+        real(wp), intent(in) :: direction(:), h
+        logical, intent(in) :: by_qd
+        real(wp), intent(out) :: change(:)
+        integer, intent(out) :: stat
+        real(wp), dimension(self%n) :: moved, residual
+        integer :: i
+
+        change = 0.0_wp
+        do i = 1, size(place)
+            moved = place(i)*h*direction
+            if (by_qd) then
+                call self%evaluator%evaluate(need_force, self%t, self%q, moved, self%counts, stat)
+                if (stat == status_ok) residual = -self%evaluator%terms%force
+            else
+                moved = self%q + moved
+                call self%evaluator%evaluate(need_jacobian + need_force, self%t, moved, self%rest, self%counts, stat)
+                if (stat == status_ok) call add_forces(self, self%lambda, residual)
+            end if
+            if (stat /= status_ok) return
+            change = change + weight(i)/h*residual
+        end do
+        if (.not. sum(abs(change)) <= huge(1.0_wp)) stat = status_not_finite
+    end subroutine difference_along
+
+    !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that the
+    !> model does not tell of, or laws that change within a step of differences, are noticed.
+    subroutine check_structure(self, error)
+        class(sparse_point_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        !> The part of the sizes of the terms that differences of either step may leave.
+        real(wp), parameter :: bound = 1.0e-6_wp
+        real(wp), dimension(self%n) :: direction, change, product, sizes, q
+        integer :: seed, stat
+
+        seed = 1234567
+        direction = self%scale*random_vector(seed, self%n)
+        call difference_along(self, direction, step/8, .false., change, stat)
+        if (stat == status_ok) then
+            call multiply_columns(self, self%stiffness, direction, product, sizes)
+            sizes = sizes + self%sizes
+            if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
+                call refuse('the forces of the model "'//self%model%name//'" depend on coordinates of bodies that it does '// &
+                    'not name as neighbours, or change within a step of differences')
+                return
+            end if
+            call difference_along(self, direction, step/8, .true., change, stat)
+        end if
+        if (stat == status_ok) then
+            call multiply_columns(self, self%damping, direction, product, sizes)
+            sizes = sizes + self%sizes
+            if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
+                call refuse('the forces of the model "'//self%model%name//'" depend on velocities of bodies that it does '// &
+                    'not name as neighbours, or change within a step of differences')
+                return
+            end if
+            q = self%q + step*direction
+            call self%evaluator%evaluate(need_nu, self%t, q, self%rest, self%counts, stat)
+            if (any(abs(self%evaluator%terms%nu) > 0.0_wp)) then
+                call refuse('the right-hand sides of the velocity rows of the model "'//self%model%name// &
+                    '" depend on the coordinates, which the sparse form does not know')
+                return
+            end if
+        end if
+        if (stat == status_ok) call self%evaluator%evaluate(need_jacobian + need_nu + need_force, self%t, self%q, self%rest, &
+            self%counts, stat)
+        if (stat /= status_ok) call set_error(error, stat, 'the model "'//self%model%name// &
+            '" cannot be evaluated around the point')
+
+    contains
+
+        subroutine refuse(message)
+            character(len=*), intent(in) :: message
+
+            call set_error(error, status_invalid_model, message, 'linearise it without a shift')
+        end subroutine refuse
+    end subroutine check_structure
+
+    !> y = A x of one of the three matrices, and |A| |x|.
+    pure subroutine multiply_columns(self, values, x, y, sizes)
+        class(sparse_point_type), intent(in) :: self
+        real(wp), intent(in) :: values(:), x(:)
+        real(wp), intent(out) :: y(:), sizes(:)
+        integer :: j, k
+
+        y = 0.0_wp
+        sizes = 0.0_wp
+        do j = 1, self%n
+            do k = self%start(j), self%start(j + 1) - 1
+                y(self%row(k)) = y(self%row(k)) + values(k)*x(j)
+                sizes(self%row(k)) = sizes(self%row(k)) + abs(values(k)*x(j))
+            end do
+        end do
+    end subroutine multiply_columns
+
+    !> y = (cm M + cd D + ck K) x.
+    pure subroutine multiply(self, c, x, y)
+        class(sparse_point_type), intent(in) :: self
+        !> cm, cd, ck.
+        complex(wp), intent(in) :: c(3), x(:)
+        complex(wp), intent(out) :: y(:)
+        integer :: j, k
+
+        y = (0.0_wp, 0.0_wp)
+        do j = 1, self%n
+            do k = self%start(j), self%start(j + 1) - 1
+                y(self%row(k)) = y(self%row(k)) + (c(1)*self%mass(k) + c(2)*self%damping(k) + c(3)*self%stiffness(k))*x(j)
+            end do
+        end do
+    end subroutine multiply
+
+    !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths.
+    subroutine assemble(self, c, a, order, unit)
+        class(sparse_point_type), intent(in) :: self
+        complex(wp), intent(in) :: c(3)
+        type(sparse_matrix_type), intent(inout) :: a
+        !> Of its columns.
+        integer, allocatable, intent(out) :: order(:)
+        real(wp), intent(out) :: unit
+        complex(wp) :: value
+        integer, allocatable :: next(:), number(:)
+        integer :: i, j, k, pass, total
+        real(wp) :: length
+
+        allocate (number(self%n + self%m))
+        total = 0
+        do i = 1, self%n + self%m
+            number(i) = 0
+            if (i > self%n) then
+                if (self%is_out(i - self%n)) cycle
+            end if
+            total = total + 1
+            number(i) = total
+        end do
+        order = pack(number(self%order), number(self%order) > 0)
+        unit = 0.0_wp
+        do k = 1, size(self%row)
+            unit = max(unit, abs(c(1)*self%mass(k) + c(2)*self%damping(k) + c(3)*self%stiffness(k)))
+        end do
+        if (.not. unit > 0.0_wp) unit = 1.0_wp
+        a%n = total
+        allocate (next(total + 1), source=0)
+        associate (pattern => self%pattern, jacobian => self%evaluator%terms%jacobian)
+            do pass = 1, 2
+                do j = 1, self%n
+                    do k = self%start(j), self%start(j + 1) - 1
+                        value = (c(1)*self%mass(k) + c(2)*self%damping(k) + c(3)*self%stiffness(k))/unit
+                        if (abs(value) > 0.0_wp) call put(self%row(k), j, value)
+                    end do
+                end do
+                do i = 1, self%m
+                    if (number(self%n + i) == 0) cycle
+                    length = row_length(self, i)
+                    do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                        do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                            value = jacobian(i, pattern%column(j))/length
+                            if (.not. abs(value) > 0.0_wp) cycle
+                            call put(number(self%n + i), j, value)
+                            call put(j, number(self%n + i), value)
+                        end do
+                    end do
+                end do
+                if (pass == 2) exit
+                a%start = spread(1, 1, total + 1)
+                do j = 1, total
+                    a%start(j + 1) = a%start(j) + next(j)
+                end do
+                next = a%start
+                a%row = spread(0, 1, a%start(total + 1) - 1)
+                a%value = spread((0.0_wp, 0.0_wp), 1, a%start(total + 1) - 1)
+            end do
+        end associate
+
+    contains
+
+        subroutine put(row, column, entry)
+            integer, intent(in) :: row, column
+            complex(wp), intent(in) :: entry
+
+            if (pass == 2) then
+                a%row(next(column)) = row
+                a%value(next(column)) = entry
+            end if
+            next(column) = next(column) + 1
+        end subroutine put
+    end subroutine assemble
+
+    !> The length of a row of C, 1 for one of zeros.
+    pure real(wp) function row_length(self, i) result(length)
+        class(sparse_point_type), intent(in) :: self
+        integer, intent(in) :: i
+        integer :: j, k
+
+        length = 0.0_wp
+        associate (pattern => self%pattern)
+            do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                    length = length + self%evaluator%terms%jacobian(i, pattern%column(j))**2
+                end do
+            end do
+        end associate
+        length = sqrt(length)
+        if (.not. length > 0.0_wp) length = 1.0_wp
+    end function row_length
+
+    !> Row i of C times x (n).
+    pure complex(wp) function row_times(self, i, x) result(product)
+        class(sparse_point_type), intent(in) :: self
+        integer, intent(in) :: i
+        complex(wp), intent(in) :: x(:)
+        integer :: j, k
+
+        product = (0.0_wp, 0.0_wp)
+        associate (pattern => self%pattern)
+            do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                    product = product + self%evaluator%terms%jacobian(i, pattern%column(j))*x(j)
+                end do
+            end do
+        end associate
+    end function row_times
+
+    !> Solve A (x; lambda) = (f; g) with the real factors that `assemble` and `factor` left.
+    subroutine solve(self, a, lu, unit, f, g, x, lambda)
+        class(sparse_point_type), intent(in) :: self
+        type(sparse_matrix_type), intent(in) :: a
+        type(sparse_lu_type), intent(in) :: lu
+        real(wp), intent(in) :: unit
+        !> (n), (m).
+        real(wp), intent(in) :: f(:), g(:)
+        real(wp), intent(out) :: x(:), lambda(:)
+        complex(wp), dimension(a%n) :: b, y
+        integer :: i, k
+
+        b(:self%n) = f/unit
+        k = self%n
+        do i = 1, self%m
+            if (self%is_out(i)) cycle
+            k = k + 1
+            b(k) = g(i)/row_length(self, i)
+        end do
+        call lu%solve_refined(a, b, y)
+        x = real(y(:self%n), wp)
+        lambda = 0.0_wp
+        k = self%n
+        do i = 1, self%m
+            if (self%is_out(i)) cycle
+            k = k + 1
+            lambda(i) = unit*real(y(k), wp)/row_length(self, i)
+        end do
+    end subroutine solve
+end module tandem_analysis_sparse_point
