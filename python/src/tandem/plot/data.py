@@ -21,8 +21,9 @@ def motion_of(given: Any) -> Result:
     if isinstance(given, (str, Path)):
         return read(given)
     if hasattr(given, "t") and hasattr(given, "names"):
+        scene = given.scene or {"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}}
         return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, report=given.statistics, status=given.status,
-                      message=given.message, scene={"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}})
+                      message=given.message, scene=scene)
     raise TypeError(f"a picture is of a result, its file, or a solution, not of {type(given).__name__}")
 
 
