@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..result import Result, Series, read
+from ..result import Result, Series, read, rows_for_pictures
 
 EULER = re.compile(r"(^|\.)e[0-3]$")
 
@@ -19,7 +19,7 @@ def motion_of(given: Any) -> Result:
     if isinstance(given, Result):
         return given
     if isinstance(given, (str, Path)):
-        return read(given)
+        return read(given, rows_for_pictures(given))
     if hasattr(given, "t") and hasattr(given, "names"):
         scene = given.scene or {"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}}
         return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, report=given.statistics, status=given.status,
