@@ -98,6 +98,29 @@ int tandem_interface_version(void);
  * tandem_message() tells at once. user_data goes to every function of the model. */
 tandem_problem *tandem_new(int n, int n_holonomic, int n_nonholonomic, void *user_data);
 
+/* A problem whose model is a mechanism of bodies and joints, described by keys: tandem_set_key for each, then tandem_define, then all
+ * that other problems can do, but for giving functions of the model. user_data goes to the functions of events. */
+tandem_problem *tandem_new_mechanism(void *user_data);
+
+/* Give a key such as body.rod.mass a value, as scene files have it: a number, "a text" in quotes, true, false, or a list of these in
+ * brackets. The keys are those of doc/mechanism.md but for scene.planar, which is an argument of tandem_define. */
+int tandem_set_key(tandem_problem *problem, const char *key, const char *value);
+
+/* Build the mechanism of its keys. planar != 0: bodies move in the plane; may_be_open != 0: joints need not meet in the drawing, since
+ * tandem_assemble will close them. Between t_start and t_end kinks of functions of time are looked for. Where it fails, keys can be
+ * mended. */
+int tandem_define(tandem_problem *problem, int planar, int may_be_open, double t_start, double t_end);
+
+/* How many coordinates and constraints there are; pointers may be NULL. Of a mechanism, 0 before it is complete. */
+int tandem_get_sizes(tandem_problem *problem, int *n, int *n_holonomic, int *n_nonholonomic);
+
+/* The coordinates and velocities of a mechanism as it is drawn, n of each. */
+int tandem_get_drawing(tandem_problem *problem, double *q, double *qd);
+
+/* The name of a coordinate of a mechanism, its unit, or the name of a constraint row; what is "coordinate", "unit" or "row", index
+ * from 0. Cut to capacity characters with the NUL. */
+int tandem_get_name(tandem_problem *problem, const char *what, int index, int capacity, char *text);
+
 /* Give a problem back; NULL is allowed. Whoever uses the handle afterwards is refused, and so is a second tandem_free: sixteen
  * bytes of each problem stay until the program ends. */
 void tandem_free(tandem_problem *problem);

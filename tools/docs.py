@@ -157,6 +157,22 @@ def front_page():
 # --- what FORD leaves to do ----------------------------------------------------------------------------------------------
 
 
+def bring_motions():
+    """Pages that play the motions, behind their pictures, where the package for Python is installed; else the pictures stay."""
+    python = ROOT / "build" / "python" / "bin" / "python"
+    if not python.exists():
+        return
+    code = "import sys, tandem; tandem.run_scene(sys.argv[1], {'output.interval': 0.02}, error=False).view(sys.argv[2])"
+    for picture in sorted((ROOT / "doc" / "figures").glob("*_page.png")):
+        scene = picture.stem.removesuffix("_page")
+        target = OUTPUT / "page" / "figures" / f"{scene}.html"
+        subprocess.run([python, "-c", code, scene, target], check=True, cwd=ROOT)
+        for page in (OUTPUT / "page").glob("*.html"):
+            text = page.read_text()
+            if f'href="figures/{picture.name}"' in text:
+                page.write_text(text.replace(f'href="figures/{picture.name}"', f'href="figures/{scene}.html"'))
+
+
 def bring_assets():
     """Scripts and styles beside the pages, instead of addresses; mathematics only where there is some."""
     folder = OUTPUT / "assets"
@@ -326,6 +342,7 @@ def main():
     )
     # FORD would take a folder of figures for pages.
     shutil.copytree(ROOT / "doc" / "figures", OUTPUT / "page" / "figures")
+    bring_motions()
     # Its progress names the files, error.f90 among them.
     told = [line for line in run.stdout.splitlines() if re.search(r"warning|error(?!\.f90)", line, re.I)]
     check("ford-has-nothing-to-warn-of", told + [f"exit code {run.returncode}"] * bool(run.returncode))

@@ -52,9 +52,6 @@ picture "$out/studies/stability.h5" $figures/stiffness.png --stiffness
 picture "$runs/articulated_vehicle.h5" $figures/paper_2.png --paper 2
 picture "$runs/rolling_disk.h5" $figures/paper_4.png --paper 4
 picture "$runs/motorcycle.h5" "$runs/motorcycle_chopper.h5" $figures/paper_6.png --paper 6
-for scene in "${scenes[@]}"; do
-    picture "$runs/$scene.h5" "$figures/$scene.gif"
-done
 
 # --- 3. the tables of the documents ---------------------------------------------------------------------------------
 

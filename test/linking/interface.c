@@ -1390,6 +1390,81 @@ static void test_linearised(void)
     tandem_free(p);
 }
 
+/* A function of an event of a mechanism: where the rod hangs. */
+static int hanging(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    (void)t;
+    (void)qd;
+    ++*(int *)user_data;
+    *value = q[0];
+    return 0;
+}
+
+/* A rod that swings from the horizontal, by keys: a pendulum of the reduced length 2/3. */
+static void test_mechanism(void)
+{
+    int calls = 0, n = -1, nh = -1, nd = -1, event = -2;
+    tandem_problem *p = tandem_new_mechanism(&calls);
+    double q[3] = {0, 0, 0}, qd[3], t, lambda[2];
+    char name[40];
+
+    expect("a-mechanism-has-no-sizes-yet", p, tandem_get_sizes(p, &n, &nh, &nd), TANDEM_OK, "ok");
+    check("which-are-zero", n == 0 && nh == 0 && nd == 0, "they are others");
+    expect("nor-a-start", p, tandem_start(p, 0, q, qd), TANDEM_INVALID_MODEL, "not complete");
+    expect("nor-a-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_INVALID_OPTION, "tandem_define");
+    expect("nor-an-equilibrium", p, tandem_find_equilibrium(p, 0, q), TANDEM_INVALID_MODEL, "not complete");
+    expect("nor-a-watched-entry", p, tandem_add_event(p, "down", "q", 0, 0, 0, 1), TANDEM_INVALID_OPTION, "0 entries");
+    tandem_set_key(p, "gravity.vector", "[0, -9.81]");
+    tandem_set_key(p, "parameters.l", "1.0");
+    tandem_set_key(p, "body.rod.inertia", "\"l^2/12\"");
+    tandem_set_key(p, "body.rod.position", "[ \"l/2\", 0 ]");
+    tandem_set_key(p, "joint.pivot.type", "\"revolute\"");
+    tandem_set_key(p, "joint.pivot.bodies", "[\"ground\", \"rod\"]");
+    tandem_set_key(p, "joint.pivot.at", "[0, 0]");
+    expect("a-key-is-missing", p, tandem_define(p, 1, 0, 0, 10), TANDEM_INVALID_MODEL, "mass");
+    expect("a-value-that-is-none", p, tandem_set_key(p, "body.rod.mass", "1 kg"), TANDEM_INVALID_OPTION, "1 kg");
+    expect("no-value", p, tandem_set_key(p, "body.rod.mass", NULL), TANDEM_INVALID_OPTION, "body.rod.mass");
+    expect("no-key", p, tandem_set_key(p, NULL, "1"), TANDEM_INVALID_OPTION, "key");
+    tandem_set_key(p, "body.rod.mass", "1.0");
+    expect("then-it-can-be-mended", p, tandem_define(p, 1, 0, 0, 10), TANDEM_OK, "ok");
+    expect("once", p, tandem_define(p, 1, 0, 0, 10), TANDEM_INVALID_OPTION, "complete");
+    tandem_get_sizes(p, &n, &nh, &nd);
+    check("a-rod-on-a-pivot", n == 3 && nh == 2 && nd == 0, "it has other sizes");
+    tandem_get_name(p, "coordinate", 2, sizeof name, name);
+    check("coordinates-have-names", strcmp(name, "rod.angle") == 0, name);
+    tandem_get_name(p, "unit", 0, sizeof name, name);
+    check("and-units", strcmp(name, "m") == 0, name);
+    tandem_get_name(p, "row", 1, 4, name);
+    check("names-are-cut-where-there-is-no-room", strcmp(name, "piv") == 0, name);
+    expect("no-fourth-coordinate", p, tandem_get_name(p, "coordinate", 3, sizeof name, name), TANDEM_INVALID_OPTION, "no such");
+    expect("no-other-names", p, tandem_get_name(p, "body", 0, sizeof name, name), TANDEM_INVALID_OPTION, "row");
+    expect("no-room", p, tandem_get_name(p, "row", 0, 0, name), TANDEM_INVALID_OPTION, "room");
+    expect("no-functions-of-the-caller", p, tandem_set_position_function(p, "mass_matrix", cart_mass), TANDEM_INVALID_OPTION, "keys");
+    expect("no-check-of-them", p, tandem_check(p, 0, q, qd), TANDEM_INVALID_OPTION, "keys");
+    expect("the-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_OK, "ok");
+    check("is-where-it-was-drawn", q[0] == 0.5 && q[1] == 0 && q[2] == 0 && qd[0] == 0 && qd[1] == 0 && qd[2] == 0, "it is not");
+    tandem_set_text(p, "stepper", "dop853");
+    tandem_set_real(p, "rtol", 1e-10);
+    expect("events-have-functions", p, tandem_add_event_function(p, "hanging", hanging, -1, 1), TANDEM_OK, "ok");
+    expect("it-starts", p, tandem_start(p, 0, q, qd), TANDEM_OK, "ok");
+    expect("and-swings", p, tandem_integrate(p, 10), TANDEM_OK, "ok");
+    tandem_get_stop(p, &event);
+    tandem_get_state(p, &t, q, qd, NULL);
+    /* K(sin(pi/4)) sqrt(2/(3 g)), and the energy m g/2 at the lowest place. */
+    check("to-where-it-hangs", event == 0 && calls > 0 && fabs(t - 1.8540746773013719 * sqrt(2 / (3 * 9.81))) < 1e-8, "at another time");
+    check("at-the-speed-of-its-fall", fabs(qd[2] + sqrt(3 * 9.81)) < 1e-7, "at another speed");
+    tandem_get_multipliers(p, t, lambda);
+    /* Weight and centripetal force, (1 + 3/2) m g, at the pivot. */
+    check("the-pivot-carries-it", fabs(fabs(lambda[1]) - 2.5 * 9.81) < 1e-6, "another force");
+    tandem_free(p);
+    p = tandem_new(1, 0, 0, NULL);
+    expect("keys-are-of-mechanisms", p, tandem_set_key(p, "body.rod.mass", "1"), TANDEM_INVALID_OPTION, "tandem_new_mechanism");
+    expect("so-is-the-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_INVALID_OPTION, "tandem_define");
+    tandem_free(p);
+    p = tandem_new_mechanism(NULL);
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -1406,8 +1481,10 @@ static void test_misuse(void)
                  tandem_check(NULL, 0, x, x) + tandem_start(NULL, 0, x, x) + tandem_integrate(NULL, 1) + tandem_step(NULL, 1) +
                  tandem_get_state(NULL, x, x, x, x) + tandem_get_state_at(NULL, 0, x, x, x) + tandem_get_multipliers(NULL, 0, x) +
                  tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x) + tandem_save_state(NULL, 0, NULL, NULL) +
-                 tandem_restore_state(NULL, 0, NULL) + tandem_count_warnings(NULL, NULL) + tandem_get_warning(NULL, 0, 0, NULL);
-    check("null-is-refused-everywhere", status == 22 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+                 tandem_restore_state(NULL, 0, NULL) + tandem_count_warnings(NULL, NULL) + tandem_get_warning(NULL, 0, 0, NULL) +
+                 tandem_set_key(NULL, "body.a.mass", "1") + tandem_define(NULL, 1, 0, 0, 1) + tandem_get_sizes(NULL, NULL, NULL, NULL) +
+                 tandem_get_drawing(NULL, x, x) + tandem_get_name(NULL, "row", 0, 0, NULL);
+    check("null-is-refused-everywhere", status == 27 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
 
     expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
@@ -1506,6 +1583,7 @@ int main(void)
     test_unset();
     test_advice();
     test_linearised();
+    test_mechanism();
     test_misuse();
     return failures > 0;
 }

@@ -13,12 +13,14 @@ import threading
 import unittest
 import warnings
 from pathlib import Path
+from unittest import mock
 
 import h5py
 import numpy as np
 import tandem
 from models import ROOT, START, Pendulum
 from tandem.errors import STATUSES
+from tandem.plot.data import motion_of
 from tandem.viewer.draw import draw
 from tandem.viewer.html import page
 
@@ -173,6 +175,20 @@ class Files(unittest.TestCase):
             self.assertEqual((len(result.time), len(result.q)), (rows, rows))
             tandem.plot.overview(result).savefig(self.place / "cut.png")
             draw(result)
+
+    def test_files_that_memory_might_not_hold(self):
+        """Pictures read every so many rows, as few as are needed; other readers say how many they want."""
+        path = self.write(rows=1000, diagnostics=1000)
+        self.assertEqual(len(motion_of(path).time), 1000)
+        with mock.patch("tandem.result.MOST_BYTES", 8000):
+            result = motion_of(path)
+        # Two columns of q, times and steps are 32000 bytes.
+        self.assertEqual(len(result.time), 250)
+        np.testing.assert_array_equal(result.q[:, 0], np.arange(0, 1000, 4))
+        self.assertEqual(len(result.diagnostics["step"].values), 250)
+        self.assertEqual(len(tandem.read(path, every=300).q), 4)
+        with self.assertRaisesRegex(ValueError, "every is 0"):
+            tandem.read(path, every=0)
 
     def test_a_scene_that_is_not_understood(self):
         """Bodies are drawn all the same, and the page says why without their shapes."""

@@ -198,6 +198,15 @@ class Pages(Browser):
         tab.wait_for_function("tandem.state.frame > 2")
         self.quiet()
 
+    def test_pictures_of_the_documentation(self):
+        """What doc/figures/SCENE_page.png shows: the paper's motions as their pages play them."""
+        for scene, part in (("rolling_disk", 0.62), ("articulated_vehicle", 0.6), ("motorcycle", 0.5), ("motorcycle_chopper", 0.5)):
+            with self.subTest(scene):
+                tab, drawing = self.open(tandem.run_scene(scene, error=False), f"{scene}_page", size=(820, 470))
+                tab.evaluate("t => tandem.setTime(t)", float(drawing.times[round(part*(len(drawing.times) - 1))]))
+                self.not_blank(tab, f"{scene}_page")
+                self.quiet()
+
     def test_as_with_a_graphics_card(self):
         """`#fine`: instances that the renderer lights. The pixels of both ways of drawing are alike."""
         one, seen = run("slider_crank"), {}

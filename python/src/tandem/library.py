@@ -11,7 +11,7 @@ from ctypes import c_char_p, c_double, c_int, c_void_p
 from pathlib import Path
 
 #: The interface that this package was written for: the same major number, and at least this minor one.
-INTERFACE = 1010
+INTERFACE = 1012
 
 #: The types of a model's functions, see include/tandem.h. Addresses come as numbers, which costs least.
 POSITION = ctypes.CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p)
@@ -20,6 +20,13 @@ EVALUATE = ctypes.CFUNCTYPE(c_int, c_int, c_double, *[c_void_p] * 9)
 
 # Arguments after the problem; all of these return a status.
 FUNCTIONS = {
+    "set_key": (c_char_p, c_char_p),
+    "define": (c_int, c_int, c_double, c_double),
+    "get_sizes": (c_void_p, c_void_p, c_void_p),
+    "get_drawing": (c_void_p, c_void_p),
+    "get_name": (c_char_p, c_int, c_int, c_char_p),
+    "linearise": (c_double, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p),
+    "find_equilibrium": (c_double, c_void_p),
     "set_position_function": (c_char_p, c_void_p),
     "set_motion_function": (c_char_p, c_void_p),
     "set_direction_function": (c_char_p, c_void_p),
@@ -82,6 +89,8 @@ def library() -> ctypes.CDLL:
                           "install library and package from the same checkout")
     loaded.tandem_new.restype = c_void_p
     loaded.tandem_new.argtypes = [c_int, c_int, c_int, c_void_p]
+    loaded.tandem_new_mechanism.restype = c_void_p
+    loaded.tandem_new_mechanism.argtypes = [c_void_p]
     loaded.tandem_free.restype = None
     loaded.tandem_free.argtypes = [c_void_p]
     loaded.tandem_message.restype = c_char_p

@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from .model import DrawnModel
+from .problem import Event
 from .program import equilibrium, linearise, run_program, run_scene, settings_words, toml_key, toml_value
+from .simulation import Simulation
+from .solve import Solution, solve
 
 
 class Mechanism:
-    """A scene of bodies and joints, run by the program `tandem`.
+    """A scene of bodies and joints, run by the program `tandem`, or by the library in this process (`simulation`, `solve`).
 
         arm = tandem.Mechanism.from_toml("arm.toml")        # a file, or the text of one
         arm = tandem.Mechanism({"scene.planar": True, "gravity.vector": [0, -9.81]})
@@ -49,7 +54,8 @@ class Mechanism:
             place = place.setdefault(name, {})
             if not isinstance(place, dict):
                 raise KeyError(f"{name!r} in {key!r} has a value and is no table")
-        place[last] = value
+        # A copy: what is changed here later is not the caller's.
+        place[last] = copy.deepcopy(value)
 
     def __getitem__(self, key: str) -> Any:
         place: Any = self.tables
@@ -79,6 +85,40 @@ class Mechanism:
         """Run it, and read the result; see `run_scene`."""
         return self._with_file(lambda file: run_scene(file, settings, output, error=error))
 
+    def model(self, settings: Mapping[str, Any] | None = None, t_span: tuple[float, float] | None = None) -> DrawnModel:
+        """The mechanism as a model for `tandem.Simulation` and `tandem.solve`, which need no program then."""
+        made = Mechanism()
+        made.tables = copy.deepcopy(self.tables)
+        for key, value in (settings or {}).items():
+            made[key] = value
+        tables = made.tables
+        scene, initial, time = (tables.get(name, {}) for name in ("scene", "initial", "time"))
+        if scene.get("model", "mechanism") != "mechanism":
+            raise ValueError(f"the model {scene['model']} is none of bodies and joints: `run()` lets the program run it")
+        if initial.get("steady"):
+            raise ValueError("a start in a steady motion ([initial] steady) is found by the program: `run()`")
+        if t_span is None and "end" not in time:
+            raise ValueError("the end of the run is not known: give t_span, or the key time.end")
+        span = tuple(map(float, t_span if t_span is not None else (time.get("start", 0.0), time["end"])))
+        keys = [(key, toml_value(value)) for kind, table in tables.items() if kind in KINDS for key, value in flat(table, toml_key(kind))]
+        return DrawnModel(keys, planar=bool(scene.get("planar", False)), is_open=bool(initial.get("assemble", False)), times=span,
+                          initial=dict(initial), scene=tables)
+
+    def simulation(self, settings: Mapping[str, Any] | None = None, *, t_span: tuple[float, float] | None = None, q: Any = None,
+                   qd: Any = None, events: Any = None, **options: Any) -> Simulation:
+        """A run in this process, step by step: see `tandem.Simulation`. It starts as the scene says, or from q and qd; its events are
+        those of the scene and `events`; options of the scene's [solver] count where they are not given here."""
+        model = self.model(settings, t_span)
+        return Simulation(model, q, qd, model.times[0], events=[*scene_events(model.scene), *listed(events)],
+                          **{**solver_options(model.scene), **options})
+
+    def solve(self, t_span: tuple[float, float] | None = None, *, settings: Mapping[str, Any] | None = None, q: Any = None, qd: Any = None,
+              events: Any = None, **options: Any) -> Solution:
+        """A whole run in this process, its rows in memory: see `tandem.solve`. What sensors and `[results]` show, `run` tells."""
+        model = self.model(settings, t_span)
+        return solve(model, model.times, q, qd, events=[*scene_events(model.scene), *listed(events)],
+                     **{**solver_options(model.scene), **options})
+
     def check(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Rows, degrees of freedom, and every derivative against differences; `ProgramError` where something is wrong."""
         return self._with_file(lambda file: json.loads(run_program("check", file, *settings_words(settings), "--json")))
@@ -99,6 +139,53 @@ class Mechanism:
         counts = [f"{len(self.tables[kind])} {kind}" for kind in ("body", "joint", "constraint", "wheel", "force", "sensor")
                   if kind in self.tables]
         return f"<tandem.Mechanism: {', '.join(counts) or 'empty'}>"
+
+
+#: The tables of a mechanism; others are of the run.
+KINDS = ("parameters", "gravity", "ground", "results", "function", "body", "joint", "constraint", "wheel", "force", "sensor", "repeat")
+
+
+def flat(table: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:
+    """A table as dotted keys with values."""
+    for name, value in table.items():
+        # The library's keys are parts joined by dots, without quotes.
+        key = f"{before}.{name}"
+        if isinstance(value, Mapping):
+            yield from flat(value, key)
+        else:
+            yield key, value
+
+
+def listed(events: Any) -> list[Any]:
+    return [] if events is None else [events] if callable(events) or isinstance(events, (Event, Mapping)) else list(events)
+
+
+def scene_events(scene: Mapping[str, Any]) -> list[Event]:
+    """The events of a scene that watch coordinates, velocities or multipliers."""
+    found = []
+    for number, table in enumerate(scene.get("event", [])):
+        watch, name = str(table.get("watch", "")), table.get("name", f"event {number + 1}")
+        unknown = set(table) - {"name", "watch", "value", "direction", "action"}
+        if watch.startswith("/") or unknown:
+            raise ValueError(f"the event {name!r} {'watches ' + watch if watch.startswith('/') else 'has ' + ', '.join(unknown)}: `run()` lets "
+                             "the program do that; here, a function of (t, q, qd) will")
+        quantity, _, entry = watch.rpartition(":")
+        direction = {"rising": 1, "falling": -1, "both": 0}.get(table.get("direction", "both"))
+        if direction is None or table.get("action", "record") not in ("record", "stop"):
+            raise ValueError(f"the event {name!r}: direction is rising, falling or both, and action record or stop")
+        found.append(Event(name=name, quantity=quantity or "q", index=entry, value=float(table.get("value", 0.0)), direction=direction,
+                           stops=table.get("action") == "stop"))
+    return found
+
+
+def solver_options(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """What a scene says of its solver. A scene that says nothing runs as `tandem.solve` does."""
+    solver = dict(scene.get("solver", {}))
+    if solver:
+        solver.setdefault("stepper", "rk4")
+        if not solver.get("rtol"):
+            solver.setdefault("step", 1e-3)
+    return solver
 
 
 def parts_of(key: str) -> list[str]:

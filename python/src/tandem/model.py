@@ -120,6 +120,20 @@ class Model:
         return list(self.units) if self.units is not None else [""] * self.n
 
 
+class DrawnModel(Model):
+    """A mechanism for the library, which builds it of its keys; `tandem.Mechanism.model` makes one. Sizes and names of coordinates,
+    units and constraints are known as soon as a simulation has it."""
+
+    def __init__(self, keys: list[tuple[str, str]], *, planar: bool, is_open: bool, times: tuple[float, float], initial: dict[str, Any],
+                 scene: dict[str, Any]):
+        super().__init__()
+        #: Dotted keys with their values as texts.
+        self.keys = keys
+        self.planar, self.is_open, self.times = planar, is_open, times
+        #: What says where a run starts, and the whole scene, for pictures.
+        self.initial, self.scene = initial, scene
+
+
 def constant(name: str, value: Any, timeless: bool, motion: bool) -> Callable:
     """A term that never changes as a function."""
     array = np.array(value)

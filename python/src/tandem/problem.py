@@ -17,19 +17,23 @@ import numpy as np
 from .callbacks import Guard, address_of
 from .errors import InvalidInput, error_of
 from .library import library
-from .model import TERMS, Model, constant
+from .model import TERMS, DrawnModel, Model, constant
 
 INTEGERS = {"max_steps", "max_evaluations", "max_events", "iteration_limit", "constant_mass"}
 TEXTS = {"stepper", "chart", "refresh", "basis", "projection", "velocity_metric"}
 LISTS = {"rtol_q", "rtol_qd", "atol_q", "atol_qd", "fixed_q", "fixed_qd", "weight_q", "weight_qd", "coordinate_scale", "breakpoints",
          "nu_jumps", "mass_blocks"}
+#: The keys of [initial] that say how a start is assembled, as options.
+ASSEMBLY = {"fixed": "fixed_q", "fixed_velocities": "fixed_qd", "weights": "weight_q", "velocity_weights": "weight_qd",
+            "velocity_metric": "velocity_metric", "largest_move": "largest_move_q", "largest_velocity_move": "largest_move_qd"}
 SETTERS = {"t q": "set_position_function", "q": "set_position_function", "t q qd": "set_motion_function",
            "q qd": "set_motion_function"}
 
 
 @dataclass
 class Event:
-    """What a run watches: where a function of (t, q, qd), or an entry of "q", "qd" or "lambda", passes through a value.
+    """What a run watches: where a function of (t, q, qd), or an entry of "q", "qd" or "lambda", by its number or name, passes through a
+    value.
 
     `direction`: 1 where it rises, -1 where it falls, 0 for both. `stops`: the run ends there; else it is recorded. A plain
     function with the attributes `terminal` and `direction`, as SciPy has them, will do too."""
@@ -37,7 +41,7 @@ class Event:
     function: Callable | None = None
     name: str = ""
     quantity: str = "q"
-    index: int = 0
+    index: int | str = 0
     value: float = 0.0
     direction: int = 0
     stops: bool = False
@@ -75,21 +79,26 @@ class Problem:
     def __init__(self, model: Model, options: Mapping[str, Any] | None = None, events: Sequence[Any] | Callable | None = None):
         model.check_sizes()
         self.model = model
-        self.n = int(model.n)
-        self.rows = int(model.n_holonomic + model.n_nonholonomic)
         self._library = library()
         self._lock = threading.RLock()
-        self._guard = Guard(self.n)
-        handle = self._library.tandem_new(self.n, int(model.n_holonomic), int(model.n_nonholonomic), model.user_data)
+        is_drawn = isinstance(model, DrawnModel)
+        handle = self._library.tandem_new_mechanism(None) if is_drawn else self._library.tandem_new(
+            int(model.n), int(model.n_holonomic), int(model.n_nonholonomic), model.user_data)
         if not handle:
             raise MemoryError("there is no memory for a problem of tandem")
         self._handle = handle
         self._finalizer = weakref.finalize(self, self._library.tandem_free, handle)
+        self._guard = Guard(0)
+        if is_drawn:
+            self._draw()
+        self.n = self._guard.n = int(model.n)
+        self.rows = int(model.n_holonomic + model.n_nonholonomic)
         # A size that cannot be is told now, not at the start.
         message = self.message
         if not message.startswith("ok"):
             raise InvalidInput(message, -2)
-        self._give_model()
+        if not is_drawn:
+            self._give_model()
         for name, value in (options or {}).items():
             self.set_option(name, value)
         self.events: list[Event] = []
@@ -154,6 +163,50 @@ class Problem:
 
     # --- the model -----------------------------------------------------------------------------------------------------
 
+    def _draw(self) -> None:
+        """Build a mechanism of its keys, and learn its sizes and names."""
+        model = self.model
+        for key, value in model.keys:
+            self.call("set_key", key.encode(), value.encode())
+        self.call("define", int(model.planar), int(model.is_open), *model.times)
+        sizes = [ctypes.c_int() for _ in range(3)]
+        self.call("get_sizes", *map(ctypes.addressof, sizes))
+        model.n, model.n_holonomic, model.n_nonholonomic = (size.value for size in sizes)
+        text = ctypes.create_string_buffer(200)
+
+        def names(what: str, count: int) -> list[str]:
+            found = []
+            for i in range(count):
+                self.call("get_name", what.encode(), i, len(text), text)
+                found.append(text.value.decode(errors="replace"))
+            return found
+
+        model.coordinates, model.units = names("coordinate", model.n), names("unit", model.n)
+        model.constraints = names("row", model.n_holonomic + model.n_nonholonomic)
+
+    def own_start(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where a mechanism starts: as it is drawn, and as its `initial` asks for."""
+        if not isinstance(self.model, DrawnModel):
+            raise TypeError("a model of functions has no start of its own: give q and qd")
+        initial = self.model.initial
+        q, qd = np.empty(self.n), np.empty(self.n)
+        self.call("get_drawing", pointer(q), pointer(qd))
+        if "q" in initial:
+            q = as_state("q of [initial]", initial["q"], self.n)
+        if "qd" in initial:
+            qd = as_state("qd of [initial]", initial["qd"], self.n)
+        if initial.get("equilibrium"):
+            q, qd = self.find_equilibrium(q, t), np.zeros(self.n)
+        if not initial.get("assemble"):
+            return q, qd
+        for key, option in ASSEMBLY.items():
+            if key in initial:
+                value = initial[key]
+                if key.startswith("fixed"):
+                    value = [float(name in value) for name in self.model.coordinates]
+                self.set_option(option, value)
+        return self.assemble(q, qd, t)
+
     def _give_model(self) -> None:
         model, guard = self.model, self._guard
         settings = {name: getattr(model, name) for name in ("coordinate_scale", "breakpoints", "nu_jumps", "mass_blocks")}
@@ -209,6 +262,11 @@ class Problem:
             address = self._guard.address(f"event {name!r}", event.function, (), True, False)
             self.call("add_event_function", name.encode(), address, event.direction, int(event.stops))
         else:
+            if isinstance(event.index, str):
+                known = self.model.constraints if event.quantity == "lambda" else self.model.coordinate_names
+                if event.index not in (known or ()):
+                    raise KeyError(f"the event {name!r} watches {event.index!r}; there are {', '.join(known or ())}")
+                event.index = list(known).index(event.index)
             self.call("add_event", name.encode(), event.quantity.encode(), event.index, float(event.value), event.direction,
                       int(event.stops))
         self.events.append(event)
@@ -227,6 +285,23 @@ class Problem:
         with self.interruptible():
             self.call("assemble", float(t), pointer(q), pointer(qd))
         return q, qd
+
+    def find_equilibrium(self, q: Any, t: float = 0.0) -> np.ndarray:
+        """The nearest place of rest, stable or not."""
+        q = as_state("q", q, self.n)
+        with self.interruptible():
+            self.call("find_equilibrium", float(t), pointer(q))
+        return q
+
+    def linearise(self, q: Any, qd: Any, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues of small motions about a state (k), complex, 1/s, by their real parts; and the matrix (k, k)."""
+        q, qd = as_state("q", q, self.n), as_state("qd", qd, self.n)
+        count, parts, matrix = ctypes.c_int(), np.empty((2, 2*self.n)), np.empty(4*self.n**2)
+        with self.interruptible():
+            self.call("linearise", float(t), pointer(q), pointer(qd), ctypes.addressof(count), pointer(parts[0]), pointer(parts[1]),
+                      pointer(matrix))
+        k = count.value
+        return parts[0, :k] + 1j*parts[1, :k], matrix[:k*k].reshape(k, k).T.copy()
 
     def number(self, name: str, kind: type = ctypes.c_int, *arguments: Any):
         """A number that a function of the library gives by its last argument."""

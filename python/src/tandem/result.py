@@ -25,6 +25,8 @@ class Series:
         return self.values.astype(dtype) if dtype else self.values
 
 
+#: Pictures and pages read no more than about this of a file.
+MOST_BYTES = 2_000_000_000
 #: The groups that hold one for each element.
 KINDS = ("bodies", "joints", "wheels", "constraints", "forces")
 
@@ -126,13 +128,16 @@ class Result:
         return f"<tandem.Result {self.name}: {self.status}, {until}, {self.time.size} rows of {len(self.names)} coordinates>"
 
 
-def read(path: str | Path) -> Result:
-    """Read a result file of `tandem run`, also of a run that goes on or was killed: all rows that are whole."""
+def read(path: str | Path, every: int = 1) -> Result:
+    """Read a result file of `tandem run`, also of a run that goes on or was killed: all rows that are whole; or, of large files, `every`
+    so many."""
+    if every < 1:
+        raise ValueError(f"every is {every}: it must be 1 or more")
     with opened(path) as file:
         if "study" in file.attrs or not hasattr(file.get("trajectory"), "items"):
             raise ValueError(f"{path} is no result of tandem run: it has no /trajectory")
         try:
-            return read_groups(path, file)
+            return read_groups(path, file, every)
         except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
             raise ValueError(f"{path} is no whole result of tandem run: {error.args[0] if error.args else error}") from error
 
@@ -153,7 +158,20 @@ def opened(path: str | Path):
         yield file
 
 
-def read_groups(path: str | Path, file) -> Result:
+def rows_for_pictures(path: str | Path) -> int:
+    """Every how many rows are read for a picture or a page: 1, but for files that memory might not hold."""
+    sizes = []
+
+    def look(_, item):
+        if is_series(item):
+            sizes.append(item.size*item.dtype.itemsize)
+
+    with opened(path) as file:
+        file.visititems(look)
+    return max(1, -(-sum(sizes)//MOST_BYTES))
+
+
+def read_groups(path: str | Path, file, every: int = 1) -> Result:
     """All of a result file."""
     trajectory = file["trajectory"]
     if "q" not in trajectory:
@@ -165,14 +183,14 @@ def read_groups(path: str | Path, file) -> Result:
     nt = min(len(data) for one in (trajectory, *beside) for data in one.values() if is_series(data))
 
     def rows(name):
-        return trajectory[name][:nt] if name in trajectory else None
+        return trajectory[name][:nt:every] if name in trajectory else None
 
     def group(path):
-        return {name: series(data, nt) for name, data in file[path].items() if is_series(data)} if path in file else {}
+        return {name: series(data, nt, every) for name, data in file[path].items() if is_series(data)} if path in file else {}
 
     scene_text = text(file.attrs.get("scene", ""))
     found = Result(
-        time=trajectory["time"][:nt], names=[text(name) for name in attributes["names"]],
+        time=trajectory["time"][:nt:every], names=[text(name) for name in attributes["names"]],
         units=[text(unit) for unit in attributes["units"]], q=rows("q"), qd=rows("qd"), qdd=rows("qdd"), multipliers=rows("lambda"),
         diagnostics=group("diagnostics"), scene_text=scene_text, scene=tomllib.loads(scene_text) if scene_text else {},
         status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
@@ -199,9 +217,9 @@ def is_series(data) -> bool:
     return hasattr(data, "shape") and data.dtype.kind in "fi" and data.ndim > 0
 
 
-def series(data, nt: int) -> Series:
+def series(data, nt: int, every: int = 1) -> Series:
     attributes = data.attrs
-    return Series(data[:nt], text(attributes.get("unit", "")), text(attributes.get("meaning", "")),
+    return Series(data[:nt:every], text(attributes.get("unit", "")), text(attributes.get("meaning", "")),
                   tuple(text(name) for name in attributes.get("names", ())))
 
 

@@ -82,6 +82,8 @@ class Simulation:
         options = {"stepper": stepper or "dop853", "rtol": rtol, "step": step, **options}
         self.problem = Problem(model, options, events)
         self.model = model
+        if q is None:
+            q, qd = self.problem.own_start(float(t))
         self.start(q, qd, t)
         if watch_error is not None:
             self.watch_error(watch_error)
@@ -254,6 +256,15 @@ class Simulation:
         """Go on from what `save` gave, bitwise as if nothing had been, in a run of the same model with the same options."""
         words = np.ascontiguousarray(words, dtype=np.int64)
         self.problem.call("restore_state", words.size, pointer(words))
+
+    def linearise(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues of small motions about the current state (k), complex, 1/s, by their real parts; and the matrix (k, k)."""
+        state = self.state
+        return self.problem.linearise(state.q, state.qd, state.t)
+
+    def find_equilibrium(self, q: Any = None) -> np.ndarray:
+        """The place of rest that is nearest to q, or to where the run is now; stable or not. The run does not move."""
+        return self.problem.find_equilibrium(self.state.q if q is None else q, self.t)
 
     def check(self) -> None:
         """Compare the model's functions with differences of each other near the current state."""

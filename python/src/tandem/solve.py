@@ -36,6 +36,8 @@ class Solution:
     warnings: list[str] = field(default_factory=list)
     error: RunError | None = None
     simulation: Simulation | None = None
+    #: Of a mechanism, its scene.
+    scene: dict[str, Any] = field(default_factory=dict)
 
     @property
     def success(self) -> bool:
@@ -84,10 +86,11 @@ class Solution:
         return f"<tandem.Solution: {self.status}, {until}, {self.t.size} rows of {len(self.names)} coordinates>"
 
 
-def solve(model: Model, t_span: tuple[float, float], q: Any, qd: Any, *, stepper: str | None = None, rtol: Any = None,
+def solve(model: Model, t_span: tuple[float, float], q: Any = None, qd: Any = None, *, stepper: str | None = None, rtol: Any = None,
           atol: Any = None, step: float | None = None, t_eval: Any = None, events: Sequence[Any] | Callable | None = None,
           error: bool = False, **options: Any) -> Solution:
-    """Run a model from t_span[0] to t_span[1], from the coordinates q and the velocities qd.
+    """Run a model from t_span[0] to t_span[1], from the coordinates q and the velocities qd; a mechanism, from its own start, where
+    they are left out.
 
     stepper   rk4, dopri5, dop853 (the default), trapezoid, sdirk54, radau5
     rtol      tolerance of a step, one or one a coordinate (1e-8); or `step`, s, of fixed steps
@@ -131,4 +134,4 @@ def gather(run: Simulation, blocks: list, status: str, message: str) -> Solution
     t, q, qd, qdd = (np.concatenate([block[i] for block in blocks] or [empty[i]]) for i in range(4))
     model = run.model
     return Solution(t, q, qd, qdd, model.coordinate_names, model.coordinate_units, status, message, run.events, run.stopped_by,
-                    run.statistics, run.warnings, None, run)
+                    run.statistics, run.warnings, None, run, getattr(model, "scene", {}))

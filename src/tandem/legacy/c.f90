@@ -559,7 +559,8 @@ contains
 
         call find(handle, problem)
         c_get_segment = 0
-        if (associated(problem)) c_get_segment = problem%model%segment
+        if (.not. associated(problem)) return
+        if (associated(problem%model)) c_get_segment = problem%model%segment
     end function c_get_segment
 
     !> What a function of the interface begins with: find the problem of a handle; false, with a status, where it is none.

@@ -5,10 +5,12 @@ module tandem_legacy_c_text
     implicit none (type, external)
     private
 
-    public :: text_of
+    public :: text_of, value_of
 
     !> No name or value is as long as this; a text without an end is cut here.
     integer(c_size_t), parameter :: longest_text = 256
+    !> Nor is a list of numbers as long as this.
+    integer(c_size_t), parameter :: longest_value = 1048576
 
     interface
         !> strnlen of the C library: the length of a text that is read to a limit at most.
@@ -30,10 +32,33 @@ contains
         if (c_associated(chars)) length_of = int(strnlen(chars, longest_text))
     end function length_of
 
+    pure integer function value_length(chars)
+        type(c_ptr), intent(in) :: chars
+
+        value_length = 0
+        if (c_associated(chars)) value_length = int(strnlen(chars, longest_value))
+    end function value_length
+
+    !> A text of C that may be long; empty for NULL.
+    function value_of(chars) result(text)
+        type(c_ptr), intent(in) :: chars
+        character(len=value_length(chars)) :: text
+
+        call copy(chars, text)
+    end function value_of
+
     !> A text of C; empty for NULL.
     function text_of(chars) result(text)
         type(c_ptr), intent(in) :: chars
         character(len=length_of(chars)) :: text
+
+        call copy(chars, text)
+    end function text_of
+
+    !> As many characters as there is room for.
+    subroutine copy(chars, text)
+        type(c_ptr), intent(in) :: chars
+        character(len=*), intent(out) :: text
         character(kind=c_char), pointer :: list(:)
         integer :: i
 
@@ -42,5 +67,5 @@ contains
         do i = 1, len(text)
             text(i:i) = list(i)
         end do
-    end function text_of
+    end subroutine copy
 end module tandem_legacy_c_text

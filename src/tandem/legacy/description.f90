@@ -12,7 +12,8 @@ module tandem_legacy_description
     use tandem_legacy_settings, only: lower_case, set_option, take_flags, take_list
     use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
-    use tandem_model, only: label_length
+    use tandem_mechanism_entries, only: entries_type
+    use tandem_model, only: label_length, model_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_options, only: options_type
     use tandem_simulate_assembly, only: assemble, assembly_type
@@ -35,8 +36,13 @@ module tandem_legacy_description
     integer, parameter :: n_matrices = 20
 
     type :: description_type
-        !> The user's model.
-        class(callback_model_type), pointer :: model => null()
+        !> What runs: the user's procedures, or a mechanism, which there is not before it is complete.
+        class(model_type), pointer :: model => null()
+        !> The user's procedures; of a mechanism only those of events.
+        class(callback_model_type), pointer :: callbacks => null()
+        !> Whether the model is to be a mechanism, and its keys.
+        logical :: is_mechanism = .false.
+        type(entries_type) :: keys
         !> What was chosen; counts from the next start on.
         type(options_type) :: options
         !> What is asked of a start that is assembled.
@@ -54,6 +60,8 @@ module tandem_legacy_description
         logical :: busy = .false.
     contains
         procedure :: set_up
+        procedure :: await_mechanism
+        procedure :: prepare
         procedure :: release
         procedure :: refuse
         procedure :: set_procedure
@@ -71,6 +79,7 @@ module tandem_legacy_description
         procedure :: succeed
         procedure :: is_free
         procedure, private :: change_model
+        procedure, private :: is_by_procedures
     end type description_type
 
 contains
@@ -85,6 +94,7 @@ contains
         type(error_type), allocatable :: error
 
         self%model => model
+        self%callbacks => model
         model%n = n
         model%n_holonomic = n_holonomic
         model%n_nonholonomic = n_nonholonomic
@@ -94,15 +104,47 @@ contains
         call self%conclude(error)
     end subroutine set_up
 
+    !> The model is to be a mechanism, of which there is nothing yet.
+    subroutine await_mechanism(self)
+        class(description_type), intent(inout) :: self
+
+        self%is_mechanism = .true.
+        self%model => null()
+        call self%succeed()
+    end subroutine await_mechanism
+
+    !> Work space for the user's procedures, whose sizes must be possible; a mechanism must be complete.
+    subroutine prepare(self, error)
+        class(description_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+
+        if (.not. self%is_mechanism) then
+            call check_sizes(self%callbacks, error)
+            if (.not. allocated(error)) call self%callbacks%prepare()
+        else if (.not. associated(self%model)) then
+            call set_error(error, status_invalid_model, 'the mechanism is not complete', 'call tandem_define after its keys')
+        end if
+    end subroutine prepare
+
+    !> False, with a status, where the model is a mechanism, whose equations are not the user's.
+    logical function is_by_procedures(self)
+        class(description_type), intent(inout) :: self
+
+        is_by_procedures = .not. self%is_mechanism
+        if (self%is_mechanism) call self%refuse('the equations of a mechanism are the library''s', 'describe it by its keys')
+    end function is_by_procedures
+
     !> Give everything back; false where a procedure of the user asks for it while it is called.
     logical function release(self)
         class(description_type), intent(inout) :: self
 
         release = self%is_free()
-        if (.not. release .or. .not. associated(self%model)) return
+        if (.not. release .or. .not. associated(self%callbacks)) return
         call self%events%release()
-        call self%model%release()
-        deallocate (self%model)
+        if (self%is_mechanism .and. associated(self%model)) deallocate (self%model)
+        self%model => null()
+        call self%callbacks%release()
+        deallocate (self%callbacks)
     end function release
 
     !> Refuse sizes for which not even the work space can be allocated.
@@ -140,7 +182,7 @@ contains
         if (allocated(error)) then
             self%stat = error%stat
             allocate (message, source=error%message)
-            call in_words_of(self%model%by_rows, message)
+            call in_words_of(self%callbacks%by_rows, message)
             call set_message(self, message)
         else if (self%stat /= status_ok) then
             self%stat = status_ok
@@ -189,6 +231,7 @@ contains
         integer :: term
 
         if (.not. self%is_free()) return
+        if (.not. self%is_by_procedures()) return
         term = find_term(lower_case(name))
         if (term > 0) then
             if (terms(term)%kind /= kind) term = 0
@@ -197,7 +240,7 @@ contains
             call self%refuse('"'//trim(name)//'" is not a procedure of '//trim(arguments(kind)), &
                 'there are '//trim(names_of_kind(kind)))
         else
-            call self%model%set_callback(term, address)
+            call self%callbacks%set_callback(term, address)
             call self%change_model()
         end if
     end subroutine set_procedure
@@ -212,11 +255,12 @@ contains
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
         if (.not. self%is_free()) return
+        if (.not. self%is_by_procedures()) return
         if (c_associated(address) .and. (provides <= 0 .or. iand(provides, not(all_terms)) /= 0)) then
             call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
                 'add the constants of the terms that it gives')
         else
-            call self%model%set_fused(address, provides)
+            call self%callbacks%set_fused(address, provides)
             call self%change_model()
         end if
     end subroutine set_evaluate
@@ -241,6 +285,7 @@ contains
 
         if (.not. self%is_free()) return
         if (present(whole) .and. lower_case(name) == 'constant_mass') then
+            if (.not. self%is_by_procedures()) return
             self%model%constant_mass = whole /= 0
             call self%change_model()
         else
@@ -260,6 +305,11 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
+        select case (lower_case(name))
+        case ('coordinate_scale', 'breakpoints', 'nu_jumps', 'mass_blocks')
+            if (.not. self%is_by_procedures()) return
+        case default
+        end select
         select case (lower_case(name))
         case ('coordinate_scale'); call take_list(values, self%model%coordinate_scale)
         case ('breakpoints'); self%model%breakpoints = values
@@ -289,6 +339,7 @@ contains
         integer :: i, rows
 
         if (.not. self%is_free()) return
+        if (.not. self%is_by_procedures()) return
         associate (model => self%model)
             rows = 0
             if (self%sizes_can_be) rows = model%n_constraints()
@@ -321,7 +372,7 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
-        call self%events%add(self%model, name, direction, stops /= 0, error, quantity, index, value, function_)
+        call self%events%add(self%callbacks, name, direction, stops /= 0, error, quantity, index, value, function_)
         call self%conclude(error)
     end subroutine add_event
 
@@ -342,11 +393,11 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
-        call check_sizes(self%model, error)
+        if (.not. self%is_by_procedures()) return
+        call self%prepare(error)
         if (.not. allocated(error)) then
-            call self%model%prepare()
             self%busy = .true.
-            call compare_procedures(self%model, t, q(:self%model%n), qd(:self%model%n), error)
+            call compare_procedures(self%callbacks, t, q(:self%model%n), qd(:self%model%n), error)
             self%busy = .false.
         end if
         call self%conclude(error)
@@ -367,9 +418,8 @@ contains
 
         count = 0
         if (.not. self%is_free()) return
-        call check_sizes(self%model, error)
+        call self%prepare(error)
         if (.not. allocated(error)) then
-            call self%model%prepare()
             self%busy = .true.
             allocate (it)
             call it%make(self%model, t, q(:self%model%n), qd(:self%model%n), error)
@@ -394,9 +444,8 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
-        call check_sizes(self%model, error)
+        call self%prepare(error)
         if (.not. allocated(error)) then
-            call self%model%prepare()
             self%busy = .true.
             allocate (settling)
             call settling%find_equilibrium(self%model, t, q(:self%model%n), error)
@@ -416,9 +465,8 @@ contains
         integer :: segment
 
         if (.not. self%is_free()) return
-        call check_sizes(self%model, error)
+        call self%prepare(error)
         if (.not. allocated(error)) then
-            call self%model%prepare()
             segment = self%model%segment
             self%busy = .true.
             call assemble(self%model, self%assembly, t, q(:self%model%n), qd(:self%model%n), error)

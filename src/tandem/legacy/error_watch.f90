@@ -4,7 +4,7 @@
 module tandem_legacy_error_watch
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_legacy_callback_model, only: callback_model_type
+    use tandem_model, only: model_type
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: statistics_type
     use tandem_simulation, only: at_end, at_step, simulation_type
@@ -108,7 +108,7 @@ contains
     subroutine estimate(self, model, simulation, error)
         class(error_watch_type), intent(inout) :: self
         !> That of the run.
-        class(callback_model_type), intent(inout), target :: model
+        class(model_type), intent(inout), target :: model
         type(simulation_type), intent(in) :: simulation
         !> invalid_option where the run was not watched or is not at the end yet; why the second one failed.
         type(error_type), allocatable, intent(out) :: error

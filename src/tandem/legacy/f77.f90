@@ -596,5 +596,6 @@ subroutine tdsegm(h, iseg)
 
     iseg = 0
     call problem_of(to_address(h), problem)
-    if (associated(problem)) iseg = problem%model%segment
+    if (.not. associated(problem)) return
+    if (associated(problem%model)) iseg = problem%model%segment
 end subroutine tdsegm

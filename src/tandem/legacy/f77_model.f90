@@ -125,7 +125,7 @@ contains
         found = associated(problem)
         if (.not. (found .and. present(rpar) .and. present(ipar))) return
         if (problem%busy) return
-        select type (model => problem%model)
+        select type (model => problem%callbacks)
         class is (f77_model_type)
             model%rpar => rpar
             model%ipar => ipar

@@ -4,7 +4,7 @@
 module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
-    use tandem_legacy_description, only: check_sizes, description_type
+    use tandem_legacy_description, only: description_type
     use tandem_legacy_error_watch, only: error_watch_type
     use tandem_legacy_figures, only: find_warnings, get_figure
     use tandem_legacy_wording, only: in_words_of
@@ -67,9 +67,8 @@ contains
         if (.not. self%is_free()) return
         self%started = .false.
         call self%watch%forget()
-        call check_sizes(self%model, error)
+        call self%prepare(error)
         if (.not. allocated(error)) then
-            call self%model%prepare()
             self%busy = .true.
             call self%simulation%initialize(self%model, self%options, t, q(:self%model%n), qd(:self%model%n), error)
             self%busy = .false.
@@ -388,7 +387,7 @@ contains
             return
         end if
         text = trim(warnings(i)%text)
-        call in_words_of(self%model%by_rows, text)
+        call in_words_of(self%callbacks%by_rows, text)
         call self%succeed()
     end subroutine get_warning
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..result import Result, Series, read
+from ..result import Result, Series, read, rows_for_pictures
 
 EULER = re.compile(r"(^|\.)e[0-3]$")
 
@@ -19,10 +19,11 @@ def motion_of(given: Any) -> Result:
     if isinstance(given, Result):
         return given
     if isinstance(given, (str, Path)):
-        return read(given)
+        return read(given, rows_for_pictures(given))
     if hasattr(given, "t") and hasattr(given, "names"):
+        scene = given.scene or {"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}}
         return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, report=given.statistics, status=given.status,
-                      message=given.message, scene={"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}})
+                      message=given.message, scene=scene)
     raise TypeError(f"a picture is of a result, its file, or a solution, not of {type(given).__name__}")
 
 

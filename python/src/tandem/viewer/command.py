@@ -17,6 +17,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help=".html or .glb; both by default, named as the file")
     parser.add_argument("--names", metavar="A,B...", help="series that can be plotted: coordinates, d(coordinate), sensors")
+    parser.add_argument("--mesh", metavar="BODY=FILE", action="append", default=[],
+                        help="a body looks as an STL or OBJ file says; BODY=FILE:0.001 where that is in millimetres")
     parser.add_argument("--frames", metavar="N", type=float, default=60.0, help="frames a second (60)")
 
 
@@ -24,6 +26,7 @@ def run(given) -> int:
     from . import drawing_of
     from .gltf import write_glb
     from .html import page
+    from .meshes import put_meshes
 
     if not 0 < given.frames <= 1000:
         raise ValueError("--frames: more than 0 and at most 1000 a second")
@@ -32,6 +35,7 @@ def run(given) -> int:
         if path.suffix.lower() not in (".html", ".glb"):
             raise ValueError(f"{path}: a page ends in .html, a glTF file in .glb")
     drawing = drawing_of(given.file, per_second=given.frames, names=given.names.split(",") if given.names else None)
+    put_meshes(drawing, dict(mesh_of(word) for word in given.mesh))
     for path in outputs:
         if path.suffix.lower() == ".html":
             path.write_text(page(drawing), encoding="utf-8")
@@ -39,3 +43,17 @@ def run(given) -> int:
             write_glb(drawing, path)
         print(path)
     return 0
+
+
+def mesh_of(word: str) -> tuple[str, object]:
+    """BODY=FILE or BODY=FILE:SCALE as a body with its mesh."""
+    body, equals, file = word.partition("=")
+    if not (body and equals and file):
+        raise ValueError(f"--mesh {word}: BODY=FILE, or BODY=FILE:SCALE")
+    path, colon, scale = file.rpartition(":")
+    if colon:
+        try:
+            return body, (path, float(scale))
+        except ValueError:
+            pass
+    return body, file

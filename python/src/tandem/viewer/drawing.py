@@ -21,13 +21,15 @@ COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW)
 
 @dataclass
 class Piece:
-    """A unit shape with its place, turn and size in the axes of its body."""
+    """A unit shape, or a mesh of the drawing by its name, with its place, turn and size in the axes of its body."""
 
     shape: str
     size: tuple[float, float, float]
     colour: str
     at: np.ndarray = field(default_factory=lambda: np.zeros(3))
     turn: np.ndarray = field(default_factory=lambda: IDENTITY.copy())
+    #: How far a mesh of a file reaches; 0 for unit shapes.
+    reach: float = 0.0
 
 
 @dataclass
@@ -97,6 +99,8 @@ class Drawing:
     curves: list[Curve] = field(default_factory=list)
     #: Several motions of the same bodies, by name, of which one is seen at a time: modes.
     takes: list[tuple[str, list[Body]]] = field(default_factory=list)
+    #: Meshes of files by name: triangles (nt, 3, 3).
+    meshes: dict[str, np.ndarray] = field(default_factory=dict)
     #: Which way is up, and where the ground is: a point on it; None for no ground.
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     ground: np.ndarray | None = None
@@ -125,6 +129,8 @@ class Drawing:
 
 
 def radius_of(piece: Piece) -> float:
+    if piece.reach > 0:
+        return piece.reach
     x, y, z = piece.size
     if piece.shape == "box":
         return float(np.linalg.norm(piece.size))/2

@@ -63,6 +63,12 @@ def revolved(profile, count: int, spans) -> tuple[np.ndarray, np.ndarray, np.nda
     return np.concatenate(places), normalised_rows(np.concatenate(normals)), np.array(triangles)
 
 
+def flat_mesh(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places, normals and triangles of a mesh (nt, 3, 3)."""
+    normals = normalised_rows(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]))
+    return triangles.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.arange(3*len(triangles)).reshape(-1, 3)
+
+
 def normalised_rows(vectors: np.ndarray) -> np.ndarray:
     return vectors/np.linalg.norm(vectors, axis=1, keepdims=True)
 
@@ -70,7 +76,9 @@ def normalised_rows(vectors: np.ndarray) -> np.ndarray:
 class Writer:
     """Collects buffers, accessors and the objects that name them."""
 
-    def __init__(self):
+    def __init__(self, meshes: dict[str, np.ndarray]):
+        # Of files: each triangle has corners of its own, and so its own normal.
+        self.files = {name: flat_mesh(triangles) for name, triangles in meshes.items()}
         self.data = bytearray()
         self.views, self.accessors, self.meshes, self.materials = [], [], [], []
         self.known: dict = {}
@@ -110,10 +118,10 @@ class Writer:
         key = ("mesh", shape, colour)
         if key not in self.known:
             if shape not in self.known:
-                places, normals, triangles = mesh_of(shape)
+                places, normals, triangles = self.files[shape] if shape in self.files else mesh_of(shape)
                 self.known[shape] = (self.accessor(places, FLOAT, "VEC3", VERTICES, bounds=True),
                                      self.accessor(normals, FLOAT, "VEC3", VERTICES),
-                                     self.accessor(triangles.reshape(-1), UNSIGNED_SHORT, "SCALAR", INDICES))
+                                     self.accessor(triangles.reshape(-1), UNSIGNED_INT if len(places) > 65535 else UNSIGNED_SHORT, "SCALAR", INDICES))
             place, normal, index = self.known[shape]
             self.meshes.append({"name": f"{shape} {colour}", "primitives": [
                 {"attributes": {"POSITION": place, "NORMAL": normal}, "indices": index, "material": self.material(colour)}]})
@@ -135,7 +143,7 @@ def gltf_turn(p) -> list[float]:
 
 def glb(drawing: Drawing) -> bytes:
     """The file as bytes."""
-    writer = Writer()
+    writer = Writer(drawing.meshes)
     nodes: list[dict] = [{"name": drawing.name or "motion", "children": [],
                           "rotation": gltf_turn(conjugate(carrying(drawing.up, (0.0, 1.0, 0.0))))}]
     animations: list[dict] = []

@@ -112,6 +112,7 @@ def page(drawing: Drawing) -> str:
         "bodies": [{"name": body.name, "still": bool(np.ptp(body.place, axis=0).max() == 0 and len(drawing.bodies) > 1),
                     "pieces": [[piece.shape, rounded(piece.size, 5), piece.colour, rounded(piece.at), rounded(piece.turn)]
                                for piece in body.pieces]} for body in drawing.bodies],
+        "meshes": {name: squeezed(triangles.astype("<f4").tobytes()) for name, triangles in drawing.meshes.items()},
         "takes": [name for name, _ in drawing.takes],
         "springs": [{"bodies": spring.bodies, "places": [rounded(place) for place in spring.places], "radius": spring.radius}
                     for spring in drawing.springs],

@@ -43,7 +43,24 @@ const shapes = round => ({
     cylinder: () => new THREE.CylinderGeometry(1, 1, 1, round).rotateX(Math.PI / 2),
     sphere: () => new THREE.SphereGeometry(1, round, Math.round(0.65 * round)),
     rim: () => new THREE.TorusGeometry(1, 0.05, Math.round(0.35 * round), 2 * round),
+    ...fromFiles,
 });
+
+/** Meshes of files: corners of triangles, each its own, as text. */
+async function addMeshes(meshes) {
+    for (const [name, text] of Object.entries(meshes)) {
+        const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+        const corners = new Float32Array(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
+        fromFiles[name] = () => {
+            const geometry = new THREE.BufferGeometry();
+            geometry.setAttribute("position", new THREE.BufferAttribute(corners, 3));
+            geometry.computeVertexNormals();
+            geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from({ length: corners.length / 3 }, (_, i) => i), 1));
+            return geometry;
+        };
+    }
+}
+const fromFiles = {};
 
 /** The matrix of a piece in the axes of its body. */
 const matrixOf = ([, size, , at, turn]) => new THREE.Matrix4().compose(new THREE.Vector3(...at),
@@ -304,6 +321,7 @@ function drawnBySoftware() {
 export async function show(drawing, buffer) {
     const { times, bodies } = drawing, frames = times.count, last = frames - 1;
     const channels = unpack(buffer, drawing.steps, frames);
+    await addMeshes(drawing.meshes);
     const isSoft = drawnBySoftware();
     if (isSoft) THREE.ColorManagement.enabled = false;
     const renderer = new THREE.WebGLRenderer({ canvas: element("view"), antialias: !isSoft });

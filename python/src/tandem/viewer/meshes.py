@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""Bodies that look as a file of triangles says: STL, as text or binary, and OBJ. Numbers are metres in the axes of the body, or other
+lengths with a scale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .drawing import Drawing, Piece
+
+#: A page of more triangles would be slow, and large.
+MOST_TRIANGLES = 200_000
+
+
+def read_mesh(path: str | Path) -> np.ndarray:
+    """The triangles of a file (nt, 3, 3)."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    data = path.read_bytes()
+    try:
+        triangles = obj(data.decode()) if path.suffix.lower() == ".obj" else stl(data)
+    except (UnicodeDecodeError, ValueError, IndexError) as error:
+        raise ValueError(f"{path} cannot be read as a mesh (STL, OBJ): {error}") from error
+    # What has no area cannot be seen, and has no normal.
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    triangles = triangles[~(areas <= 0)]
+    if len(triangles) == 0 or not np.isfinite(triangles).all():
+        raise ValueError(f"{path} cannot be read as a mesh (STL, OBJ): it has no triangles, or some are no numbers")
+    if len(triangles) > MOST_TRIANGLES:
+        raise ValueError(f"{path} has {len(triangles)} triangles: make it simpler, a page shows {MOST_TRIANGLES} at most")
+    return triangles
+
+
+def stl(data: bytes) -> np.ndarray:
+    """Binary files say how many triangles they have, 50 bytes each; others are text."""
+    if len(data) >= 84:
+        count = int.from_bytes(data[80:84], "little")
+        if len(data) == 84 + 50*count:
+            kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+            return np.frombuffer(data, kind, count, 84)["corners"].astype(float)
+    words = data.decode().split()
+    if not words or words[0] != "solid":
+        raise ValueError("it is neither a binary STL file nor one of text")
+    at = [i for i, word in enumerate(words) if word == "vertex"]
+    return np.array([[float(words[i + k]) for k in (1, 2, 3)] for i in at]).reshape(-1, 3, 3)
+
+
+def obj(text: str) -> np.ndarray:
+    """Faces of more corners are fans of triangles."""
+    places, triangles = [], []
+    for line in text.splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            places.append([float(word) for word in words[1:4]])
+        elif words[:1] == ["f"]:
+            numbers = [int(word.split("/")[0]) for word in words[1:]]
+            corners = [places[number - 1 if number > 0 else number] for number in numbers]
+            triangles += [[corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1)]
+    return np.array(triangles, dtype=float).reshape(-1, 3, 3)
+
+
+def put_meshes(drawing: Drawing, meshes: dict[str, Any]) -> None:
+    """Let bodies look as files say: of each a path, or a path and a scale."""
+    bodies = {body.name: body for body in drawing.bodies}
+    for name, given in meshes.items():
+        if name not in bodies:
+            raise KeyError(f"there is no body {name!r}; there are {', '.join(bodies)}")
+        path, scale = given if isinstance(given, tuple) else (given, 1.0)
+        triangles = read_mesh(path)*float(scale)
+        kind = f"mesh {name}"
+        drawing.meshes[kind] = triangles
+        colour = next((piece.colour for piece in bodies[name].pieces), "#9AA0A6")
+        bodies[name].pieces = [Piece(kind, (1.0, 1.0, 1.0), colour, reach=float(np.linalg.norm(triangles, axis=2).max()))]

@@ -1,0 +1,136 @@
+! SPDX-License-Identifier: MIT
+!> Problems whose model is a mechanism: its keys are given one by one, then it is built of them, and tells what it is.
+module tandem_legacy_drawn
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_legacy_description, only: description_type
+    use tandem_legacy_value_text, only: read_value
+    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_description, only: build_mechanism
+    use tandem_mechanism_entries, only: value_type
+    use tandem_mechanism_key_reader, only: shown_type
+    implicit none (type, external)
+    private
+
+    public :: set_key, define_mechanism, get_drawing, get_name
+
+contains
+
+    !> Give a key a value; a later one takes the place of an earlier one.
+    subroutine set_key(problem, key, text)
+        class(description_type), intent(inout) :: problem
+        !> Such as body.rod.mass.
+        character(len=*), intent(in) :: key
+        !> As scene files have it: a number, "a text", true, false, or a list of these in brackets.
+        character(len=*), intent(in) :: text
+        type(value_type) :: value
+        logical :: is_good
+
+        if (.not. problem%is_free()) return
+        if (.not. is_open(problem)) return
+        call read_value(text, value, is_good)
+        if (len_trim(key) == 0) then
+            call problem%refuse('the key is empty', 'give one such as body.rod.mass')
+        else if (.not. is_good) then
+            call problem%refuse('the value '//text//' of '//trim(key)//' cannot be read', &
+                'give a number, "a text", true, false, or a list of these in brackets')
+        else
+            call problem%keys%set(key, value)
+            call problem%succeed()
+        end if
+    end subroutine set_key
+
+    !> False, with a status, where the problem takes no keys.
+    logical function is_open(problem)
+        class(description_type), intent(inout) :: problem
+
+        is_open = problem%is_mechanism .and. .not. associated(problem%model)
+        if (is_open) return
+        if (problem%is_mechanism) then
+            call problem%refuse('the mechanism is complete', 'make another problem for another mechanism')
+        else
+            call problem%refuse('the problem is no mechanism', 'make it with tandem_new_mechanism')
+        end if
+    end function is_open
+
+    !> Build the mechanism of its keys. Where that fails, keys can be mended and it can be tried again.
+    subroutine define_mechanism(problem, planar, may_be_open, times)
+        class(description_type), intent(inout) :: problem
+        !> Whether bodies move in the plane; whether joints need not meet in the drawing, since the start will be assembled.
+        logical, intent(in) :: planar, may_be_open
+        !> Start and end of the runs, between which kinks of functions of time are looked for (s).
+        real(wp), intent(in) :: times(2)
+        type(mechanism_type), pointer :: mechanism
+        type(shown_type), allocatable :: shown(:)
+        type(error_type), allocatable :: error
+        integer :: place
+
+        if (.not. problem%is_free()) return
+        if (.not. is_open(problem)) return
+        allocate (mechanism)
+        call build_mechanism(problem%keys, planar, may_be_open, times, mechanism, error, place, shown)
+        if (allocated(error)) then
+            deallocate (mechanism)
+        else
+            problem%model => mechanism
+            problem%callbacks%n = mechanism%n
+            problem%callbacks%n_holonomic = mechanism%n_holonomic
+            problem%callbacks%n_nonholonomic = mechanism%n_nonholonomic
+        end if
+        call problem%conclude(error)
+    end subroutine define_mechanism
+
+    !> Coordinates and velocities of the drawing.
+    subroutine get_drawing(problem, q, qd)
+        class(description_type), intent(inout) :: problem
+        !> (n)
+        real(wp), intent(inout) :: q(*), qd(*)
+
+        if (.not. is_complete(problem)) return
+        select type (model => problem%model)
+        type is (mechanism_type)
+            call model%start(q(:model%n), qd(:model%n))
+        end select
+        call problem%succeed()
+    end subroutine get_drawing
+
+    !> The name of a coordinate, its unit, or the name of a row.
+    subroutine get_name(problem, what, i, text)
+        class(description_type), intent(inout) :: problem
+        !> coordinate, unit or row.
+        character(len=*), intent(in) :: what
+        !> From 1 on.
+        integer, intent(in) :: i
+        character(len=:), allocatable, intent(out) :: text
+        integer :: n
+
+        text = ''
+        if (.not. is_complete(problem)) return
+        associate (model => problem%model)
+            n = model%n
+            if (what == 'row') n = model%n_constraints()
+            if (all(what /= [character(len=10) :: 'coordinate', 'unit', 'row'])) then
+                call problem%refuse('there are no names of "'//what//'"', 'ask for coordinate, unit or row')
+            else if (i < 1 .or. i > n) then
+                call problem%refuse('there is no such '//trim(what), 'count from the first one on')
+            else
+                select case (what)
+                case ('coordinate'); text = model%coordinate_label(i)
+                case ('unit'); text = trim(model%coordinate_unit(i))
+                case ('row'); text = model%row_name(i)
+                end select
+                call problem%succeed()
+            end if
+        end associate
+    end subroutine get_name
+
+    !> False, with a status, where there is no mechanism yet.
+    logical function is_complete(problem)
+        class(description_type), intent(inout) :: problem
+
+        is_complete = problem%is_free()
+        if (.not. is_complete) return
+        is_complete = problem%is_mechanism .and. associated(problem%model)
+        if (.not. is_complete) call problem%refuse('there is no complete mechanism', 'call tandem_define after its keys')
+    end function is_complete
+end module tandem_legacy_drawn

@@ -1,0 +1,130 @@
+! SPDX-License-Identifier: MIT
+!> Values of a mechanism's keys as text, as scene files have them: a number, "a text", true, false, or a list of these in brackets.
+module tandem_legacy_value_text
+    use tandem_kinds, only: wp
+    use tandem_mechanism_entries, only: atom_type, is_text, is_truth, value_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: read_value
+
+contains
+
+    !> Read a value.
+    pure subroutine read_value(text, value, is_good)
+        character(len=*), intent(in) :: text
+        type(value_type), intent(out) :: value
+        !> Whether the text is a value, and nothing else.
+        logical, intent(out) :: is_good
+        type(atom_type) :: atom
+        integer :: at
+
+        at = 1
+        allocate (value%atoms(0))
+        call skip_blanks(text, at)
+        value%is_list = next(text, at) == '['
+        if (.not. value%is_list) then
+            call read_atom(text, at, atom, is_good)
+            if (is_good) value%atoms = [atom]
+        else
+            at = at + 1
+            do
+                call skip_blanks(text, at)
+                is_good = next(text, at) == ']'
+                if (is_good) exit
+                call read_atom(text, at, atom, is_good)
+                if (.not. is_good) return
+                value%atoms = [value%atoms, atom]
+                call skip_blanks(text, at)
+                is_good = next(text, at) == ',' .or. next(text, at) == ']'
+                if (.not. is_good) return
+                if (next(text, at) == ',') at = at + 1
+            end do
+            at = at + 1
+        end if
+        call skip_blanks(text, at)
+        is_good = is_good .and. at > len(text)
+    end subroutine read_value
+
+    !> The character there, a blank behind the end.
+    pure character function next(text, at)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: at
+
+        next = ' '
+        if (at <= len(text)) next = text(at:at)
+    end function next
+
+    pure subroutine skip_blanks(text, at)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: at
+
+        do while (at <= len(text))
+            if (text(at:at) /= ' ') exit
+            at = at + 1
+        end do
+    end subroutine skip_blanks
+
+    !> A number, a text or a truth value.
+    pure subroutine read_atom(text, at, atom, is_good)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: at
+        type(atom_type), intent(out) :: atom
+        logical, intent(out) :: is_good
+        integer :: first, stat
+
+        if (next(text, at) == '"') then
+            call read_text(text, at, atom, is_good)
+            return
+        end if
+        first = at
+        do while (scan(next(text, at), ' ,]') == 0)
+            at = at + 1
+        end do
+        associate (word => text(first:at - 1))
+            select case (word)
+            case ('true', 'false')
+                atom%kind = is_truth
+                atom%truth = word == 'true'
+                is_good = .true.
+            case default
+                ! What else Fortran takes for a number, a list of them or a repetition, is none here.
+                is_good = len(word) > 0 .and. verify(word, '0123456789+-.eE') == 0 .and. scan(word, '0123456789') > 0
+                if (.not. is_good) return
+                read (word, *, iostat=stat) atom%number
+                is_good = stat == 0
+                if (is_good) is_good = ieee_is_finite(atom%number)
+            end select
+        end associate
+    end subroutine read_atom
+
+    !> A text in quotes; \" and \\ stand for these characters.
+    pure subroutine read_text(text, at, atom, is_good)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: at
+        type(atom_type), intent(inout) :: atom
+        logical, intent(out) :: is_good
+        character(len=len(text)) :: found
+        integer :: n
+
+        atom%kind = is_text
+        n = 0
+        at = at + 1
+        do
+            is_good = at <= len(text)
+            if (.not. is_good) return
+            if (text(at:at) == '"') exit
+            if (text(at:at) == '\') then
+                at = at + 1
+                is_good = next(text, at) == '"' .or. next(text, at) == '\'
+                if (.not. is_good) return
+            end if
+            n = n + 1
+            found(n:n) = text(at:at)
+            at = at + 1
+        end do
+        at = at + 1
+        atom%text = found(:n)
+    end subroutine read_text
+end module tandem_legacy_value_text
