@@ -7,8 +7,7 @@
 !> as with the C of the point, but for the third power of the angle.
 module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_rows
-    use tandem_chart_sparse_blocks, only: multiply_block, multiply_by, set_product, subtract_product, subtract_rows, &
-        subtract_transposed
+    use tandem_chart_sparse_blocks, only: multiply_block, multiply_inverse, subtract_product, subtract_rows, subtract_transposed
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_kinds, only: wp
@@ -304,7 +303,7 @@ contains
             do n = 1, a%n_nodes
                 s = a%height(n)
                 associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                    call set_product(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
+                    call multiply_inverse(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
                     do j = a%later_start(n), a%later_start(n + 1) - 1
                         p = a%height(a%later(j))
                         call subtract_rows(p, s, self%lower(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
@@ -320,7 +319,8 @@ contains
                         call subtract_transposed(p, s, self%upper(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
                             z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
                     end do
-                    call multiply_by(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s))
+                    y(:s) = z(place + 1:place + s)
+                    call multiply_inverse(s, self%lower(diagonal + 1:diagonal + s*s), y(:s), z(place + 1:place + s))
                 end associate
             end do
             do n = 1, a%n_nodes
