@@ -290,12 +290,14 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 100
         real(wp), parameter :: zeros(3) = [2.404825557695773_wp, 5.520078110286311_wp, 8.653727912911013_wp], g = 9.81_wp
-        real(wp) :: matrix(n, n), squares(n), stiffness(n), found(10)
+        real(wp), allocatable :: matrix(:, :)
+        real(wp) :: squares(n), stiffness(n), found(10)
         type(scene_type), target :: scene
         type(nearest_type) :: nearest
         type(failure_type), allocatable :: failure
         integer :: i, j
 
+        allocate (matrix(n, n))
         do i = 1, n
             stiffness(i) = g*(n - i + 0.5_wp)
             do j = 1, n

@@ -422,7 +422,7 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp) :: q(2*beads), qd(2*beads), impulses(beads, 2), jump(2*beads, 2)
-        integer :: i, j
+        integer :: i, j, next
 
         do i = 1, 2
             model = beads_type()
@@ -446,7 +446,10 @@ contains
             do j = 1, beads
                 associate (at => 2*j - 1)
                     qd(at:at + 1) = -impulses(j, i)*rod(j)
-                    if (j < beads) qd(at:at + 1) = qd(at:at + 1) + impulses(j + 1, i)*rod(j + 1)
+                    if (j < beads) then
+                        next = min(j + 1, beads)
+                        qd(at:at + 1) = qd(at:at + 1) + impulses(next, i)*rod(next)
+                    end if
                     qd(at:at + 1) = qd(at:at + 1)/j
                 end associate
             end do

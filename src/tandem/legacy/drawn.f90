@@ -117,7 +117,7 @@ contains
                 select case (what)
                 case ('coordinate'); text = model%coordinate_label(i)
                 case ('unit'); text = trim(model%coordinate_unit(i))
-                case ('row'); text = model%row_name(i)
+                case default; text = model%row_name(i)
                 end select
                 call problem%succeed()
             end if
