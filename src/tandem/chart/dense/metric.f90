@@ -438,7 +438,7 @@ contains
         real(wp), intent(inout) :: shift(size(plain, 2), size(tangent, 2))
         !> (n, m), (n, n - m).
         real(wp), intent(inout), contiguous :: complement(:, :), dual(:, :)
-        integer :: i, j
+        integer :: i, j, k
 
         complement = moved
         call gram%solve_rows(complement)
@@ -450,7 +450,15 @@ contains
                 dual(i, j) = (tangent(i, j) - dual(i, j))/scale(i)
             end do
         end do
+        ! U = N + V V' U, which keeps N' U = I and the dual's zero on U where the metric is too ill-conditioned for its factors to:
+        ! what the dual saw of U, Newton's corrections would leave for ever.
         do j = 1, size(plain, 2)
+            complement(:, j) = plain(:, j)
+            do k = 1, size(tangent, 2)
+                do i = 1, size(scale)
+                    complement(i, j) = complement(i, j) + shift(j, k)*tangent(i, k)
+                end do
+            end do
             do i = 1, size(scale)
                 complement(i, j) = scale(i)*complement(i, j)
             end do
