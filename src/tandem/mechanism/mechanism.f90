@@ -13,8 +13,8 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
-    use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
-        differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
+        differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
     use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_load, only: add_loads, differentiate_loads
@@ -71,6 +71,12 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine list_quantities
 
+        !> What rubs on the reactions of joints; the rows have their numbers.
+        module subroutine list_frictions(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_frictions
+
         !> Let events change the mechanism.
         module subroutine allow_changes(self)
             implicit none (type, external)
@@ -118,6 +124,7 @@ contains
         self%list_motions => list_motions
         self%input_name = [character(len=label_length) :: self%motions%name]
         call list_quantities(self)
+        call list_frictions(self)
         call allow_changes(self)
     end subroutine define
 
@@ -554,7 +561,7 @@ contains
             call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
         end do
         call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
-        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, lambda, derivatives)
         call differentiate_bushings(self%bushings, need, self%pose, derivatives)
         call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
     end subroutine differentiate_mechanism

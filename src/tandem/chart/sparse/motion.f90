@@ -88,6 +88,8 @@ contains
             obstacle = 'the model''s evaluate does not give the jacobian, the mass matrix and gamma'
         else if (maxval(model%pattern%first(2:) - model%pattern%first(:model%pattern%n_bodies)) > most_coordinates) then
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
+        else if (model%n_frictions > 0) then
+            obstacle = 'friction on reactions needs the dense chart'
         else if (implicit) then
             obstacle = 'implicit steppers need the dense chart'
         else if (options%chart /= 'every_step') then
