@@ -294,6 +294,37 @@ class Keys(Mechanism):
         # A thousand coordinates are no reason to refuse the complete scene, whose lines are bounded.
         self.assertIn("1203 numbers each", self.tandem("show", "a02_four_bars", "--set", "parameters.n=200").stdout)
 
+    GRID = '[scene]\nmodel = "mechanism"\nplanar = true\n\n[parameters]\nm = 2\n\n[repeat.row]\ncount = 3\n\n[repeat.row.body."left{i}"]\nmass = "i"\n' \
+        'position = [-1, "i"]\n\n[repeat.row.repeat.column]\nindex = "j"\ncount = "i - 1"\n\n' \
+        '[repeat.row.repeat.column.body."m{i}_{j}"]\nmass = "m"\nposition = ["j", "10*i + j"]\n\n' \
+        '[repeat.row.repeat.column.force."f{10*i + j}"]\ntype = "load"\non = "m{i}_{j}"\nforce = ["i", "j"]\n\n' \
+        '[time]\nend = 0.01\n'
+
+    def test_nested_repetition(self):
+        """A triangle of masses: each knows its row and its column."""
+        with self.went(self.scene(self.GRID)) as file:
+            q = dict(zip(file["trajectory/q"].attrs["names"], file["trajectory/q"][0]))
+            self.assertEqual(len(q), 12)
+            for name, place in (("left3", (-1, 3)), ("m2_1", (1, 21)), ("m3_1", (1, 31)), ("m3_2", (2, 32))):
+                self.assertEqual((q[name + ".x"], q[name + ".y"]), place)
+        shown = self.tandem("show", "scene.toml").stdout
+        self.assertIn('[repeat.row.repeat.column.body."m{i}_{j}"]', shown)
+        self.assertIn('position = ["j", "10*i + j"]', shown)
+        # The complete scene is the same scene, also where the first copies have none of the inner ones, or none at all.
+        for settings in [], ["--set", "repeat.row.count=1"], ["--set", "repeat.row.count=0"]:
+            shown = self.tandem("show", "scene.toml", *settings).stdout if "=0" not in "".join(settings) else shown
+            self.assertEqual(self.tandem("show", self.scene(shown, "shown.toml")).stdout.split("\n", 3)[3], shown.split("\n", 3)[3])
+
+    def test_wrong_nested_repetition(self):
+        for old, new, says in (('index = "j"', 'index = "i"', ["repeat.row.repeat.column.index", "outer index"]),
+                               ('index = "j"\n', "", ["repeat.row.repeat.column.index", "outer index"]),
+                               ('"i - 1"', '"k - 1"', ["repeat.row.repeat.column.count"]),
+                               ('"i - 1"', "60000", ["more than 100000 copies"]),
+                               ('"m{i}_{j}"]\nmass', '"m{j}"]\nmass', ["m1"]),
+                               ('count = "i - 1"\n', "", ["repeat.row.repeat.column", "count"])):
+            with self.subTest(new):
+                self.refused("check", self.scene(self.GRID.replace(old, new, 1)), says=says)
+
     def test_assembly(self):
         """A loop that is open in the drawing: an error says by how much, and assembly closes it."""
         text = PLANAR.replace("at = [0, 0]", 'at = "rod:[-0.4, 0]"').replace('["ground", "rod"]', '["ground:[0, 0]", "rod"]')

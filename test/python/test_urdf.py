@@ -103,6 +103,35 @@ class Robots(Mechanism):
         with self.went("robot.toml", "time.end=0.5") as file:
             self.near(file["joints/axle/angle"][:], -3*file["joints/hinge/angle"][:], 1e-10)
 
+    WHEEL = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>' \
+        '</inertial></link><joint name="{0}_j" type="continuous"><parent link="world"/><child link="{0}"/><axis xyz="0 1 0"/>' \
+        '<mimic joint="{1}" multiplier="{2}" offset="0.25"/></joint>'
+
+    def test_mimics_of_mimics(self):
+        """In whatever order the file has them: each is drawn where the last of the chain says."""
+        chain = self.WHEEL.format("b", "a_j", 2) + self.WHEEL.format("a", "hinge", 3)
+        scene = tomllib.loads(self.imported(ROBOT.replace("</robot>", chain + "</robot>"), "--at", "hinge=0.1"))
+        for name, angle in (("a", 0.55), ("b", 1.35)):
+            self.near(scene["body"][name]["euler_parameters"], [np.cos(angle/2), 0, np.sin(angle/2), 0], 1e-15)
+
+    def test_mimics_of_what_rests(self):
+        """What follows a joint by nothing, or one that is fixed, stays at its offset."""
+        for other, factor in (("hinge", 0), ("bolted", 2)):
+            with self.subTest(other):
+                text = ROBOT.replace("</robot>", self.WHEEL.format("a", other, factor) + "</robot>")
+                scene = tomllib.loads(self.imported(text, "--force"))
+                self.assertEqual(scene["constraint"]["a_j_mimic"], {"type": "coupling", "joints": ["a_j"], "factors": [1]})
+                self.near(scene["body"]["a"]["euler_parameters"], [np.cos(0.125), 0, np.sin(0.125), 0], 1e-15)
+                self.tandem("check", "robot.toml")
+
+    def test_hostile_names(self):
+        """Line breaks in names are no way into the scene."""
+        text = ROBOT.replace('"a small robot"', '"a&#10;[body.evil]&#10;mass = 1"').replace('"stand"', '"st&#10;mass = 7&#10;and"')
+        text = text.replace('"end"', '"e&#10;[x]&#10;nd"')
+        scene = tomllib.loads(self.imported(text))
+        self.assertEqual(set(scene["body"]), {"rod", "a_slider_with_a_long"})
+        self.assertNotIn("x", scene)
+
     def test_a_closed_loop(self):
         """What URDF cannot say is added to the scene: the tip on a rod to the ground, and the balance of energies closes."""
         text = self.imported(ROBOT)
@@ -136,6 +165,12 @@ class Robots(Mechanism):
                 self.assertIn(says, self.imported(text, "--output", "x.toml", code=2))
                 self.assertFalse((self.folder / "x.toml").exists())
         self.assertIn("JOINT=NUMBER", self.imported(ROBOT, "--at", "hinge", code=2))
+        self.assertIn("JOINT=NUMBER", self.imported(ROBOT, "--at", "hinge=nan", code=2))
+        for ends, says in ((("a_j",), "go round"), (("b_j", "a_j"), "go round")):
+            wheels = "".join(self.WHEEL.format(name, other, 1) for name, other in zip("ab", ends))
+            self.assertIn(says, self.imported(ROBOT.replace("</robot>", wheels + "</robot>"), code=2))
+        wheel = ROBOT.replace("</robot>", self.WHEEL.format("a", "hinge", 1) + "</robot>")
+        self.assertIn("follows hinge", self.imported(wheel, "--at", "a_j=1", code=2))
         self.assertIn("no joint elbow", self.imported(ROBOT, "--at", "elbow=1", code=2))
         self.imported(ROBOT)
         self.assertIn("--force", self.imported(ROBOT, code=2))

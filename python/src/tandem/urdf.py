@@ -29,6 +29,9 @@ LONGEST = 20
 LONGEST_EVENT = 32
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar"}
 
+#: Joints with one coordinate.
+SCALAR = ("revolute", "continuous", "prismatic")
+
 
 class UrdfError(ValueError):
     """What is wrong with a file, and what to do."""
@@ -276,13 +279,12 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
     Returns the bodies by their first link, None for the ground; for each link its body; and joints with their frames."""
     at, rates = dict(at or {}), dict(rates or {})
     for name in (*at, *rates):
-        if name not in robot.joints or robot.joints[name].type not in ("revolute", "continuous", "prismatic"):
+        if name not in robot.joints or robot.joints[name].type not in SCALAR:
             raise UrdfError(f"there is no joint {name} that turns or slides; correct the name")
+        if robot.joints[name].mimic:
+            raise UrdfError(f"joint {name} follows {robot.joints[name].mimic[0]}: leave it out, and give that one")
     for joint in robot.joints.values():
-        if joint.mimic and joint.type in ("revolute", "continuous", "prismatic"):
-            other, factor, offset = joint.mimic
-            at[joint.name] = factor*at.get(other, 0.0) + offset
-            rates[joint.name] = factor*rates.get(other, 0.0)
+        follow(robot, joint, at, rates)
     children = {}
     for joint in robot.joints.values():
         children.setdefault(joint.parent, []).append(joint)
@@ -309,6 +311,20 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
     if done < len(robot.links):
         raise UrdfError("there are joints that go round, beside the tree; cut one")
     return bodies, body_of, frames, at
+
+
+def follow(robot: Robot, joint: Joint, at: dict, rates: dict) -> None:
+    """Where a mimicking joint is and how fast it moves, once that is known of what it follows."""
+    chain = []
+    while joint.mimic and joint.type in SCALAR and joint.name not in at:
+        if joint in chain:
+            raise UrdfError(f"joint {joint.name} mimics itself: {' of '.join(one.name for one in chain)} go round; cut one")
+        chain.append(joint)
+        joint = robot.joints[joint.mimic[0]]
+    for joint in reversed(chain):
+        other, factor, offset = joint.mimic
+        at[joint.name] = factor*at.get(other, 0.0) + offset
+        rates[joint.name] = factor*rates.get(other, 0.0)
 
 
 def move(parent: Body, joint: Joint, world: Pose, x: float, rate: float) -> Body:
@@ -371,9 +387,13 @@ def text_of(value) -> str:
     return "0" if value == 0 else repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
 
 
+def printable(text: str) -> str:
+    """A text on one line, as comments take it."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
 def quoted(text: str) -> str:
-    clean = "".join(letter if letter.isprintable() else " " for letter in text)
-    return '"' + clean.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def look_text(shape, sizes, pose: Pose, centre) -> str:
@@ -393,7 +413,7 @@ def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravit
     body_name = {id(body): names.take(body.name) for body in bodies}
     joint_name = {name: names.take(name, "" if name not in robot.links else "_j") for name in frames}
     moving = [name for name in frames if robot.joints[name].type in TYPES]
-    lines = [f"# {robot.name}" + (f", from {source}" if source else "") + ", by tandem import urdf.", *left_out(robot, moving), "",
+    lines = [printable(f"# {robot.name}" + (f", from {source}" if source else "") + ", by tandem import urdf."), *left_out(robot, moving), "",
              "[scene]", f"description = {quoted(robot.name[:80])}", 'model = "mechanism"', "", "[gravity]",
              f"vector = {text_of(gravity)}", ""]
     for body in bodies:
@@ -424,8 +444,8 @@ def left_out(robot: Robot, moving) -> list:
 
 
 def body_lines(body: Body, name: str, looks: bool) -> list:
-    note = f"  # {body.name}" if name != body.name else ""
-    held = f"  # with {', '.join(body.links[1:])}" if len(body.links) > 1 else ""
+    note = printable(f"  # {body.name}") if name != body.name else ""
+    held = printable(f"  # with {', '.join(body.links[1:])}") if len(body.links) > 1 else ""
     inertia = body.inertia
     # What rounding leaves of a zero is none.
     rounding = 4*np.finfo(float).eps*np.max(np.abs(inertia))
@@ -449,7 +469,7 @@ def body_lines(body: Body, name: str, looks: bool) -> list:
 def joint_lines(joint: Joint, name: str, frame: Pose, body_of, body_name) -> list:
     ends = [body_of[link][0] for link in (joint.parent, joint.child)]
     texts = [quoted(body_name.get(id(end), "ground")) for end in ends]
-    note = f"  # {joint.name}" if name != joint.name else ""
+    note = printable(f"  # {joint.name}") if name != joint.name else ""
     at = frame.r if joint.type != "prismatic" else ends[1].pose.r
     return [f"[joint.{name}]{note}", f'type = "{TYPES[joint.type]}"', f"bodies = [{', '.join(texts)}]", f"at = {text_of(at)}",
             f"axis = {text_of(frame.a @ joint.axis)}", ""]
@@ -460,10 +480,15 @@ def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
     lines = []
     for name in moving:
         mimic = robot.joints[name].mimic
-        if mimic is None or mimic[0] not in joint_name or robot.joints[name].type == "planar" or mimic[1] == 0:
+        if mimic is None or robot.joints[name].type == "planar":
             continue
+        joints, factors = [joint_name[name]], [1]
+        # What follows by nothing, or a joint without a coordinate, stays where it is.
+        if mimic[1] != 0 and robot.joints[mimic[0]].type in SCALAR:
+            joints.append(joint_name[mimic[0]])
+            factors.append(-mimic[1])
         lines += [f"[constraint.{names.take(name, '_mimic')}]", 'type = "coupling"',
-                  f"joints = [{quoted(joint_name[name])}, {quoted(joint_name[mimic[0]])}]", f"factors = [1, {text_of(-mimic[1])}]", ""]
+                  f"joints = [{', '.join(map(quoted, joints))}]", f"factors = {text_of(factors)}", ""]
     return lines
 
 
@@ -485,6 +510,8 @@ def parse_coordinates(text: str | None) -> dict:
         name, _, value = part.partition("=")
         try:
             found[name.strip()] = float(value)
+            if not math.isfinite(found[name.strip()]):
+                raise ValueError
         except ValueError:
             raise UrdfError(f'"{part}" should be JOINT=NUMBER') from None
     return found

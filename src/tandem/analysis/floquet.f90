@@ -246,7 +246,8 @@ contains
         call point%evaluate(t, y(:n, 1), y(n + 1:, 1), stat)
         if (stat /= status_ok) return
         call point%make_bases()
-        call point%solve_dynamics(stat)
+        call point%refuse_friction(stat)
+        if (stat == status_ok) call point%solve_dynamics(stat)
         if (stat == status_ok) call point%differentiate(stat)
         if (stat /= status_ok) return
         slope(:n, :) = y(n + 1:, :)

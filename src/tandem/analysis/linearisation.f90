@@ -107,6 +107,9 @@ contains
         call point%evaluate(t, q, qd, stat)
         if (stat == status_ok) then
             call point%make_bases()
+            call point%refuse_friction(stat)
+        end if
+        if (stat == status_ok) then
             call point%solve_dynamics(stat)
         end if
         if (stat == status_ok) call point%differentiate(stat)

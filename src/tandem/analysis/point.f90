@@ -14,7 +14,7 @@ module tandem_analysis_point
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
-    use tandem_status, only: status_not_finite, status_ok, status_position_diverged, status_singular_mass
+    use tandem_status, only: status_not_evaluable, status_not_finite, status_ok, status_position_diverged, status_singular_mass
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -37,6 +37,8 @@ module tandem_analysis_point
         real(wp), allocatable :: v(:, :), w(:, :)
         !> Whether all gradients are the model's own; differences have fewer digits.
         logical :: has_gradients = .false.
+        !> Whether it is friction that it was refused for.
+        logical, private :: has_wrong_friction = .false.
         class(model_type), pointer :: model => null()
         type(counts_type) :: counts
         type(evaluator_type), private :: evaluator
@@ -49,6 +51,7 @@ module tandem_analysis_point
     contains
         procedure :: initialize
         procedure :: evaluate
+        procedure :: refuse_friction
         procedure :: make_bases
         procedure :: solve_dynamics
         procedure :: vary_acceleration
@@ -126,6 +129,21 @@ contains
             all(ieee_is_finite(self%force)) .and. all(ieee_is_finite(self%gamma)) .and. all(ieee_is_finite(self%phi)) .and. &
             all(ieee_is_finite(self%nu)))) stat = status_not_finite
     end subroutine evaluate
+
+    !> Refuse the point of the last `evaluate` where friction on reactions slides: it is a damper where all of it rests, but sliding
+    !> it has normal forces, which the linearised equations have not. After `make_bases`, where rows are redundant too, since
+    !> reactions are undetermined then.
+    subroutine refuse_friction(self, stat)
+        class(point_type), intent(inout) :: self
+        !> A status code.
+        integer, intent(inout) :: stat
+
+        if (stat /= status_ok .or. self%model%n_frictions == 0) return
+        call self%evaluator%find_directions(self%t, self%q, self%qd, stat)
+        if (stat /= status_ok) return
+        if (any(abs(self%evaluator%directions) > 0.0_wp) .or. (self%nw > self%n - self%m)) stat = status_not_evaluable
+        self%has_wrong_friction = stat /= status_ok
+    end subroutine refuse_friction
 
     !> V, W, and what R and the multipliers need.
     subroutine make_bases(self)
@@ -286,6 +304,11 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (stat == status_ok) return
-        call set_error(error, stat, 'the model "'//self%model%name//'" '//where)
+        if (self%has_wrong_friction) then
+            call set_error(error, stat, 'the model "'//self%model%name//'" '//where//': friction on reactions slides there, or '// &
+                'redundant constraints leave them undetermined', 'give the friction a normal force')
+        else
+            call set_error(error, stat, 'the model "'//self%model%name//'" '//where)
+        end if
     end subroutine describe
 end module tandem_analysis_point

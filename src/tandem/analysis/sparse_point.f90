@@ -91,6 +91,11 @@ contains
                 'touch which bodies, as large systems need it', 'linearise it without a shift')
             return
         end if
+        if (model%n_frictions > 0) then
+            call set_error(error, status_invalid_model, 'in the model "'//model%name//'" something rubs on reactions', &
+                'linearise it without a shift')
+            return
+        end if
         self%model => model
         self%pattern => model%pattern
         self%n = model%n

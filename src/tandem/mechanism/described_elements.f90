@@ -8,7 +8,7 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive
-    use tandem_mechanism_law, only: friction_law_type, law_type
+    use tandem_mechanism_law, only: law_type
     implicit none (type, external)
     private
 
@@ -241,26 +241,28 @@ contains
         character(len=*), intent(in) :: name
         type(mechanism_type), intent(inout) :: mechanism
         character(len=:), allocatable :: joint
-        real(wp), allocatable :: normal, static, dynamic, speed, viscous
+        real(wp), allocatable :: normal, static, dynamic, speed, viscous, radius, arm
         type(error_type), allocatable :: error
 
         call reader%get_text('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
             required=.true.)
         call reader%get_number('normal', normal, not_negative, 'N, N m', &
-            'the given normal force; of what turns times the radius', required=.true.)
+            'a given normal force; of what turns times the radius. Without it the reaction of the joint presses')
+        call reader%get_number('radius', radius, positive, 'm', 'on the reaction: where what turns rubs')
+        call reader%get_number('arm', arm, positive, 'm', 'on the reaction: torques press by so much less; without it not at all')
         call reader%get_number('dynamic', dynamic, not_negative, '', 'the coefficient of sliding', required=.true.)
-        if (allocated(dynamic)) static = dynamic
         call reader%get_number('static', static, not_negative, '', 'the largest coefficient, at the transition speed')
         call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'the transition speed', required=.true.)
         viscous = 0.0_wp
         call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'a damping beside it')
         call reader%close()
         if (reader%failed()) return
+        if (.not. allocated(static)) static = dynamic
         if (static < dynamic) then
             call reader%fail('static', 'is smaller than the coefficient of sliding', 'give one that is not, or none')
             return
         end if
-        call mechanism%add_torsion(name, joint, error, law=friction_law_type(normal, static, dynamic, speed, viscous))
+        call mechanism%add_friction(name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
         call reader%blame(error)
     end subroutine read_friction
 

@@ -99,6 +99,7 @@ module tandem_mechanism_drawing
         procedure :: add_rate_row
         procedure :: add_spring
         procedure :: add_torsion
+        procedure :: add_friction
         procedure :: add_bushing
         procedure :: add_load
         procedure :: variable_names
@@ -253,6 +254,23 @@ module tandem_mechanism_drawing
             class(function_type), intent(in), optional :: motion
             class(law_type), intent(in), optional :: law
         end subroutine add_torsion
+
+        !> Friction along the coordinate of a joint, regularised (see `friction_law_type`): under a given normal force, or on the
+        !> reaction of the joint itself.
+        module subroutine add_friction(self, name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and the joint's, as for `add_torsion`.
+            character(len=*), intent(in) :: name, joint
+            type(error_type), allocatable, intent(out) :: error
+            !> The coefficient of sliding, and the transition speed (m/s, rad/s).
+            real(wp), intent(in) :: dynamic, speed
+            !> The largest coefficient, at that speed (default: that of sliding), and a damping beside it (N s/m, N m s).
+            real(wp), intent(in), optional :: static, viscous
+            !> A given normal force (N; of what turns times the radius, N m). Where it is not given, the reaction presses: its
+            !> force, and its torque over `arm` (m) where that is given; what turns rubs at a `radius` (m).
+            real(wp), intent(in), optional :: normal, radius, arm
+        end subroutine add_friction
 
         !> Forces and torques that hold two frames together, which are one in the drawing.
         module subroutine add_bushing(self, name, first, second, error, stiffness, damping, at, axis, across)

@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The words for springs and loads.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_forces
+    use tandem_mechanism_law, only: friction_law_type
+    use tandem_mechanism_press, only: press_type
     implicit none (type, external)
 
 contains
@@ -52,6 +54,102 @@ contains
         self%torsions = [self%torsions, torsion]
         call self%keep_name(name, of_torsion, size(self%torsions))
     end procedure add_torsion
+
+    !> Friction along the coordinate of a joint.
+    module procedure add_friction
+        type(friction_law_type) :: law
+        type(press_type) :: press
+        character(len=:), allocatable :: label
+        integer :: k
+        logical :: turns
+
+        label = 'friction '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        call self%find_coordinate(label, joint, k, error)
+        if (allocated(error)) return
+        law%dynamic = dynamic
+        law%static = dynamic
+        law%speed = speed
+        law%normal = 1.0_wp
+        if (present(static)) law%static = static
+        if (.not. (dynamic >= 0.0_wp .and. law%static >= dynamic .and. speed > 0.0_wp .and. &
+            all(ieee_is_finite([law%static, speed])))) then
+            call refuse(label//' has coefficients or a speed that cannot be', &
+                'give 0 <= dynamic <= static and a transition speed above 0', error)
+            return
+        end if
+        turns = self%coordinates(k)%kind == is_angle
+        if (present(normal)) then
+            if (present(radius) .or. present(arm)) then
+                call refuse(label//' has a given normal force, and a radius or an arm', &
+                    'these are for friction on the reaction: leave them or the normal force out', error)
+                return
+            end if
+            law%normal = normal
+        else
+            if (turns .neqv. present(radius)) then
+                call refuse(label//' '//merge('turns and has no radius   ', 'slides and has a radius   ', turns), &
+                    'give the radius at which what turns rubs, and none to what slides', error)
+                return
+            end if
+            if (present(radius)) law%normal = radius
+            if (present(arm)) then
+                if (.not. (arm > 0.0_wp .and. ieee_is_finite(arm))) then
+                    call refuse(label//' has an arm that is not positive', 'give one in metres, or none', error)
+                    return
+                end if
+            end if
+            call find_press(self, joint, press, arm)
+            if (press%n == 0) then
+                call refuse(label//': the joint holds nothing that presses', 'give a normal force', error)
+                return
+            end if
+        end if
+        if (.not. (law%normal >= 0.0_wp .and. ieee_is_finite(law%normal))) then
+            call refuse(label//' has a normal force or a radius that cannot be', 'give one that is not negative', error)
+            return
+        end if
+        call self%add_torsion(name, joint, error, damping=viscous, law=law)
+        if (.not. allocated(error)) self%torsions(size(self%torsions))%press = press
+    end procedure add_friction
+
+    !> The rows of a joint that press, but not that of its motion.
+    subroutine find_press(self, joint, press, arm)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: joint
+        type(press_type), intent(inout) :: press
+        real(wp), intent(in), optional :: arm
+        character(len=len(joint) + 1) :: head
+        integer :: i
+
+        head = joint
+        if (index(joint, '.') > 0) head = joint(:index(joint, '.') - 1)
+        do i = 1, self%n_held
+            call take(i, self%held_name(i), self%held_unit(i))
+        end do
+        do i = 1, size(self%rolling_name)
+            ! Until the mechanism is defined those at velocity level are negative.
+            call take(-i, self%rolling_name(i), self%rolling_unit(i))
+        end do
+
+    contains
+
+        subroutine take(row, name, unit)
+            integer, intent(in) :: row
+            character(len=*), intent(in) :: name, unit
+            real(wp) :: weight
+
+            if (index(name, trim(head)//' ') /= 1 .or. name == trim(head)//' motion') return
+            weight = 0.0_wp
+            if (unit == 'N') weight = 1.0_wp
+            if (unit == 'N m' .and. present(arm)) weight = 1/arm
+            if (.not. weight > 0.0_wp) return
+            press%n = press%n + 1
+            press%rows(press%n) = row
+            press%weights(press%n) = weight
+        end subroutine take
+    end subroutine find_press
 
     !> Forces and torques that hold two frames together, which are one in the drawing.
     module procedure add_bushing

@@ -217,6 +217,7 @@ contains
                 second = coordinate%second
                 sensor%slides = coordinate%kind == is_way
             end associate
+            sensor%is_pressed = self%torsions(sensor%number)%press%n > 0
         case (of_bushing)
             first = self%bushings(sensor%number)%coordinates(1)%first
             second = self%bushings(sensor%number)%coordinates(1)%second

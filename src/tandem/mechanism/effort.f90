@@ -11,6 +11,7 @@ module tandem_mechanism_effort
     use tandem_mechanism_load, only: find_push, load_type
     use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
+    use tandem_mechanism_press, only: normal_force
     use tandem_mechanism_reaction, only: wrench_of
     use tandem_mechanism_span, only: span_way
     implicit none (type, external)
@@ -47,18 +48,19 @@ contains
         if (effort%x > 0.0_wp) d = d/effort%x
         effort%rate = dot_product(d, span_way(spring%span, pose, 1))
         effort%energy = spring%stiffness*(effort%x - spring%length)**2/2
-        rest = rest_of(spring%damping, spring%motion, spring%law, t, effort, f, laws)
+        rest = rest_of(spring%damping, spring%motion, spring%law, 1.0_wp, t, effort, f, laws)
         effort%along = spring%stiffness*(effort%x - spring%length) + rest
         effort%power = -rest*effort%rate
         effort%force = -effort%along*d
     end function spring_effort
 
-    !> What has no potential: c v + u(t) + g(t, x, v).
-    pure real(wp) function rest_of(damping, motion, law, t, effort, f, laws) result(rest)
+    !> What has no potential: c v + u(t) + N g(t, x, v).
+    pure real(wp) function rest_of(damping, motion, law, normal, t, effort, f, laws) result(rest)
         real(wp), intent(in) :: damping
         !> Numbers of the function and of the law, 0 for none.
         integer, intent(in) :: motion, law
-        real(wp), intent(in) :: t
+        !> The normal force of friction on a reaction, 1 of all other laws.
+        real(wp), intent(in) :: normal, t
         !> Coordinate and rate are known.
         type(effort_type), intent(in) :: effort
         real(wp), intent(in) :: f(0:, :)
@@ -69,24 +71,28 @@ contains
         if (motion > 0) rest = rest + f(0, motion)
         if (law == 0) return
         call laws(law)%law%evaluate(t, effort%x, effort%rate, g)
-        rest = rest + g(0)
+        rest = rest + normal*g(0)
     end function rest_of
 
     !> A spring along the coordinate of a joint.
-    pure subroutine torsion_effort(torsion, t, pose, f, laws, effort)
+    pure subroutine torsion_effort(torsion, t, pose, f, laws, lambda, effort)
         type(torsion_type), intent(inout) :: torsion
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
+        !> Multipliers, for friction on a reaction.
+        real(wp), intent(in) :: lambda(:)
         type(effort_type), intent(out) :: effort
-        real(wp) :: x(0:2), gradient(n_local, 0:2), rest
+        real(wp) :: x(0:2), gradient(n_local, 0:2), rest, normal
 
         call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
         effort%x = x(0)
         effort%rate = x(1)
         effort%energy = torsion%stiffness*(x(0) - torsion%angle)**2/2
-        rest = rest_of(torsion%damping, torsion%motion, torsion%law, t, effort, f, laws)
+        normal = 1.0_wp
+        if (torsion%press%n > 0) normal = normal_force(torsion%press, lambda)
+        rest = rest_of(torsion%damping, torsion%motion, torsion%law, normal, t, effort, f, laws)
         effort%along = torsion%stiffness*(x(0) - torsion%angle) + rest
         effort%power = -rest*x(1)
     end subroutine torsion_effort

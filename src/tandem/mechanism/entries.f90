@@ -34,10 +34,12 @@ module tandem_mechanism_entries
         integer :: place = 0
         !> The value as it was given, with the index of a repeated element as a name.
         type(value_type) :: given
-        !> Of a repeated element, the name and the value of its index; the key as it was given, and how much of it is the element's
-        !> name; and whether this is the first copy.
-        character(len=:), allocatable :: index_name, template
-        integer :: index_value = 0, n_heading = 0
+        !> Of a repeated element, the names and the values of the indices of the repetitions that it is in; the key as it was given,
+        !> and how much of it is the element's name; and whether this is the first copy.
+        character(len=64), allocatable :: index_names(:)
+        integer, allocatable :: index_values(:)
+        character(len=:), allocatable :: template
+        integer :: n_heading = 0
         logical :: is_first = .true.
     end type entry_type
 

@@ -9,13 +9,14 @@ module tandem_mechanism_force
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
+    use tandem_mechanism_press, only: normal_force, press_type
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
     use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
     implicit none (type, external)
     private
 
     public :: spring_type, add_springs, differentiate_springs, spring_energy
-    public :: torsion_type, add_torsions, differentiate_torsions, torsion_energy
+    public :: torsion_type, add_torsions, add_press_directions, differentiate_torsions, torsion_energy
     public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
 
     !> k (N/m), c (N s/m), the length without force (m), and the numbers of the function u and of the law g, 0 for none.
@@ -30,6 +31,8 @@ module tandem_mechanism_force
         type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
         integer :: motion = 0, law = 0
+        !> Of friction on the reaction of the joint: what presses. The law is then that for a normal force of 1 N.
+        type(press_type) :: press
     end type torsion_type
 
     !> Forces f = K x + C xd along the ways and small turns between two frames, which are one in the drawing: three ways and three
@@ -160,7 +163,7 @@ contains
                 call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
                 torque = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
                 if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
-                if (torsion%law > 0) then
+                if (torsion%law > 0 .and. torsion%press%n == 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
                     torque = torque + g(0)
                 end if
@@ -168,6 +171,29 @@ contains
             end associate
         end do
     end subroutine add_torsions
+
+    !> The force of each friction on a reaction for a normal force of 1 N, one column each: -g x_q.
+    pure subroutine add_press_directions(torsions, t, pose, laws, directions)
+        type(torsion_type), intent(inout) :: torsions(:)
+        real(wp), intent(in) :: t
+        type(pose_type), intent(in) :: pose(0:)
+        type(law_item_type), intent(in) :: laws(:)
+        !> Zero before.
+        real(wp), intent(inout) :: directions(:, :)
+        real(wp) :: x(0:2), gradient(n_local, 0:2), g(0:2)
+        integer :: i, k
+
+        k = 0
+        do i = 1, size(torsions)
+            if (torsions(i)%press%n == 0) cycle
+            k = k + 1
+            associate (torsion => torsions(i))
+                call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+                call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                call take_off(torsion%coordinate, pose, g(0), gradient(:, 0), directions(:, k))
+            end associate
+        end do
+    end subroutine add_press_directions
 
     !> force := force - f x_q.
     pure subroutine take_off(coordinate, pose, f, gradient, force)
@@ -184,13 +210,15 @@ contains
     end subroutine take_off
 
     !> Their part of the gradient blocks that are asked for.
-    pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, derivatives)
+    pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)
         type(torsion_type), intent(inout) :: torsions(:)
         integer, intent(in) :: need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
+        !> Multipliers, which friction on a reaction grows with.
+        real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), torque(0:2), g(0:2)
         integer :: i
@@ -202,6 +230,7 @@ contains
                 if (torsion%motion > 0) torque(0) = torque(0) + f(0, torsion%motion)
                 if (torsion%law > 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
+                    if (torsion%press%n > 0) g = normal_force(torsion%press, lambda)*g
                     torque = torque + g
                 end if
                 call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &

@@ -783,7 +783,7 @@ contains
         if (.not. self%failed()) call self%evaluate(self%find(key), atom, number)
     end subroutine evaluate_text
 
-    !> Parameters, and the index of a repeated element.
+    !> Parameters, and the indices of a repeated element.
     subroutine constants(self, entry, names, values)
         class(key_reader_type), intent(in) :: self
         integer, intent(in) :: entry
@@ -793,9 +793,9 @@ contains
         names = self%names
         values = self%values
         associate (given => self%entries%list(entry))
-            if (.not. allocated(given%index_name)) return
-            names = [character(len=key_length) :: names, given%index_name]
-            values = [values, real(given%index_value, wp)]
+            if (.not. allocated(given%index_names)) return
+            names = [character(len=key_length) :: names, given%index_names]
+            values = [values, real(given%index_values, wp)]
         end associate
     end subroutine constants
 

@@ -19,12 +19,14 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
     real(wp), parameter :: dependent = 1.0e-10_wp
     !> What redundant rows may do to an entry of a reaction, of what their multipliers do at most, before it is undetermined.
     real(wp), parameter :: open = 1.0e-8_wp
+    !> Entries of C up to which undetermined reactions are looked for: a second of work.
+    real(wp), parameter :: most_examined = 1.0e6_wp
 
 contains
 
     !> What the sensors give.
     module procedure list_quantities
-        integer :: i, m
+        integer :: i, k, m
 
         if (size(self%sensors) == 0) return
         self%measure => measure
@@ -41,11 +43,19 @@ contains
             end associate
         end do
         self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
-        if (.not. any(self%sensors%kind == sensed_reaction .or. self%sensors%kind == sensed_balance)) return
+        if (.not. any(self%sensors%kind == sensed_reaction .or. self%sensors%kind == sensed_balance .or. &
+            self%sensors%is_pressed)) return
         self%measures_multipliers = .true.
         m = self%n_constraints()
-        allocate (self%at_row%jacobian(m, self%n), self%at_row%nu(m), source=0.0_wp)
-        if (any(self%sensors%kind == sensed_reaction)) self%begin_measuring => find_undetermined
+        allocate (self%at_row%nu(m), source=0.0_wp)
+        if (any(self%sensors%kind == sensed_reaction)) then
+            ! Of many bodies a full C would take more memory than all else.
+            self%at_row%is_compressed = allocated(self%pattern)
+            k = self%n
+            if (allocated(self%pattern)) k = self%pattern%width
+            allocate (self%at_row%jacobian(m, k), source=0.0_wp)
+            self%begin_measuring => find_undetermined
+        end if
         if (any(self%sensors%can_be_freed)) allocate (self%impulses(m), source=0.0_wp)
         if (.not. any(self%sensors%kind == sensed_balance)) return
         self%integrands => powers
@@ -71,7 +81,7 @@ contains
                 call set_curve(self%pose(i), qdd)
             end do
             with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
-            if (self%only_quantity > 0) with_reactions = self%quantities(self%only_quantity)%of_multipliers
+            if (self%only_quantity > 0) with_reactions = with_reactions .and. self%quantities(self%only_quantity)%of_multipliers
             if (with_reactions) then
                 call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
                 if (stat /= 0) return
@@ -81,12 +91,14 @@ contains
                 associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
                     n = n + sensor%width
                     if (.not. is_asked_for(self, sensor)) cycle
-                    if (sensor%kind == sensed_reaction .and. .not. present(lambda)) then
+                    if ((sensor%kind == sensed_reaction .or. sensor%is_pressed) .and. .not. present(lambda)) then
                         shown = ieee_value(t, ieee_quiet_nan)
                     else if (sensor%kind == sensed_reaction) then
                         call measure_reaction(self, sensor, lambda, shown)
+                    else if (sensor%is_pressed) then
+                        call measure_force(self, sensor, t, lambda, shown)
                     else if (sensor%kind == sensed_force) then
-                        call measure_force(self, sensor, t, shown)
+                        call measure_force(self, sensor, t, [real(wp) ::], shown)
                     else if (sensor%kind == sensed_balance) then
                         call measure_balance(self, sensor, t, q, shown, stat)
                     else
@@ -216,10 +228,11 @@ contains
     end subroutine find_wrench
 
     !> What a force does.
-    subroutine measure_force(self, sensor, t, values)
+    subroutine measure_force(self, sensor, t, lambda, values)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
-        real(wp), intent(in) :: t
+        !> Multipliers are looked at where it is friction on a reaction.
+        real(wp), intent(in) :: t, lambda(:)
         real(wp), intent(out) :: values(:)
         type(effort_type) :: effort
 
@@ -228,7 +241,7 @@ contains
             effort = spring_effort(self%springs(sensor%number), t, self%pose, self%f, self%laws)
             values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
         case (of_torsion)
-            call torsion_effort(self%torsions(sensor%number), t, self%pose, self%f, self%laws, effort)
+            call torsion_effort(self%torsions(sensor%number), t, self%pose, self%f, self%laws, lambda, effort)
             values = [effort%along, effort%x, effort%rate, effort%energy, effort%power]
         case (of_bushing)
             call bushing_effort(self%bushings(sensor%number), self%pose, effort)
@@ -279,7 +292,7 @@ contains
                 values(2) = values(2) + effort%power
             end do
             do i = 1, size(self%torsions)
-                call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, effort)
+                call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, lambda, effort)
                 values(2) = values(2) + effort%power
             end do
             do i = 1, size(self%bushings)
@@ -301,6 +314,7 @@ contains
         !> Not used.
         real(wp), intent(out) :: values(:)
         integer, intent(out) :: stat
+        type(terms_type) :: full
         real(wp), allocatable :: combination(:, :), z(:), shown(:)
         integer, allocatable :: kept(:), dropped(:)
         integer :: i, k, n
@@ -310,10 +324,18 @@ contains
         select type (self)
         class is (mechanism_type)
             if (size(lambda) == 0) return
+            if (real(size(lambda), wp)*self%n > most_examined) then
+                where (self%quantities%of_multipliers) self%quantities%undetermined = 'not examined'
+                return
+            end if
+            allocate (full%jacobian(size(lambda), self%n), full%nu(size(lambda)), source=0.0_wp)
+            call self%evaluate(iand(self%provides, need_jacobian), t, q, qd, full, stat)
+            if (stat /= 0) return
+            call split_rows(full%jacobian, [(1.0_wp, i=1, self%n)], self%n_holonomic, dependent, kept, dropped, combination)
+            if (size(dropped) == 0) return
             call set_poses(self, t, q, qd, stat)
             if (stat == 0) call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
             if (stat /= 0) return
-            call split_rows(self%at_row%jacobian, [(1.0_wp, i=1, self%n)], self%n_holonomic, dependent, kept, dropped, combination)
             allocate (z(size(lambda)))
             do k = 1, size(dropped)
                 z = 0.0_wp

@@ -13,8 +13,8 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
-    use tandem_mechanism_force, only: add_bushings, add_springs, add_torsions, bushing_energy, differentiate_bushings, &
-        differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
+        differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
     use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_load, only: add_loads, differentiate_loads
@@ -87,6 +87,12 @@ module tandem_mechanism
             complex(wp), intent(out) :: motions(:, :)
         end subroutine find_body_motions
 
+        !> What rubs on the reactions of joints; the rows have their numbers.
+        module subroutine list_frictions(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine list_frictions
+
         !> Let events change the mechanism.
         module subroutine allow_changes(self)
             implicit none (type, external)
@@ -152,6 +158,7 @@ contains
             self%evaluate_stiffness => evaluate_stiffness
         end if
         call list_quantities(self)
+        call list_frictions(self)
         call allow_changes(self)
     end subroutine define
 
@@ -614,7 +621,7 @@ contains
             call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
         end do
         call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
-        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, lambda, derivatives)
         call differentiate_bushings(self%bushings, need, self%pose, derivatives)
         call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
     end subroutine differentiate_mechanism

@@ -20,7 +20,7 @@ contains
         type(pose_type), intent(in) :: body
         !> The rows of C that count.
         integer, intent(in) :: rows(:)
-        !> Multipliers, and C.
+        !> Multipliers, and C with the columns that the poses say.
         real(wp), intent(in) :: lambda(:), jacobian(:, :), point(3)
         real(wp), intent(out) :: force(3), torque(3)
         real(wp) :: along(3), turning(4)
@@ -30,10 +30,10 @@ contains
         turning = 0.0_wp
         do i = 1, size(rows)
             do k = 1, body%n_place
-                along(k) = along(k) - lambda(rows(i))*jacobian(rows(i), body%place + k - 1)
+                along(k) = along(k) - lambda(rows(i))*jacobian(rows(i), body%place_column + k - 1)
             end do
             do k = 1, body%n_turn
-                turning(k) = turning(k) - lambda(rows(i))*jacobian(rows(i), body%turn + k - 1)
+                turning(k) = turning(k) - lambda(rows(i))*jacobian(rows(i), body%turn_column + k - 1)
             end do
         end do
         call wrench_of(body, along, turning, point, force, torque)

@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Repeated elements: `repeat.bay.count` = "n", `repeat.bay.index` = "i", and below `repeat.bay` elements as they stand elsewhere,
-!> with `{i}` or `{i - 1}` in names and texts, and i in expressions. Each copy becomes elements of its own.
+!> with `{i}` or `{i - 1}` in names and texts, and i in expressions. Each copy becomes elements of its own. Among the elements there
+!> may be repetitions in their turn, `repeat.bay.repeat.floor`, for each copy of what they are in, whose index they know.
 module tandem_mechanism_repetition
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -12,8 +13,17 @@ module tandem_mechanism_repetition
 
     public :: repeat_elements
 
-    !> Most elements that a repetition may make, so that a wrong count ends with an error.
-    integer, parameter :: most = 100000
+    !> Most copies that a repetition may make, with those in it, so that a wrong count ends with an error; and how deep repetitions
+    !> may stand in each other.
+    integer, parameter :: most = 100000, deepest = 4
+
+    !> What is known while copies are made.
+    type :: copying_type
+        !> Entries that have a copy, copies so far, and whether these are only counted.
+        logical, allocatable :: is_copied(:)
+        integer :: n_copies = 0
+        logical :: is_counting = .false.
+    end type copying_type
 
 contains
 
@@ -53,10 +63,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> The place of the entry that the error is about, 0 for none.
         integer, intent(out) :: place
+        type(copying_type) :: state
         character(len=:), allocatable :: head
-        integer :: i
+        integer :: i, j, k
 
         place = 0
+        allocate (state%is_copied(entries%n), source=.false.)
         do i = 1, entries%n
             associate (entry => entries%list(i))
                 if (index(entry%key, 'repeat.') /= 1) then
@@ -64,32 +76,53 @@ contains
                     cycle
                 end if
                 head = heading(entry%key, 2)
-                if (len(head) == len(entry%key)) then
-                    call set_error(error, status_invalid_model, entry%key//' is no value but has keys below it', &
-                        'write '//entry%key//'.count = ... and the elements below it')
-                    place = entry%place
-                    return
-                end if
                 if (repeats%find(head//'.count') > 0) cycle
-                call expand(entries, head//'.', names, values, expanded, repeats, error, place)
-                if (allocated(error)) return
+                ! Too many copies are noticed before they are made.
+                do k = merge(1, 2, any([(index(entries%list(j)%key, head//'.repeat.') == 1, j=i, entries%n)])), 2
+                    state%n_copies = 0
+                    state%is_counting = k == 1
+                    call expand(entries, head//'.', 1, names, values, [integer ::], state, expanded, repeats, error, place)
+                    if (allocated(error)) return
+                end do
             end associate
+        end do
+        ! What has no copies is shown all the same.
+        do i = 1, entries%n
+            if (index(entries%list(i)%key, 'repeat.') /= 1 .or. state%is_copied(i)) cycle
+            if (repeats%find(entries%list(i)%key) == 0) call repeats%append(entries%list(i))
         end do
     end subroutine repeat_elements
 
     !> The copies of what is below one head.
-    subroutine expand(entries, head, names, values, expanded, repeats, error, place)
+    recursive subroutine expand(entries, head, depth, names, values, indices, state, expanded, repeats, error, place)
         type(entries_type), intent(in) :: entries
-        !> Such as `repeat.bay.`.
+        !> Such as `repeat.bay.`, or `repeat.bay.repeat.floor.`, and how many repetitions that are.
         character(len=*), intent(in) :: head
+        integer, intent(in) :: depth
+        !> Parameters, and behind them the indices of the repetitions that this one is in; the latter as integers.
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
+        integer, intent(in) :: indices(:)
+        type(copying_type), intent(inout) :: state
         type(entries_type), intent(inout) :: expanded, repeats
         type(error_type), allocatable, intent(inout) :: error
         integer, intent(inout) :: place
         character(len=:), allocatable :: index_name
         integer :: k, count, first
 
+        if (depth > deepest) then
+            place = place_below(entries, head)
+            call set_error(error, status_invalid_model, head(:len(head) - 1)//' is deep within other repetitions', &
+                'let at most '//to_text(deepest)//' stand in each other')
+            return
+        end if
+        k = entries%find(head(:len(head) - 1))
+        if (k > 0) then
+            call set_error(error, status_invalid_model, entries%list(k)%key//' is no value but has keys below it', &
+                'write '//entries%list(k)%key//'.count = ... and the elements below it')
+            place = entries%list(k)%place
+            return
+        end if
         allocate (index_name, source='i')
         k = entries%find(head//'index')
         if (k > 0) then
@@ -102,77 +135,95 @@ contains
                 index_name = given%value%atoms(1)%text
                 call check_name(index_name, error)
                 if (allocated(error)) return
-                if (any(names == index_name)) then
-                    call set_error(error, status_invalid_model, given%key//': "'//index_name//'" is the name of a parameter', &
-                        'take another one')
-                    return
-                end if
             end associate
+        end if
+        if (any(names == index_name) .and. (k > 0 .or. depth > 1)) then
+            if (k == 0) place = place_below(entries, head)
+            call set_error(error, status_invalid_model, head//'index: "'//index_name//'" is the name of a parameter'// &
+                trim(merge(' or of an outer index', '                     ', depth > 1)), 'take another one')
+            return
         end if
         call get_count(entries, head, 'count', -1, names, values, repeats, count, place, error)
         if (allocated(error)) return
         call get_count(entries, head, 'first', 1, names, values, repeats, first, place, error)
         if (allocated(error)) return
-        if (count < 0 .or. count > most) then
-            call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
-                'give a number from 0 to '//to_text(most))
+        state%n_copies = state%n_copies + max(0, min(count, most + 1))
+        if (count < 0 .or. state%n_copies > most) then
+            if (count < 0 .or. count > most) then
+                call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
+                    'give a number from 0 to '//to_text(most))
+            else
+                call set_error(error, status_invalid_model, head(:len(head) - 1)//' comes to more than '//to_text(most)// &
+                    ' copies', 'give smaller numbers')
+            end if
             k = entries%find(head//'count')
             if (k > 0) place = entries%list(k)%place
             return
         end if
         call repeats%set(head//'index', text_value(index_name))
-        call copy_elements(entries, head, index_name, first, count, names, values, expanded, place, error)
-        if (allocated(error) .or. count > 0) return
-        ! What has no copies is shown all the same.
-        do k = 1, entries%n
-            if (index(entries%list(k)%key, head) == 1 .and. repeats%find(entries%list(k)%key) == 0) then
-                call repeats%append(entries%list(k))
-            end if
-        end do
+        call copy_elements(entries, head, depth, index_name, first, count, names, values, indices, state, expanded, repeats, &
+            place, error)
     end subroutine expand
 
     !> Each element below the head, once for each value of the index.
-    subroutine copy_elements(entries, head, index_name, first, count, names, values, expanded, place, error)
+    recursive subroutine copy_elements(entries, head, depth, index_name, first, count, names, values, indices, state, expanded, &
+        repeats, place, error)
         type(entries_type), intent(in) :: entries
         character(len=*), intent(in) :: head, index_name, names(:)
-        integer, intent(in) :: first, count
+        integer, intent(in) :: depth, first, count, indices(:)
         real(wp), intent(in) :: values(:)
-        type(entries_type), intent(inout) :: expanded
+        type(copying_type), intent(inout) :: state
+        type(entries_type), intent(inout) :: expanded, repeats
         integer, intent(inout) :: place
         type(error_type), allocatable, intent(inout) :: error
         character(len=max(len(names), len(index_name))) :: known(size(names) + 1)
         type(entry_type) :: copy
-        character(len=:), allocatable :: below
+        character(len=:), allocatable :: below, inner, done
         integer :: i, k
 
         known(:size(names)) = names
         known(size(known)) = index_name
         do i = first, first + count - 1
-            do k = 1, entries%n
+            allocate (done, source='')
+            do k = 1, merge(0, entries%n, state%is_counting)
                 associate (entry => entries%list(k))
                     if (index(entry%key, head) /= 1) cycle
                     below = entry%key(len(head) + 1:)
-                    if (any(below == [character(len=5) :: 'count', 'index', 'first'])) cycle
+                    if (any(below == [character(len=5) :: 'count', 'index', 'first']) .or. index(below, 'repeat.') == 1) cycle
                     place = entry%place
-                    if (index(below, '.') == 0 .or. index(below, 'repeat.') == 1) then
+                    if (index(below, '.') == 0) then
                         call set_error(error, status_invalid_model, 'unknown key "'//below//'" of '//head(:len(head) - 1), &
                             'its keys are count, index, first, and elements: body.NAME.KEY, joint.NAME.KEY, ...')
                         return
                     end if
                     copy = entry
                     copy%template = entry%key
-                    copy%n_heading = len(heading(entry%key, 4))
-                    if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 3))
-                    copy%index_name = index_name
-                    copy%index_value = i
-                    copy%is_first = i == first
+                    copy%n_heading = len(heading(entry%key, 2*depth + 2))
+                    if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 2*depth + 1))
+                    allocate (copy%index_names(depth))
+                    copy%index_names = known(size(known) - depth + 1:)
+                    copy%index_values = [indices, i]
+                    copy%is_first = .not. state%is_copied(k)
+                    state%is_copied(k) = .true.
                     call fill(below, entry%key, known, [values, real(i, wp)], copy%key, error)
                     if (allocated(error)) return
                     call fill_texts(copy%value, entry%key, known, [values, real(i, wp)], error)
                     if (allocated(error)) return
                     call expanded%append(copy)
+                    deallocate (copy%index_names)
                 end associate
             end do
+            ! What is repeated in it comes behind its own elements, wherever it stands.
+            do k = 1, entries%n
+                if (index(entries%list(k)%key, head//'repeat.') /= 1) cycle
+                inner = head//heading(entries%list(k)%key(len(head) + 1:), 2)//'.'
+                if (index(done, '|'//inner//'|') > 0) cycle
+                done = done//'|'//inner//'|'
+                call expand(entries, inner, depth + 1, known, [values, real(i, wp)], [indices, i], state, expanded, repeats, &
+                    error, place)
+                if (allocated(error)) return
+            end do
+            deallocate (done)
         end do
     end subroutine copy_elements
 

@@ -54,6 +54,8 @@ module tandem_mechanism_sensor
         integer :: n_rows = 0, rows(most_rows) = 0
         logical :: is_driven = .false., can_be_freed = .false.
         character(len=label_length) :: unit = ''
+        !> Whether a force is friction on a reaction.
+        logical :: is_pressed = .false.
         !> The names of the bodies that it is between.
         character(len=label_length) :: between(2) = ''
         !> Of a balance: whether the energy at the start is known, and that.
@@ -115,7 +117,8 @@ contains
         character(len=*), intent(in) :: what, unit, meaning
 
         list = [quantity_type :: list, quantity_type(path=trim(sensor%name)//'/'//what, width=width, unit=unit, &
-            meaning=meaning, group=sensor%group, between=sensor%between, of_multipliers=sensor%kind == sensed_reaction, &
+            meaning=meaning, group=sensor%group, between=sensor%between, &
+            of_multipliers=sensor%kind == sensed_reaction .or. sensor%is_pressed, &
             of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
     end subroutine add
 

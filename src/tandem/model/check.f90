@@ -3,7 +3,7 @@
 module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
-    use tandem_model_terms, only: need_jacobian, need_mass, need_phi
+    use tandem_model_terms, only: need_force, need_jacobian, need_mass, need_phi
     use tandem_kinds, only: long, wp
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -21,6 +21,7 @@ contains
 
         call check_sizes(model, error)
         if (.not. allocated(error)) call check_procedures(model, error)
+        if (.not. allocated(error)) call check_friction(model, error)
         if (.not. allocated(error)) call check_lists(model, error)
         if (.not. allocated(error)) call check_breakpoints(model, error)
         if (.not. allocated(error)) call check_pattern(model, error)
@@ -79,6 +80,22 @@ contains
             call refuse('the procedure '//name//' is missing', 'associate it, or let evaluate provide it', error)
         end subroutine require
     end subroutine check_procedures
+
+    subroutine check_friction(model, error)
+        class(model_type), intent(in) :: model
+        type(error_type), allocatable, intent(out) :: error
+
+        if (model%n_frictions < 0 .or. (model%n_frictions > 0 .neqv. associated(model%friction_directions)) .or. &
+            (associated(model%friction_directions) .neqv. associated(model%normal_forces))) then
+            call refuse('n_frictions = '//to_text(model%n_frictions)//' does not fit to friction_directions and normal_forces', &
+                'associate both where there is friction on reactions, and none where there is none', error)
+        else if (model%n_frictions > 0 .and. (associated(model%force_q) .or. associated(model%force_qd))) then
+            call refuse('force_q and force_qd know nothing of friction on reactions', &
+                'let evaluate_derivatives give the sums, or nothing', error)
+        else if (model%n_frictions > 0 .and. iand(model%provides, need_force) == 0 .and. .not. associated(model%applied_force)) then
+            call refuse('friction on reactions needs forces to be added to', 'associate applied_force', error)
+        end if
+    end subroutine check_friction
 
     subroutine check_lists(model, error)
         class(model_type), intent(in) :: model

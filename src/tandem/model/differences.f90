@@ -448,6 +448,7 @@ contains
             if (stat /= status_ok) return
         end if
         call self%probe%evaluate(need, t, self%q, self%qd, counts, stat)
+        if (stat == status_ok .and. iand(missing, from_force) /= 0) call self%probe%add_friction(t, self%q, self%qd, lambda, stat)
         if (stat /= status_ok) return
         associate (terms => self%probe%terms)
             if (iand(missing, from_jacobian) /= 0) then

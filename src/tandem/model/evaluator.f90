@@ -51,6 +51,9 @@ module tandem_model_evaluator
         real(wp), allocatable, private :: outside(:, :)
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
+        !> Friction on reactions at the last point that was asked for: B (n, frictions), p (frictions) and its gradient
+        !> (frictions, m); only where there is any.
+        real(wp), allocatable :: directions(:, :), normals(:), normals_gradient(:, :)
     contains
         procedure :: segment
         procedure :: constant_mass
@@ -67,6 +70,8 @@ module tandem_model_evaluator
         procedure, private :: find_blocks
         procedure, private :: add_block
         procedure :: times_jacobian
+        procedure :: find_directions
+        procedure :: add_friction
         procedure :: pack_state
     end type evaluator_type
 
@@ -117,6 +122,9 @@ contains
         if (associated(model%holonomic_rate) .or. associated(model%nonholonomic_rhs)) self%has = ior(self%has, need_nu)
         self%has = ior(self%has, need_mass)
         if (associated(model%inertia_force) .or. associated(model%applied_force)) self%has = ior(self%has, need_force)
+        if (allocated(self%directions)) deallocate (self%directions, self%normals, self%normals_gradient)
+        if (model%n_frictions > 0) allocate (self%directions(model%n, model%n_frictions), self%normals(model%n_frictions), &
+            self%normals_gradient(model%n_frictions, model%n_constraints()), source=0.0_wp)
 
     contains
 
@@ -150,6 +158,37 @@ contains
             y = matmul(self%terms%jacobian, x)
         end if
     end subroutine times_jacobian
+
+    !> B of friction on reactions, which there is.
+    subroutine find_directions(self, t, q, qd, stat)
+        class(evaluator_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> A status code.
+        integer, intent(out) :: stat
+
+        if (associated(self%model%timer)) call self%model%timer%begin_call(of_applied_force)
+        call self%model%friction_directions(t, q, qd, self%directions, stat)
+        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (stat == 0 .and. .not. sum(abs(self%directions)) <= huge(t)) stat = 1
+        if (stat == 0) return
+        self%failed_term = 'friction'
+        stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+    end subroutine find_directions
+
+    !> Add friction on reactions for given multipliers to the forces, which are known.
+    subroutine add_friction(self, t, q, qd, lambda, stat)
+        class(evaluator_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        !> A status code.
+        integer, intent(out) :: stat
+
+        stat = 0
+        if (.not. allocated(self%directions)) return
+        call self%find_directions(t, q, qd, stat)
+        if (stat /= 0) return
+        call self%model%normal_forces(lambda, self%normals, self%normals_gradient)
+        self%terms%force = self%terms%force + matmul(self%directions, self%normals)
+    end subroutine add_friction
 
     !> The segment that the model is in.
     pure integer function segment(self)
@@ -567,5 +606,8 @@ contains
         call pack%item(self%n_blocks)
         call pack%item(self%blocks)
         call pack%item(self%failed_term)
+        if (.not. allocated(self%directions)) return
+        call pack%item(self%directions)
+        call pack%item(self%normals_gradient)
     end subroutine pack_state
 end module tandem_model_evaluator

@@ -25,7 +25,7 @@ module tandem_model
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface, integrand_interface, change_interface, list_motions_interface
+    public :: measure_interface, integrand_interface, change_interface, list_motions_interface, normal_forces_interface
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
@@ -164,6 +164,13 @@ module tandem_model
         integer :: provides_derivatives = 0
         !> The derivatives of the forces by blocks of the bodies of `pattern`: with it implicit steppers run on sparse charts.
         procedure(evaluate_stiffness_interface), pointer :: evaluate_stiffness => null()
+        !> Friction on reactions: the force B(t, q, qd) p(lambda) beside S + Q_A, of `n_frictions` columns. `friction_directions` is
+        !> B (n, n_frictions), the force of each for a normal force of one; `normal_forces` are p, each a norm of multipliers:
+        !> p(a x) = |a| p(x), p(x + y) <= p(x) + p(y). The sums of `evaluate_derivatives` hold -B p too, for constant multipliers.
+        !> Dense charts only.
+        integer :: n_frictions = 0
+        procedure(matrix_of_motion), pointer :: friction_directions => null()
+        procedure(normal_forces_interface), pointer :: normal_forces => null()
         !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
         !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
@@ -291,6 +298,17 @@ module tandem_model
             !> What is wrong, and what to do; blank where it is done.
             character(len=*), intent(out) :: problem
         end subroutine change_interface
+
+        !> The normal forces that reactions are to friction.
+        subroutine normal_forces_interface(self, lambda, value, gradient)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Multipliers (nh + nd).
+            real(wp), intent(in) :: lambda(:)
+            !> p (n_frictions), not negative, and its gradient (n_frictions, nh + nd), zero where p is.
+            real(wp), intent(out) :: value(:), gradient(:, :)
+        end subroutine normal_forces_interface
 
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)

@@ -223,6 +223,7 @@ contains
                     call evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, moved, &
                         qd, counts, stat)
                 end if
+                if (stat == 0) call evaluator%add_friction(t, merge(q, moved, by_qd), merge(moved, qd, by_qd), lambda, stat)
                 if (stat /= 0) return
                 call line_up(evaluator, by_qd, qd, qdd, lambda, values)
                 call add(i, values, now)

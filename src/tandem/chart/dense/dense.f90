@@ -9,7 +9,7 @@
 !> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
 !> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
 module tandem_chart_dense
-    use tandem_error, only: error_type
+    use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: solve_least_norm
@@ -23,13 +23,14 @@ module tandem_chart_dense
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_options, only: options_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged, status_rank_deficient, &
-        status_singular_mass
+    use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
+        status_position_diverged, status_rank_deficient, status_singular_mass
     use tandem_chart, only: chart_type, health_type
     use tandem_chart_dense_dynamics, only: dynamics_type
     use tandem_model_natural_scale, only: find_errors => constraint_errors
     use tandem_chart_dense_position, only: position_type
     use tandem_chart_dense_free_motion, only: free_motion_type
+    use tandem_chart_dense_friction, only: friction_type
     use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
     use tandem_chart_dense_newton_matrix, only: stage_type
     use tandem_chart_dense_metric, only: metric_type
@@ -49,6 +50,8 @@ module tandem_chart_dense
         type(dynamics_type) :: dynamics
         !> The same where no bases are kept.
         type(free_motion_type) :: free_motion
+        !> Friction on reactions.
+        type(friction_type) :: friction
         type(stage_type), public :: stage
         !> What complements of implicit steps follow, and whether they may still be changed: at a chart's origin, before the first
         !> stage of a step.

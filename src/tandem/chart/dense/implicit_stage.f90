@@ -25,8 +25,15 @@ contains
             if (stat /= status_ok) return
             call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
             if (stat /= status_ok) return
-            call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
-                self%position%u_basis(:, :self%nh), self%b_phi, d, r, .not. self%metric%is_on)
+            if (self%friction%n > 0) then
+                call self%friction%find_left_basis(self%model, self%dynamics, d, r, stat)
+                if (stat /= status_ok) return
+                call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
+                    self%position%u_basis(:, :self%nh), self%b_phi, d, self%friction%left_basis, r, .not. self%metric%is_on)
+            else
+                call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
+                    self%position%u_basis(:, :self%nh), self%b_phi, d, d, r, .not. self%metric%is_on)
+            end if
             call self%stage%factor(ha, stat)
         end associate
         self%stage_segment = self%model%segment()

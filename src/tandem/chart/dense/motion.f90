@@ -168,6 +168,7 @@ contains
         if (stat == status_ok .and. .not. self%has_gamma) then
             call evaluate_gamma(self, t, q, qd, stat)
         end if
+        if (stat == status_ok .and. self%friction%n > 0) call add_friction(self, t, q, qd, stat)
         if (stat /= status_ok) then
             call self%fail_term()
             return
@@ -176,6 +177,18 @@ contains
         self%has_motion = .true.
         call copy(self%n, qd, self%qd_point)
     end subroutine go_with
+
+    !> Add what friction makes of the reactions here to the forces.
+    subroutine add_friction(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+
+        call self%complete_velocity_basis(stat)
+        if (stat == status_ok) call self%friction%add_force(self%model, self%dynamics, self%velocity_basis%null_space, &
+            self%velocity_basis%right_inverse, t, q, qd, stat)
+    end subroutine add_friction
 
     !> The acceleration at the point of `restore_velocity`.
     module procedure solve_dynamics

@@ -124,8 +124,8 @@ contains
     end subroutine expect_pair
 
     !> Form the blocks at the current point.
-    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, right_inverse, &
-        is_plain)
+    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, left_basis, &
+        right_inverse, is_plain)
         class(stage_type), intent(inout) :: self
         !> The terms and derivatives of the point.
         type(terms_type), intent(in) :: terms
@@ -133,8 +133,9 @@ contains
         !> V as a basis and as the dual that gives coordinates (n, nv), the same of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
         !> point.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
-        !> D (n, nw) and R (n, m) at the point.
-        real(wp), intent(in), contiguous :: null_space(:, :), right_inverse(:, :)
+        !> D (n, nw), what stands in its place before R2_v and R2_w (n, nw), which is D where there is no friction on reactions, and
+        !> R (n, m) at the point.
+        real(wp), intent(in), contiguous :: null_space(:, :), left_basis(:, :), right_inverse(:, :)
         !> Whether the chart's duals are its bases but for coordinate scales.
         logical, intent(in) :: is_plain
         integer :: j, l
@@ -167,8 +168,8 @@ contains
         self%r1_w = -self%r1_w
         ! D' M D, D' R2_v and D' R2_w.
         call set_product(terms%mass, null_space, self%mass_d)
-        call set_gram(null_space, self%r2_v, self%block_wv)
-        call set_gram(null_space, self%r2_w, self%block_ww)
+        call set_gram(left_basis, self%r2_v, self%block_wv)
+        call set_gram(left_basis, self%r2_w, self%block_ww)
         call set_gram(null_space, self%mass_d, self%origin_mass)
         self%formed_v = v_dual
         self%formed_w = w_dual

@@ -24,6 +24,13 @@ contains
         self%n = model%n
         self%nh = size(self%model%terms%phi)
         self%m = size(self%model%terms%nu)
+        if (present(kept) .and. model%n_frictions > 0) then
+            call set_error(error, status_invalid_model, 'friction on reactions, which redundant constraints leave undetermined', &
+                'take joints that hold no more than they must, or give the friction a normal force')
+            return
+        end if
+        self%friction%n = 0
+        if (model%n_frictions > 0) call self%friction%allocate(model, self%n, self%m)
         if (present(kept)) then
             self%n_dropped = model%n_constraints() - size(kept)
             self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])

@@ -1,0 +1,36 @@
+! SPDX-License-Identifier: MIT
+!> How the reaction of a joint presses its sides together, for friction: N = |(w_i lambda_i)|, with the weight 1 for a multiplier
+!> that is a force and 1/arm for one that is a torque, where torques count. Rows of joints are of unit axes and of directions
+!> that are perpendicular, so that multipliers are forces (N) and torques (N m) in the joint's frame at any position.
+module tandem_mechanism_press
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: press_type, most_pressing, normal_force
+
+    !> Most rows of a joint: six freedoms, and the row of a screw.
+    integer, parameter :: most_pressing = 7
+
+    type :: press_type
+        !> How many rows press, none where friction is under a given normal force; the rows of C, and their weights (1, 1/m).
+        integer :: n = 0
+        integer :: rows(most_pressing) = 0
+        real(wp) :: weights(most_pressing) = 0.0_wp
+    end type press_type
+
+contains
+
+    !> N (N).
+    pure real(wp) function normal_force(press, lambda) result(normal)
+        type(press_type), intent(in) :: press
+        real(wp), intent(in) :: lambda(:)
+        integer :: i
+
+        normal = 0.0_wp
+        do i = 1, press%n
+            normal = normal + (press%weights(i)*lambda(press%rows(i)))**2
+        end do
+        normal = sqrt(normal)
+    end function normal_force
+end module tandem_mechanism_press

@@ -1,0 +1,71 @@
+! SPDX-License-Identifier: MIT
+!> Friction on the reactions of joints, as charts ask a model for it: the force of each for a normal force of 1 N, and the normal
+!> forces that multipliers are.
+submodule(tandem_mechanism) tandem_mechanism_rubbing
+    use tandem_mechanism_press, only: normal_force
+    implicit none (type, external)
+
+contains
+
+    !> What rubs.
+    module procedure list_frictions
+        integer :: i
+
+        do i = 1, size(self%torsions)
+            associate (rows => self%torsions(i)%press%rows)
+                ! Those at velocity level come behind all others.
+                where (rows < 0) rows = self%n_holonomic - rows
+            end associate
+        end do
+        self%n_frictions = count(self%torsions%press%n > 0)
+        if (self%n_frictions == 0) return
+        self%friction_directions => find_directions
+        self%normal_forces => find_normal_forces
+    end procedure list_frictions
+
+    !> B.
+    subroutine find_directions(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+        integer :: i
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            ! No term, but the places and the current piece of each law.
+            call self%evaluate(0, t, q, qd, self%at_row, stat)
+            do i = 1, size(self%bodies)
+                call set_rates(self%pose(i), qd)
+            end do
+            call add_press_directions(self%torsions, t, self%pose, self%laws, value)
+        end select
+    end subroutine find_directions
+
+    !> p and its gradient.
+    subroutine find_normal_forces(self, lambda, value, gradient)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(out) :: value(:), gradient(:, :)
+        integer :: i, j, k
+
+        gradient = 0.0_wp
+        k = 0
+        select type (self)
+        class is (mechanism_type)
+            do i = 1, size(self%torsions)
+                associate (press => self%torsions(i)%press)
+                    if (press%n == 0) cycle
+                    k = k + 1
+                    value(k) = normal_force(press, lambda)
+                    if (.not. value(k) > 0.0_wp) cycle
+                    do j = 1, press%n
+                        gradient(k, press%rows(j)) = press%weights(j)**2*lambda(press%rows(j))/value(k)
+                    end do
+                end associate
+            end do
+        end select
+    end subroutine find_normal_forces
+end submodule tandem_mechanism_rubbing
