@@ -156,20 +156,21 @@ contains
         character(len=:), allocatable, intent(inout) :: problem
         character(len=label_length), allocatable :: names(:)
         integer :: i, n
+        logical :: is_found
 
         n = model%n
         if (kind == of_lambda) n = model%n_constraints()
-        allocate (names(n))
-        do i = 1, n
-            if (kind == of_lambda) then
-                names(i) = model%row_name(i)
-            else
-                names(i) = 'q'//to_text(i)
-                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
-            end if
-        end do
         self%kind = kind
-        self%index = findloc(names == wanted, .true., dim=1)
+        ! Where it was in the model of another case, it mostly is in this one.
+        is_found = self%index >= 1 .and. self%index <= n
+        if (is_found) is_found = label_of(self%index) == wanted
+        if (.not. is_found) then
+            allocate (names(n))
+            do i = 1, n
+                names(i) = label_of(i)
+            end do
+            self%index = findloc(names == wanted, .true., dim=1)
+        end if
         if (self%index == 0) then
             problem = '"'//wanted//'" names no '//trim(merge('constraint', 'coordinate', kind == of_lambda))//'; there are '// &
                 listed(names(:min(n, 30)))
@@ -182,6 +183,19 @@ contains
             self%unit = model%coordinate_unit(self%index)
             if (kind /= of_q) self%unit = trim(self%unit)//trim(merge('/s  ', '/s^2', kind == of_qd))
         end if
+    contains
+        !> The name of a coordinate or a row.
+        function label_of(i) result(label)
+            integer, intent(in) :: i
+            character(len=label_length) :: label
+
+            if (kind == of_lambda) then
+                label = model%row_name(i)
+            else
+                label = 'q'//to_text(i)
+                if (allocated(model%coordinate_name)) label = model%coordinate_name(i)
+            end if
+        end function label_of
     end subroutine find_indexed
 
     !> A number of a sensor, `NAME/WHAT` or `NAME/WHAT[i]`.
