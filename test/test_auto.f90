@@ -138,7 +138,7 @@ contains
     !> it takes to see that is twenty explicit steps more.
     subroutine test_cost(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: ratios(6) = [3.0_wp, 10.0_wp, 30.0_wp, 1.0e2_wp, 3.0e2_wp, 1.0e3_wp]
+        real(wp), parameter :: ratios(8) = [3.0_wp, 10.0_wp, 30.0_wp, 1.0e2_wp, 3.0e2_wp, 1.0e3_wp, 1.0e6_wp, 1.0e8_wp]
         real(wp), parameter :: rtols(2) = [1.0e-4_wp, 1.0e-6_wp]
         type(stiff_pendulum_type), target :: model
         type(simulation_type) :: fine, simulation
@@ -153,7 +153,9 @@ contains
             call set_up(model, ratios(i), options_type(stepper='radau5', rtol=1.0e-10_wp), fine, failure)
             if (.not. allocated(failure)) call fine%integrate(10.0_wp, failure)
             do j = 1, size(rtols)
-                do k = 1, size(steppers)
+                work = huge(1.0_wp)
+                ! Beyond 1e3 the explicit method has no end.
+                do k = merge(2, 1, ratios(i) > 2.0e3_wp), size(steppers)
                     if (.not. allocated(failure)) call set_up(model, ratios(i), options_type(stepper=steppers(k), rtol=rtols(j)), &
                         simulation, failure)
                     if (.not. allocated(failure)) call simulation%integrate(10.0_wp, failure)

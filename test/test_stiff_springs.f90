@@ -2,7 +2,7 @@
 !> Tests of springs that become stiff in the middle of a run, of stiff models without derivatives, and of what is said of the
 !> velocities of a stiff spring that swings.
 module test_stiff_springs
-    use asserts, only: check_below, check_between, check_no_failure, check_true
+    use asserts, only: check_below, check_between, check_failure, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: run
@@ -16,6 +16,7 @@ module test_stiff_springs
 
     !> Implicit steppers that damp what is stiff.
     character(len=7), parameter :: steppers(2) = [character(len=7) :: 'sdirk54', 'radau5']
+    character(len=7), parameter :: controlled(3) = [character(len=7) :: 'sdirk54', 'radau5', 'auto']
 
 contains
 
@@ -25,6 +26,7 @@ contains
 
         testsuite = [ &
             new_unittest('a-spring-that-stiffens-is-no-failure', test_stiffening), &
+            new_unittest('fixed-steps-over-a-spring-that-stiffens-complete', test_fixed_stiffening), &
             new_unittest('fixed-steps-on-stiff-springs-complete', test_fixed), &
             new_unittest('a-stiff-motorcycle-needs-no-derivatives', test_no_derivatives), &
             new_unittest('radau5-on-a-stiff-pendulum-needs-no-derivatives', test_no_derivatives_radau5), &
@@ -73,9 +75,9 @@ contains
             call swing(options, ratios(i), .true., 1.0_wp, fine, statistics, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            do j = 1, size(steppers)
+            do j = 1, size(controlled)
                 do k = 1, size(rtols)
-                    options%stepper = steppers(j)
+                    options%stepper = controlled(j)
                     options%rtol = rtols(k)
                     call swing(options, ratios(i), .true., 1.0_wp, simulation, statistics, failure)
                     call check_no_failure(error, failure)
@@ -89,6 +91,36 @@ contains
             end do
         end do
     end subroutine test_stiffening
+
+    !> Fixed steps too, of SDIRK54 shorter and longer than the 10 ms that the spring takes to stiffen: within 1e-3 of the run with
+    !> 1e-10, since a step does not resolve that. The stages of radau5 share one matrix, which must not change a hundredfold
+    !> between them: it takes steps of 0.5 ms, and else says that its iteration does not converge.
+    subroutine test_fixed_stiffening(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: sizes(4) = [5.0e-4_wp, 2.0e-3_wp, 1.0e-2_wp, 2.0e-2_wp], ratios(2) = [1.0e3_wp, 1.0e5_wp]
+        type(simulation_type) :: simulation, fine
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        integer :: i, j, k
+
+        do i = 1, size(ratios)
+            call swing(options_type(stepper='radau5', rtol=1.0e-10_wp), ratios(i), .true., 1.0_wp, fine, statistics, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do j = 1, size(steppers)
+                do k = 1, merge(size(sizes), 1, steppers(j) == 'sdirk54')
+                    call swing(options_type(stepper=steppers(j), step=sizes(k)), ratios(i), .true., 1.0_wp, simulation, &
+                        statistics, failure)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                    call check_below(error, maxval(abs(simulation%state%q(:2) - fine%state%q(:2))), 1.0e-3_wp, 'position')
+                end do
+            end do
+            call swing(options_type(stepper='radau5', step=sizes(2)), ratios(i), .true., 1.0_wp, simulation, statistics, failure)
+            call check_failure(error, failure, 'newton_failed', 'take a smaller step')
+            if (allocated(error)) return
+        end do
+    end subroutine test_fixed_stiffening
 
     !> Fixed steps of every size complete, whatever the stiffness.
     subroutine test_fixed(error)

@@ -298,8 +298,8 @@ class Stability(Case):
         self.study("stability", "parallel", says=f"continues with the {len(before)} rows")
         rows = read(path)
         self.assertEqual(rows[:len(before)], before)
-        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 11)
-        self.assertEqual(len(rows), 4 * 11)
+        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 12)
+        self.assertEqual(len(rows), 4 * 12)
         # Another case is added to them.
         self.study("stability", "edge")
         self.assertEqual(len(read(path)), 5 * 11)

@@ -15,7 +15,8 @@ contains
 
         if (.not. self%switching%is_asked(self%tally%steps) .or. self%is_sparse) return
         ! Towards a loss of rank steps become short for another reason.
-        if (self%room < huge(1.0_wp) .or. (self%state%t <= self%loss_until .and. self%loss /= status_ok)) return
+        if (self%room < huge(1.0_wp)) return
+        if (self%state%t <= self%loss_until .and. any(self%loss == [status_rank_deficient, status_singular_mass])) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
         n_differences = merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives)
         cost = cost_of_implicit(n_differences)

@@ -3,7 +3,7 @@
 !> `tandem_simulate_switching` decides, and the simulation exchanges steppers between steps.
 module tandem_stepper_auto
     use tandem_stepper, only: properties_type
-    use tandem_stepper_dop853, only: dop853_type
+    use tandem_stepper_dop853, only: dop853_type, properties_of_dop853 => properties
     implicit none (type, external)
     private
 
@@ -20,9 +20,8 @@ contains
     !> What the method is while it is explicit.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
-        type(dop853_type) :: explicit
 
-        properties_ = explicit%properties()
+        properties_ = properties_of_dop853()
         properties_%name = 'auto'
         properties_%stability = 'dop853, or radau5 where that is cheaper'
         properties_%partner = 'radau5'

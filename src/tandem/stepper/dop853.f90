@@ -12,7 +12,7 @@ module tandem_stepper_dop853
     implicit none (type, external)
     private
 
-    public :: dop853_type
+    public :: dop853_type, properties
 
     !> The method of order 8.
     type, extends(explicit_type) :: dop853_type

@@ -44,7 +44,8 @@ contains
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         self%basis_scale = self%scale
-        self%knows_masses = .not. implicit .or. options%chart == 'paper'
+        ! Of a mass matrix that changes, entries may be small by the choice of coordinates alone.
+        self%knows_masses = .not. (implicit .and. model%constant_mass) .or. options%chart == 'paper'
         self%has_nu = iand(self%model%has, need_nu) /= 0
         self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
         associate (n => self%n, nh => self%nh, m => self%m)
@@ -148,9 +149,9 @@ contains
     !> light motion for a heavy one, where the light one has turned.
     subroutine weigh_coordinates(self)
         class(dense_chart_type), intent(inout) :: self
-        !> Masses that differ by less are no matter, those that differ by more count as if by so much, and below this part of the
-        !> largest there is no mass.
-        real(wp), parameter :: much = 1.0e3_wp, most = 1.0e12_wp, none = 1.0e-15_wp
+        !> Masses that differ by less are no matter: bodies and their moments of inertia differ so much. Those that differ by
+        !> more count as if by so much, and below this part of the largest there is no mass.
+        real(wp), parameter :: much = 1.0e7_wp, most = 1.0e12_wp, none = 1.0e-15_wp
         !> The part of the rows' independence that this may cost: a light body between heavy ones ties its coordinates twice.
         real(wp), parameter :: least = 0.1_wp
         real(wp) :: largest, smallest, mass, plain
