@@ -184,10 +184,12 @@ contains
         real(wp), intent(in) :: a(3)
         real(wp) :: b(3, 4), v(3)
 
-        b = 0.0_wp
         if (self%n_turn == 4) then
             b = b_matrix(self%p(:, k), a)
-        else if (self%n_turn == 1) then
+            return
+        end if
+        b = 0.0_wp
+        if (self%n_turn == 1) then
             v = turned(self, k, a)
             b(1, 1) = -v(2)
             b(2, 1) = v(1)

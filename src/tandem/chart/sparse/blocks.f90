@@ -8,7 +8,7 @@ module tandem_chart_sparse_blocks
     private
 
     public :: invert, invert_some, subtract_product, multiply_block, apply_inverse
-    public :: multiply_inverse, subtract_rows, subtract_transposed, add_moved
+    public :: multiply_inverse, set_owned, subtract_rows, subtract_transposed, add_moved
     public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates
 
     !> The most coordinates of a body, and so the most unknowns of a block.
@@ -283,43 +283,64 @@ contains
             end do
         end do
     end subroutine apply_any
-    !> z := x y for x (s, s).
-    pure subroutine multiply_inverse(s, x, y, z)
+    !> z := x z for x (s, s), and a copy of it.
+    pure subroutine multiply_inverse(s, x, z, y)
         integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s*s), y(s)
-        real(wp), intent(out) :: z(s)
+        real(wp), intent(in) :: x(s*s)
+        real(wp), intent(inout) :: z(s)
+        real(wp), intent(out) :: y(s)
 
         select case (s)
         case (5)
-            call multiply_inverse_sized(5, x, y, z)
+            call multiply_inverse_sized(5, x, z, y)
         case (2)
-            call multiply_inverse_sized(2, x, y, z)
+            call multiply_inverse_sized(2, x, z, y)
         case (3)
-            call multiply_inverse_sized(3, x, y, z)
+            call multiply_inverse_sized(3, x, z, y)
         case default
-            call multiply_inverse_sized(s, x, y, z)
+            call multiply_inverse_sized(s, x, z, y)
         end select
     end subroutine multiply_inverse
 
-    pure subroutine multiply_inverse_sized(s, x, y, z)
+    pure subroutine multiply_inverse_sized(s, x, z, y)
         integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s, s), y(s)
-        real(wp), intent(out) :: z(s)
+        real(wp), intent(in) :: x(s, s)
+        real(wp), intent(inout) :: z(s)
+        real(wp), intent(out) :: y(s)
         real(wp) :: total(most_coordinates)
         integer :: i, j
 
         do i = 1, s
-            total(i) = x(i, 1)*y(1)
+            total(i) = x(i, 1)*z(1)
         end do
         do j = 2, s
             do i = 1, s
-                total(i) = total(i) + x(i, j)*y(j)
+                total(i) = total(i) + x(i, j)*z(j)
             end do
         end do
         do i = 1, s
             z(i) = total(i)
+            y(i) = total(i)
         end do
     end subroutine multiply_inverse_sized
+
+    !> x := r g.
+    pure subroutine set_owned(nb, r, g, x)
+        integer, intent(in), value :: nb
+        real(wp), intent(in) :: r(nb), g
+        real(wp), intent(out) :: x(nb)
+        integer :: i
+
+        if (nb == 7) then
+            do i = 1, 7
+                x(i) = r(i)*g
+            end do
+        else
+            do i = 1, nb
+                x(i) = r(i)*g
+            end do
+        end if
+    end subroutine set_owned
 
     !> g := g - c x for c (s, nb).
     pure subroutine subtract_rows(s, nb, c, x, g)
@@ -422,6 +443,10 @@ contains
             end do
             do k = 1, 4
                 x(3 + k) = x(3 + k) + moved(k)
+            end do
+        else if (kind == of_single_blocks .and. nb == 3) then
+            do j = 1, 3
+                x(j) = x(j) + w(1, j)*f(j)
             end do
         else if (kind == of_single_blocks) then
             do j = 1, nb

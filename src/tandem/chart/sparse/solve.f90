@@ -2,7 +2,7 @@
 !> Solutions with a factor by blocks, and products with C: what a step does most often. Loops are over lists that stand side by side
 !> in memory.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
-    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, subtract_rows, subtract_transposed
+    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_transposed
     implicit none (type, external)
 
     !> The most unknowns of a node.
@@ -31,6 +31,11 @@ contains
                 if (is_body(n)) then
                     do i = 1, node(2, n)
                         z(place + i) = 0.0_wp
+                    end do
+                else if (node(2, n) == 5) then
+                    ! A copy of variable length would be a call.
+                    do i = 1, 5
+                        z(place + i) = g(origin + i - 1)
                     end do
                 else
                     do i = 1, node(2, n)
@@ -65,19 +70,11 @@ contains
                     end associate
                     cycle
                 end if
-                if (a%norm_row(b) > 0) then
-                    do i = first, first + nb - 1
-                        x(i) = self%r(i)*g_own
-                    end do
-                else
-                    do i = first, first + nb - 1
-                        x(i) = 0.0_wp
-                    end do
-                    if (.not. has_force) cycle
-                end if
+                call set_owned(nb, self%r(first), g_own, x(first))
                 if (has_force) call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), f(first), &
                     x(first))
                 if (a%link_start(b + 1) == a%link_start(b)) cycle
+                if (.not. has_force .and. a%norm_row(b) == 0) cycle
                 call send_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, x(first), z)
             end associate
         end do
@@ -116,9 +113,7 @@ contains
                     cycle
                 end if
                 if (a%link_start(b + 1) == a%link_start(b)) cycle
-                do i = 1, nb
-                    t(i) = 0.0_wp
-                end do
+                t = 0.0_wp
                 call fetch_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, z, t)
                 call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), t, x(first))
             end associate
@@ -158,7 +153,7 @@ contains
         end do
     end subroutine solve_nodes
 
-    !> Take from later nodes what one gives them.
+    !> Divide a node by its block, and take from later nodes what it gives them.
     pure subroutine eliminate_node(s, place, diagonal, n_later, behind, blocks, z)
         integer, intent(in), value :: s, place, diagonal, n_later
         integer, intent(in) :: behind(3, n_later)
@@ -167,29 +162,28 @@ contains
         real(wp) :: y(most)
         integer :: k
 
-        if (n_later == 0) return
         call multiply_inverse(s, blocks(diagonal + 1), z(place + 1), y)
         do k = 1, n_later
             call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), y, z(behind(1, k) + 1))
         end do
     end subroutine eliminate_node
 
-    !> The unknowns of a node where those behind it are known.
+    !> Take from a divided node what the unknowns behind it give it.
     pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
         integer, intent(in), value :: s, place, diagonal, n_later
         integer, intent(in) :: behind(3, n_later)
         real(wp), intent(in) :: blocks(*)
         real(wp), intent(inout) :: z(*)
         real(wp) :: y(most)
-        integer :: i, k
+        integer :: k
 
-        do i = 1, s
-            y(i) = z(place + i)
-        end do
+        if (n_later == 0) return
+        y = 0.0_wp
         do k = 1, n_later
             call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), y)
         end do
-        call multiply_inverse(s, blocks(diagonal + 1), y, z(place + 1))
+        y = -y
+        call subtract_rows(s, s, blocks(diagonal + 1), y, z(place + 1))
     end subroutine find_node
 
     !> Node by node, whose part of g stays in registers; then owned rows.
