@@ -275,7 +275,7 @@ contains
                 1.0e-10_wp, trim(scenes(i))//' constraint errors')
             ! Twenty steps of five stages.
             call check_below(error, real(statistics%newton_corrections, wp), 300.0_wp, trim(scenes(i))//' corrections')
-            call check_below(error, real(statistics%newton_matrices, wp), 22.0_wp, trim(scenes(i))//' matrices')
+            call check_below(error, real(statistics%newton_matrices, wp), 15.0_wp, trim(scenes(i))//' matrices')
             call check_true(error, statistics%basis_factorizations == 0, trim(scenes(i))//' has a dense chart')
             if (allocated(error)) return
         end do

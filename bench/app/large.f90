@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> large [SCENE [STEPPER [KIND [NUMBER...]]]]: what a step of large mechanisms costs, with steps of 1 ms. A line each: bodies,
 !> microseconds a body and step, the largest constraint error of the steps, kB a body. KIND is a kind of chart.
+!> Of all scenes the sprung ones take sdirk54, and the others rk4.
 program large
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, mechanism_type, options_type, simulation_type, statistics_type, wp
@@ -12,7 +13,7 @@ program large
     integer :: i, j, n
 
     scene = argument(1, 'all')
-    stepper = argument(2, 'rk4')
+    stepper = argument(2, 'usual')
     kind = argument(3, 'sparse')
     numbers = usual
     if (command_argument_count() > 3) then
@@ -62,6 +63,7 @@ contains
             allocate (q(mechanism%n), qd(mechanism%n))
             call mechanism%start(q, qd)
             options%stepper = stepper
+            if (stepper == 'usual') options%stepper = merge('sdirk54', 'rk4    ', index(name, 'sprung') == 1)
             options%chart_kind = kind(:len(options%chart_kind))
             call simulation%initialize(mechanism, options, 0.0_wp, q, qd, error)
         end if

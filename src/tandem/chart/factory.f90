@@ -12,7 +12,9 @@ module tandem_chart_factory
     public :: is_sparse_chart, new_chart, wants_sparse
 
     !> Sparse charts are faster from so many coordinates on. Measured, doc/sparse.md has the table.
-    integer, parameter :: crossover = 60
+    !> Implicit steps on a dense chart follow what is stiff, which may spare many: there the sparse chart is for what a dense one
+    !> can hardly carry.
+    integer, parameter :: crossover = 60, crossover_implicit = 300
 
 contains
 
@@ -26,7 +28,7 @@ contains
 
         if (options%chart_kind == chart_kinds(1)) then
             wants_sparse = .false.
-            if (model%n >= crossover) wants_sparse = find_obstacle(model, options, implicit) == ''
+            if (model%n >= merge(crossover_implicit, crossover, implicit)) wants_sparse = find_obstacle(model, options, implicit) == ''
         else
             wants_sparse = options%chart_kind == 'sparse'
         end if

@@ -16,7 +16,7 @@ module tandem_chart_sparse_analysis
     implicit none (type, external)
     private
 
-    public :: analysis_type, most_rows, most_coordinates, most_links, sorted
+    public :: analysis_type, most_rows, most_coordinates, most_links
 
     !> The most rows of a node, and nodes at a body that is eliminated first.
     integer, parameter :: most_rows = 6, most_links = 8
@@ -67,6 +67,8 @@ module tandem_chart_sparse_analysis
         procedure, private :: find_pairs
         procedure :: block_of
     end type analysis_type
+
+    public :: sorted
 
 contains
 

@@ -23,14 +23,21 @@ module tandem_chart_sparse_implicit_stage
 
     public :: sparse_implicit_type
 
+    !> Stages whose multipliers give those that the next one starts from.
+    integer, parameter :: most_past = 3
+
     !> The chart with implicit stages.
     type, abstract, extends(sparse_motion_type) :: sparse_implicit_type
         !> Only where the stepper is implicit, as the rest.
         type(newton_matrix_type), allocatable :: newton
         !> The model's segment when the matrix was formed.
         integer :: newton_segment = 0
-        !> The multipliers of the last stage (m).
-        real(wp), allocatable :: lambda(:)
+        !> The multipliers of the last stage (m) and its time; those of some stages before (m, most_past), in the order of a ring,
+        !> and the newest of them.
+        real(wp), allocatable :: lambda(:), past(:, :)
+        real(wp) :: t_lambda = 0.0_wp, t_past(most_past) = 0.0_wp
+        integer :: n_past = 0, newest = 1
+        logical :: has_lambda = .false.
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable, private :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
@@ -41,6 +48,7 @@ module tandem_chart_sparse_implicit_stage
         procedure :: correct_stage
         procedure :: filter_error
         procedure :: pack_newton
+        procedure, private :: begin_multipliers
         procedure, private :: find_correction
         procedure, private :: make_tangent
     end type sparse_implicit_type
@@ -70,6 +78,9 @@ contains
         self%part = self%force
         self%total = self%force
         self%lambda = spread(0.0_wp, 1, model%n_constraints())
+        self%past = spread(self%lambda, 2, most_past)
+        self%n_past = 0
+        self%has_lambda = .false.
         self%mu = self%lambda
         self%total_mu = self%lambda
         self%rows = self%lambda
@@ -93,7 +104,9 @@ contains
             end if
             s%g(:) = -s%model%terms%gamma
             call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
+            call self%begin_multipliers(t)
             call s%find_multipliers(self%part, self%lambda)
+            self%has_lambda = .true.
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%stiffness, self%counts, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
@@ -152,6 +165,7 @@ contains
                 return
             end if
             call s%load()
+            call self%begin_multipliers(t)
             associate (here => s%factor(s%here), terms => s%model%terms)
                 ! What the equations of motion and the rows leave.
                 call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
@@ -171,6 +185,7 @@ contains
                 rate_qd(j) = rate_qd(j) + self%total(j)
             end do
             self%lambda(:) = self%lambda + self%total_mu
+            self%has_lambda = .true.
             if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
                 stat = status_not_finite
                 call s%name_infinite(stat)
@@ -180,33 +195,77 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
 
+    !> Multipliers for a stage to start from: those of the stages before on a parabola through their times. They say how fast a
+    !> correction arrives, not where.
+    subroutine begin_multipliers(self, t)
+        class(sparse_implicit_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Larger weights would turn errors of the stages into large ones.
+        real(wp), parameter :: most_weight = 8.0_wp
+        real(wp) :: weight(most_past), x(most_past)
+        integer :: at(most_past), i, k, n
+
+        if (.not. self%has_lambda) then
+            self%t_lambda = t
+            return
+        end if
+        if (.not. (t < self%t_lambda .or. t > self%t_lambda)) return
+        self%newest = modulo(self%newest, most_past) + 1
+        self%past(:, self%newest) = self%lambda
+        self%t_past(self%newest) = self%t_lambda
+        self%n_past = min(self%n_past + 1, most_past)
+        self%t_lambda = t
+        do k = 1, most_past
+            at(k) = modulo(self%newest - k, most_past) + 1
+            x(k) = self%t_past(at(k))
+        end do
+        do n = self%n_past, 1, -1
+            weight = 0.0_wp
+            do k = 1, n
+                weight(k) = 1.0_wp
+                do i = 1, n
+                    if (i /= k) weight(k) = weight(k)*(t - x(i))/(x(k) - x(i))
+                end do
+            end do
+            ! Two stages at the same time give none that is finite.
+            if (all(abs(weight) <= most_weight)) exit
+        end do
+        self%lambda(:) = 0.0_wp
+        do k = 1, max(n, 1)
+            self%lambda(:) = self%lambda + weight(k)*self%past(:, at(k))
+        end do
+    end subroutine begin_multipliers
+
     !> Solve for `force` and `rows` into `total` and `total_mu`, with M and C of the current point, by refinement.
     subroutine find_correction(self, qd, ha)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qd(:)
         real(wp), intent(in) :: ha
-        !> Solutions at most; what is left of the first one that is of no account; a step that is none.
+        !> Solutions at most; a part of their sum that is of no account; what one may be of the one before. The second one is
+        !> that of the multipliers, which may have changed by more than the rates.
         integer, parameter :: most = 4
         real(wp), parameter :: negligible = 0.01_wp, slow = 0.5_wp
-        real(wp) :: first_size, last_size, size
+        real(wp) :: all_in_all, last_size, size
         integer :: j, pass
 
         self%total(:) = 0.0_wp
         self%total_mu(:) = 0.0_wp
-        first_size = 0.0_wp
         last_size = huge(1.0_wp)
         associate (s => self%system, newton => self%newton)
             call newton%look_at(s%factor(s%here))
             do pass = 1, most
                 call newton%solve(self%force, self%rows, self%part, self%mu)
                 size = 0.0_wp
+                all_in_all = 0.0_wp
                 do j = 1, self%n
                     self%total(j) = self%total(j) + self%part(j)
                     size = max(size, abs(ha*self%part(j))/max(abs(qd(j)), self%scale(j)))
+                    all_in_all = max(all_in_all, abs(ha*self%total(j))/max(abs(qd(j)), self%scale(j)))
                 end do
                 self%total_mu(:) = self%total_mu + self%mu
-                if (pass == 1) first_size = size
-                if (pass == most .or. size <= negligible*first_size .and. pass > 1 .or. .not. size < slow*last_size) exit
+                if (pass == most) exit
+                if (pass > 1 .and. size <= negligible*all_in_all) exit
+                if (pass > 2 .and. .not. size < slow*last_size) exit
                 last_size = size
                 ! What M and C then leave that they are now.
                 self%rows(:) = 0.0_wp
@@ -276,5 +335,11 @@ contains
         call self%newton%pack_state(pack)
         call pack%item(self%newton_segment)
         call pack%item(self%lambda)
+        call pack%item(self%past)
+        call pack%fixed(self%t_past)
+        call pack%item(self%t_lambda)
+        call pack%item(self%n_past)
+        call pack%item(self%newest)
+        call pack%item(self%has_lambda)
     end subroutine pack_newton
 end module tandem_chart_sparse_implicit_stage

@@ -7,9 +7,10 @@
 !> as with the C of the point, but for the third power of the angle.
 module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_rows
-    use tandem_chart_sparse_blocks, only: multiply_block, multiply_inverse, subtract_product, subtract_rows, subtract_transposed
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
+    use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product, &
+        subtract_transposed
     use tandem_kinds, only: wp
     use tandem_model_stiffness, only: stiffness_type
     use tandem_pack, only: pack_type
@@ -225,56 +226,6 @@ contains
         end associate
     end subroutine eliminate
 
-    !> The inverse in place, by Gauss and Jordan with exchanges of rows.
-    pure subroutine invert_pivoted(s, x, is_regular)
-        integer, intent(in) :: s
-        real(wp), intent(inout) :: x(s, s)
-        logical, intent(out) :: is_regular
-        integer :: from(most), i, j, k, p
-        real(wp) :: factor, kept
-
-        is_regular = .true.
-        do k = 1, s
-            p = k
-            do i = k + 1, s
-                if (abs(x(i, k)) > abs(x(p, k))) p = i
-            end do
-            from(k) = p
-            if (.not. (abs(x(p, k)) > 0.0_wp .and. abs(x(p, k)) <= huge(1.0_wp))) then
-                is_regular = .false.
-                return
-            end if
-            factor = 1.0_wp/x(p, k)
-            x(p, k) = x(k, k)
-            x(k, k) = 1.0_wp
-            do j = 1, s
-                if (j /= k) then
-                    kept = x(p, j)
-                    x(p, j) = x(k, j)
-                    x(k, j) = kept
-                end if
-                x(k, j) = x(k, j)*factor
-            end do
-            do i = 1, s
-                if (i == k) cycle
-                factor = x(i, k)
-                x(i, k) = 0.0_wp
-                do j = 1, s
-                    x(i, j) = x(i, j) - factor*x(k, j)
-                end do
-            end do
-        end do
-        do k = s, 1, -1
-            p = from(k)
-            if (p == k) cycle
-            do i = 1, s
-                kept = x(i, k)
-                x(i, k) = x(i, p)
-                x(i, p) = kept
-            end do
-        end do
-    end subroutine invert_pivoted
-
     !> Solve H x + C' mu = f, C x = g.
     subroutine solve(self, f, g, x, mu)
         class(newton_matrix_type), intent(inout) :: self
@@ -303,10 +254,10 @@ contains
             do n = 1, a%n_nodes
                 s = a%height(n)
                 associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                    call multiply_inverse(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
+                    call multiply(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
                     do j = a%later_start(n), a%later_start(n + 1) - 1
                         p = a%height(a%later(j))
-                        call subtract_rows(p, s, self%lower(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
+                        call subtract(p, s, self%lower(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
                             z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p))
                     end do
                 end associate
@@ -320,7 +271,7 @@ contains
                             z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
                     end do
                     y(:s) = z(place + 1:place + s)
-                    call multiply_inverse(s, self%lower(diagonal + 1:diagonal + s*s), y(:s), z(place + 1:place + s))
+                    call multiply(s, self%lower(diagonal + 1:diagonal + s*s), y(:s), z(place + 1:place + s))
                 end associate
             end do
             do n = 1, a%n_nodes

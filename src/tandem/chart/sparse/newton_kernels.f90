@@ -1,0 +1,277 @@
+! SPDX-License-Identifier: MIT
+!> Inverses and products of the small blocks of a Newton matrix. The sizes of bodies with the row that they own and of the rows of
+!> joints, 8 and 5 in space, 3 and 2 in the plane, are constants to the compiler: loops of known length are several times as fast.
+module tandem_chart_sparse_newton_kernels
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: invert_pivoted, multiply, multiply_block, subtract, subtract_product, subtract_transposed
+
+contains
+
+    !> The inverse in place, by Gauss and Jordan with exchanges of rows.
+    pure subroutine invert_pivoted(s, x, is_regular)
+        integer, intent(in) :: s
+        real(wp), intent(inout) :: x(s, s)
+        logical, intent(out) :: is_regular
+        integer :: from(s), i, j, k, p
+        real(wp) :: factor, kept
+
+        is_regular = .true.
+        do k = 1, s
+            p = k
+            do i = k + 1, s
+                if (abs(x(i, k)) > abs(x(p, k))) p = i
+            end do
+            from(k) = p
+            if (.not. (abs(x(p, k)) > 0.0_wp .and. abs(x(p, k)) <= huge(1.0_wp))) then
+                is_regular = .false.
+                return
+            end if
+            factor = 1.0_wp/x(p, k)
+            x(p, k) = x(k, k)
+            x(k, k) = 1.0_wp
+            do j = 1, s
+                if (j /= k) then
+                    kept = x(p, j)
+                    x(p, j) = x(k, j)
+                    x(k, j) = kept
+                end if
+                x(k, j) = x(k, j)*factor
+            end do
+            do i = 1, s
+                if (i == k) cycle
+                factor = x(i, k)
+                x(i, k) = 0.0_wp
+                do j = 1, s
+                    x(i, j) = x(i, j) - factor*x(k, j)
+                end do
+            end do
+        end do
+        do k = s, 1, -1
+            p = from(k)
+            if (p == k) cycle
+            do i = 1, s
+                kept = x(i, k)
+                x(i, k) = x(i, p)
+                x(i, p) = kept
+            end do
+        end do
+    end subroutine invert_pivoted
+
+    !> y := a x for a (s, s).
+    pure subroutine multiply(s, a, x, y)
+        integer, intent(in) :: s
+        real(wp), intent(in) :: a(s*s), x(s)
+        real(wp), intent(out) :: y(s)
+
+        if (s == 8) then
+            call multiply_sized(8, a, x, y)
+        else if (s == 5) then
+            call multiply_sized(5, a, x, y)
+        else if (s == 3) then
+            call multiply_sized(3, a, x, y)
+        else if (s == 2) then
+            call multiply_sized(2, a, x, y)
+        else
+            call multiply_sized(s, a, x, y)
+        end if
+    end subroutine multiply
+
+    pure subroutine multiply_sized(s, a, x, y)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: a(s, s), x(s)
+        real(wp), intent(out) :: y(s)
+        real(wp) :: total(s)
+        integer :: i, j
+
+        do i = 1, s
+            total(i) = a(i, 1)*x(1)
+        end do
+        do j = 2, s
+            do i = 1, s
+                total(i) = total(i) + a(i, j)*x(j)
+            end do
+        end do
+        do i = 1, s
+            y(i) = total(i)
+        end do
+    end subroutine multiply_sized
+
+    !> y := y - a x for a (p, s).
+    pure subroutine subtract(p, s, a, x, y)
+        integer, intent(in) :: p, s
+        real(wp), intent(in) :: a(p*s), x(s)
+        real(wp), intent(inout) :: y(p)
+
+        if (p == 8 .and. s == 8) then
+            call subtract_sized(8, 8, a, x, y)
+        else if (p == 5 .and. s == 8) then
+            call subtract_sized(5, 8, a, x, y)
+        else if (p == 8 .and. s == 5) then
+            call subtract_sized(8, 5, a, x, y)
+        else if (p == 5 .and. s == 5) then
+            call subtract_sized(5, 5, a, x, y)
+        else if (p == 3 .and. s == 3) then
+            call subtract_sized(3, 3, a, x, y)
+        else if (p == 2 .and. s == 3) then
+            call subtract_sized(2, 3, a, x, y)
+        else if (p == 3 .and. s == 2) then
+            call subtract_sized(3, 2, a, x, y)
+        else if (p == 2 .and. s == 2) then
+            call subtract_sized(2, 2, a, x, y)
+        else
+            call subtract_sized(p, s, a, x, y)
+        end if
+    end subroutine subtract
+
+    pure subroutine subtract_sized(p, s, a, x, y)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: a(p, s), x(s)
+        real(wp), intent(inout) :: y(p)
+        real(wp) :: total(p)
+        integer :: i, j
+
+        do i = 1, p
+            total(i) = y(i)
+        end do
+        do j = 1, s
+            do i = 1, p
+                total(i) = total(i) - a(i, j)*x(j)
+            end do
+        end do
+        do i = 1, p
+            y(i) = total(i)
+        end do
+    end subroutine subtract_sized
+
+    !> y := y - a' x for a (p, s).
+    pure subroutine subtract_transposed(p, s, a, x, y)
+        integer, intent(in) :: p, s
+        real(wp), intent(in) :: a(p*s), x(p)
+        real(wp), intent(inout) :: y(s)
+
+        if (p == 8 .and. s == 8) then
+            call subtract_transposed_sized(8, 8, a, x, y)
+        else if (p == 5 .and. s == 8) then
+            call subtract_transposed_sized(5, 8, a, x, y)
+        else if (p == 8 .and. s == 5) then
+            call subtract_transposed_sized(8, 5, a, x, y)
+        else if (p == 5 .and. s == 5) then
+            call subtract_transposed_sized(5, 5, a, x, y)
+        else if (p == 3 .and. s == 3) then
+            call subtract_transposed_sized(3, 3, a, x, y)
+        else if (p == 2 .and. s == 3) then
+            call subtract_transposed_sized(2, 3, a, x, y)
+        else if (p == 3 .and. s == 2) then
+            call subtract_transposed_sized(3, 2, a, x, y)
+        else if (p == 2 .and. s == 2) then
+            call subtract_transposed_sized(2, 2, a, x, y)
+        else
+            call subtract_transposed_sized(p, s, a, x, y)
+        end if
+    end subroutine subtract_transposed
+
+    pure subroutine subtract_transposed_sized(p, s, a, x, y)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: a(p, s), x(p)
+        real(wp), intent(inout) :: y(s)
+        real(wp) :: total
+        integer :: i, j
+
+        do j = 1, s
+            total = 0.0_wp
+            do i = 1, p
+                total = total + a(i, j)*x(i)
+            end do
+            y(j) = y(j) - total
+        end do
+    end subroutine subtract_transposed_sized
+
+    !> z := x y for x (p, s), y (s, s).
+    pure subroutine multiply_block(p, s, x, y, z)
+        integer, intent(in) :: p, s
+        real(wp), intent(in) :: x(p*s), y(s*s)
+        real(wp), intent(out) :: z(p*s)
+
+        if (p == 8 .and. s == 8) then
+            call multiply_block_sized(8, 8, x, y, z)
+        else if (p == 5 .and. s == 8) then
+            call multiply_block_sized(5, 8, x, y, z)
+        else if (p == 8 .and. s == 5) then
+            call multiply_block_sized(8, 5, x, y, z)
+        else if (p == 5 .and. s == 5) then
+            call multiply_block_sized(5, 5, x, y, z)
+        else if (p == 3 .and. s == 3) then
+            call multiply_block_sized(3, 3, x, y, z)
+        else if (p == 2 .and. s == 3) then
+            call multiply_block_sized(2, 3, x, y, z)
+        else if (p == 3 .and. s == 2) then
+            call multiply_block_sized(3, 2, x, y, z)
+        else if (p == 2 .and. s == 2) then
+            call multiply_block_sized(2, 2, x, y, z)
+        else
+            call multiply_block_sized(p, s, x, y, z)
+        end if
+    end subroutine multiply_block
+
+    pure subroutine multiply_block_sized(p, s, x, y, z)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: x(p, s), y(s, s)
+        real(wp), intent(out) :: z(p, s)
+        integer :: i, j, k
+
+        do j = 1, s
+            do i = 1, p
+                z(i, j) = x(i, 1)*y(1, j)
+            end do
+            do k = 2, s
+                do i = 1, p
+                    z(i, j) = z(i, j) + x(i, k)*y(k, j)
+                end do
+            end do
+        end do
+    end subroutine multiply_block_sized
+
+    !> x := x - a b' for a (p, s), b (q, s), x (p, q).
+    pure subroutine subtract_product(p, q, s, a, b, x)
+        integer, intent(in) :: p, q, s
+        real(wp), intent(in) :: a(p*s), b(q*s)
+        real(wp), intent(inout) :: x(p*q)
+
+        if (p == 8 .and. q == 8) then
+            call subtract_product_sized(8, 8, s, a, b, x)
+        else if (p == 5 .and. q == 8) then
+            call subtract_product_sized(5, 8, s, a, b, x)
+        else if (p == 8) then
+            call subtract_product_sized(8, q, s, a, b, x)
+        else if (p == 5) then
+            call subtract_product_sized(5, q, s, a, b, x)
+        else
+            call subtract_product_sized(p, q, s, a, b, x)
+        end if
+    end subroutine subtract_product
+
+    pure subroutine subtract_product_sized(p, q, s, a, b, x)
+        integer, intent(in), value :: p, q, s
+        real(wp), intent(in) :: a(p, s), b(q, s)
+        real(wp), intent(inout) :: x(p, q)
+        real(wp) :: column(p)
+        integer :: i, j, k
+
+        do j = 1, q
+            do i = 1, p
+                column(i) = x(i, j)
+            end do
+            do k = 1, s
+                do i = 1, p
+                    column(i) = column(i) - a(i, k)*b(j, k)
+                end do
+            end do
+            do i = 1, p
+                x(i, j) = column(i)
+            end do
+        end do
+    end subroutine subtract_product_sized
+end module tandem_chart_sparse_newton_kernels
