@@ -43,6 +43,7 @@ contains
             new_unittest('modes-that-swing-two-ways-come-twice', test_two_ways), &
             new_unittest('redundant-rows-are-left-out', test_redundant), &
             new_unittest('a-free-body-has-a-shift-beside-zero', test_free), &
+            new_unittest('a-body-that-is-fixed-has-none', test_fixed), &
             new_unittest('what-is-no-equilibrium-is-refused', test_refused), &
             new_unittest('forces-that-nobody-named-are-noticed', test_unnamed), &
             new_unittest('a-large-chain-is-found-at-rest', test_rest), &
@@ -380,9 +381,26 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         call check_true(error, abs(nearest%shift) > 0.0_wp, 'the shift is beside zero')
-        ! Zeros in Jordan blocks of size 2.
+        ! Zeros in Jordan blocks of size 2 at a shift of 0.01: they leave the root of rounding of it.
         call check_below(error, maxval(abs(nearest%values)), 1.0e-6_wp, 'an eigenvalue')
     end subroutine test_free
+
+    subroutine test_fixed(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(nearest_type) :: nearest
+        type(failure_type), allocatable :: failure
+
+        call read_scene('test.toml', nothing, scene, failure, text='[scene]'//newline//'model = "mechanism"'//newline// &
+            'planar = true'//newline//'[body.stone]'//newline//'mass = 1'//newline//'inertia = 1'//newline//'position = [0, 0]'// &
+            newline//'[joint.stand]'//newline//'type = "fixed"'//newline//'bodies = ["ground", "stone"]'//newline//'at = [0, 0]'// &
+            newline//'[time]'//newline//'end = 1')
+        if (.not. allocated(failure)) call nearest%find(scene%model, 0.0_wp, scene%q, (0.0_wp, 0.0_wp), 6, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_true(error, nearest%is_complete, 'all are found')
+        call check_count(error, size(nearest%values), 0, 'eigenvalues')
+    end subroutine test_fixed
 
     subroutine test_refused(error)
         type(error_type), allocatable, intent(out) :: error
