@@ -2,6 +2,7 @@
 """tandem linearise and tandem equilibrium as users call them: what --json says, where scenes rest, and what is refused."""
 
 import json
+import re
 import unittest
 
 import h5py
@@ -245,16 +246,40 @@ class Linearisation(Case):
         self.assertIn("cannot write", self.tandem("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2", "--output",
                                                   "no/such/file.csv", code=1).stderr)
 
+    def test_the_page(self):
+        """Every command of doc/linearisation.md runs as it is written, and says what the page shows."""
+        page = (ROOT / "doc" / "linearisation.md").read_text()
+        blocks = re.findall(r"^```(\w*)\n(.*?)^```$", page, re.M | re.S)
+        for kind, text in blocks:
+            if kind == "toml" and text.startswith("# chain.toml"):
+                self.scene(text, "chain.toml")
+        shown = 0
+        for (kind, text), (_, answer) in zip(blocks, [*blocks[1:], ("", "")], strict=True):
+            for line in text.splitlines() if kind == "sh" else []:
+                done = self.tandem(*line.split()[1:])
+                # Numbers that begin a line, or follow "critical at"; the last digits are rounding.
+                for row in re.findall(r"^(?:critical at )?-?\d[^#\n]*", answer, re.M):
+                    numbers = [abs(float(number)) for number in re.findall(r"\d+\.\d{9,}(?:E[+-]\d+)?", row)]
+                    said = [abs(float(number)) for number in re.findall(r"\d+\.\d{9,}(?:E[+-]\d+)?", done.stdout)]
+                    for number in numbers:
+                        shown += 1
+                        self.assertLess(min(abs(number - other) for other in said), 1e-10, f"{line}: {number}")
+        self.assertGreater(shown, 8)
+
     def test_what_is_refused(self):
         for words, piece in (
             (["linearise", "bicycle", "--steady", "frame.z"], "none of any, world.x"),
             (["linearise", "bicycle", "--steady", "any", "--equilibrium"], "cannot be combined"),
             (["linearise", "bicycle", "--at", "-1"], "--at"),
+            (["linearise", "bicycle", "--at", "1e300"], "from 0.000000 to 2147483647 after --at"),
+            (["linearise", "bicycle", "--period", "0"], "positive"),
             (["linearise", "nothing"], "nothing"),
             (["equilibrium"], "needs a SCENE"),
         ):
             with self.subTest(words):
                 self.assertIn(piece, self.tandem(*words, code=2).stderr)
+        # A time that takes too many steps ends, and the advice is what can be done.
+        self.assertIn("shorter period", self.tandem("linearise", self.scene(PUSHED), "--period", "1e9", code=1).stderr)
 
 
 if __name__ == "__main__":

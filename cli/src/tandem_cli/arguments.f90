@@ -221,8 +221,8 @@ contains
         stat = 1
         if (verify(text, '0123456789.eE+-') == 0) read (text, *, iostat=stat) value
         if (stat == 0 .and. value >= least .and. value <= huge(1)) return
-        call set_usage_error(error, self%command, 'needs a number of at least '//to_text(least)//' after '//name// &
-            ', not "'//text//'"')
+        call set_usage_error(error, self%command, 'needs a number from '//to_text(least)//' to '//to_text(huge(1))//' after '// &
+            name//', not "'//text//'"')
     end subroutine number_of
 
     !> The value of an option that counts something.

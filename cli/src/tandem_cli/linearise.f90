@@ -2,14 +2,14 @@
 !> tandem linearise: the linear equations of small motions about a start, an equilibrium, a steady motion or a time of a run, their
 !> eigenvalues and modes.
 module tandem_cli_linearise
-    use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, of_motion, simulation_type, wp
+    use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_json, only: print_linearisation_json
     use tandem_cli_linearisation_table, only: print_body_motions, print_linearisation, print_multipliers
     use tandem_cli_linearise_near, only: linearise_near
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed
     use tandem_io, only: check_target, find_scene, read_scene, scene_type, write_linearisation
-    use tandem_status, only: status_no_equilibrium
+    use tandem_status, only: status_invalid_option, status_no_equilibrium
     implicit none (type, external)
     private
 
@@ -40,6 +40,8 @@ contains
         period = 0.0_wp
         if (.not. allocated(error)) call arguments%number_of('--at', scene%t_start, time, error)
         if (.not. allocated(error)) call arguments%number_of('--period', 0.0_wp, period, error)
+        if (.not. allocated(error) .and. arguments%value_of('--period', '') /= '' .and. .not. period > 0.0_wp) call set_error( &
+            error, status_invalid_option, 'the period is not a positive number')
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call check_target( &
             arguments%value_of('--output', ''), arguments%force, is_new, error)
         if (.not. allocated(error) .and. arguments%value_of('--near', '') /= '') then

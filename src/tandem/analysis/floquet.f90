@@ -71,6 +71,11 @@ contains
         y(n + 1:, 2:1 + it%nv) = it%g
         y(n + 1:, 2 + it%nv:) = it%w
         call integrate(point, it%t, period, y, self%steps, stat)
+        if (stat == status_work_limit) then
+            call set_error(error, stat, 'the model "'//model%name//'" could not be followed for '//to_text(period)//' s in '// &
+                to_text(most_steps)//' steps of the extrapolation', 'give a shorter period; of a steady motion any time will do')
+            return
+        end if
         call point%describe(stat, 'could not be followed for the period', error)
         if (allocated(error)) return
         call go_back(it, period, y)

@@ -104,6 +104,15 @@ contains
         self%t = t
         self%q = q
         self%n_redundant = count(inverse%point%is_out)
+        self%shift = shift
+        ! Of dq and of dqd: what the rows leave.
+        associate (point => inverse%point)
+            if (2*point%n <= count(.not. point%is_out(:point%nh)) + count(.not. point%is_out)) then
+                allocate (self%values(0), self%error(0), self%shapes(point%n, 0))
+                self%is_complete = .true.
+                return
+            end if
+        end associate
         call inverse%factor(shift, error)
         if (allocated(error)) return
         self%shift = inverse%shift
@@ -113,7 +122,7 @@ contains
             call set_error(error, status_work_limit, 'the eigenvalues near the shift did not converge', 'take another shift')
             return
         end if
-        call self%take(inverse, krylov, k)
+        call self%take(inverse, krylov)
     end subroutine find
 
     !> Evaluate the model at rest with multipliers, K and D; refuse what is no equilibrium.
@@ -211,11 +220,10 @@ contains
     end subroutine apply
 
     !> Eigenvalues of A from those of the operator, with what a product more says of each.
-    subroutine take(self, inverse, krylov, k)
+    subroutine take(self, inverse, krylov)
         class(nearest_type), intent(inout) :: self
         type(inverse_type), intent(inout) :: inverse
         type(krylov_type), intent(in) :: krylov
-        integer, intent(in) :: k
         complex(wp) :: y(inverse%n), largest
         integer :: i, n
 
@@ -234,6 +242,5 @@ contains
                 if (abs(largest) > 0.0_wp) self%shapes(:, i) = x(:n)/largest
             end associate
         end do
-        if (size(self%values) < k) self%is_complete = self%is_complete .and. size(self%values) > 0
     end subroutine take
 end module tandem_analysis_nearest

@@ -9,13 +9,15 @@
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
 !> Where it ends nowhere, an equilibrium is sought by going along the forces, in steps over the absolute curvatures of the
-!> potential, which finds a stable one from afar; then Newton's iteration again. All of it is bounded work.
+!> potential, which finds a stable one from afar; then Newton's iteration again. A steady motion is approached by least squares
+!> of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). All of it is bounded work.
 module tandem_analysis_settling
     use tandem_analysis_point, only: point_type
     use tandem_analysis_sparse_settling, only: settle_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
+    use tandem_linalg_cholesky, only: cholesky_type
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_singular, only: decompose_symmetric, singular_type
     use tandem_model, only: model_type
@@ -41,6 +43,7 @@ module tandem_analysis_settling
         procedure :: find_steady_motion
         procedure, private :: iterate
         procedure, private :: relax
+        procedure, private :: approach
         procedure, private :: form
         procedure, private :: look
         procedure, private :: refuse
@@ -48,6 +51,8 @@ module tandem_analysis_settling
 
     !> From so many coordinates on the sparse form finds equilibria of models that have one.
     integer, parameter :: large = 250
+    !> Full matrices of more take minutes and gigabytes.
+    integer, parameter :: most_full = 1000
     character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
     !> Most iterations, and steps along the forces.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
@@ -67,15 +72,18 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(point_type), allocatable :: point
         integer :: stat
+        logical :: is_sparse
 
         call check_model(model, error)
         if (allocated(error)) return
         call no_fields(self, model%n)
         self%q = q
         if (model%n >= large .and. allocated(model%pattern)) then
-            call settle_large(self, model, t, error)
+            call settle_large(self, model, t, is_sparse, error)
             if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
-            return
+            if (is_sparse) return
+            deallocate (error)
+            self%q = q
         end if
         allocate (point)
         call point%initialize(model)
@@ -93,16 +101,19 @@ contains
     end subroutine find_equilibrium
 
     !> The same by the sparse form, which tells of no families.
-    subroutine settle_large(self, model, t, error)
+    subroutine settle_large(self, model, t, is_sparse, error)
         class(settling_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
+        !> False where the model has no sparse form, and the error says why, but is not too large for full matrices.
+        logical, intent(out) :: is_sparse
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: reason
         logical :: constraints_move
         integer :: stat
 
         call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, constraints_move, stat, error)
+        is_sparse = .not. allocated(error) .or. model%n > most_full
         if (allocated(error) .or. stat == status_ok) return
         if (stat /= status_no_equilibrium) then
             call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its equilibrium')
@@ -164,6 +175,12 @@ contains
                 self%q = q
                 self%rates = rates
                 call self%iterate(point, t, .true., stat)
+            end if
+            if (stat == status_no_equilibrium) then
+                self%q = q
+                self%rates = rates
+                call self%approach(point, t, stat)
+                if (stat == status_ok) call self%iterate(point, t, .true., stat)
             end if
         end if
         if (stat /= status_ok) then
@@ -398,6 +415,81 @@ contains
         end do
         if (stat == status_ok) stat = status_no_equilibrium
     end subroutine relax
+
+    !> Go where the residual is smaller, coordinates and rates: to where Newton's iteration may begin.
+    subroutine approach(self, point, t, stat)
+        class(settling_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t
+        integer, intent(out) :: stat
+        !> Steps, and a residual from which Newton's iteration goes on.
+        integer, parameter :: most = 200
+        real(wp), parameter :: near = 1.0e-7_wp
+        type(cholesky_type) :: cholesky
+        real(wp), allocatable :: residual(:), jacobian(:, :), normal(:, :), step(:), q(:), rates(:)
+        real(wp) :: unit, left, mu, before
+        integer :: i, j, k, tries
+
+        k = size(self%symmetry%rates, 2)
+        mu = 0.0_wp
+        do i = 1, most
+            self%relaxations = self%relaxations + 1
+            call self%look(point, t, stat)
+            if (stat == status_ok) call self%form(point, k, residual, jacobian, unit, left, stat)
+            if (stat /= status_ok) return
+            before = norm2(residual)
+            if (before <= near) return
+            normal = matmul(transpose(jacobian), jacobian)
+            if (i == 1) mu = 1.0e-2_wp*maxval([(normal(j, j), j=1, size(normal, 1))])
+            q = self%q
+            rates = self%rates
+            call cholesky%allocate(size(normal, 1))
+            do tries = 1, 30
+                step = -matmul(residual, jacobian)
+                do j = 1, size(step)
+                    normal(j, j) = normal(j, j) + mu
+                end do
+                call cholesky%factor(normal, stat)
+                do j = 1, size(step)
+                    normal(j, j) = normal(j, j) - mu
+                end do
+                if (stat == 0) then
+                    call cholesky%solve(step)
+                    self%q = q + point%scale*step(:point%n)
+                    self%rates = rates + matmul(self%symmetry%rates, step(point%n + 1:))
+                    call self%look(point, t, stat)
+                    ! The size of forces along an orthonormal basis does not depend on which.
+                    if (stat == status_ok) then
+                        if (norm_at(self, point, unit, size(residual)) < before) exit
+                    end if
+                end if
+                mu = 4*mu
+            end do
+            if (tries > 30) then
+                self%q = q
+                self%rates = rates
+                exit
+            end if
+            mu = mu/8
+        end do
+        stat = status_ok
+    end subroutine approach
+
+    !> The size of the residual at the point.
+    real(wp) function norm_at(self, point, unit, n) result(norm)
+        class(settling_type), intent(in) :: self
+        type(point_type), intent(in) :: point
+        real(wp), intent(in) :: unit
+        !> How many entries it had.
+        integer, intent(in) :: n
+        real(wp), allocatable :: residual(:)
+
+        allocate (residual(0))
+        call residual_of(self, point, unit, residual)
+        norm = norm2(residual)
+        ! Another rank: nothing to compare.
+        if (size(residual) /= n .or. .not. norm <= huge(norm)) norm = huge(norm)
+    end function norm_at
 
     !> Say that there is none.
     subroutine refuse(self, point, stat, what, error)

@@ -88,7 +88,7 @@ contains
 
         if (.not. allocated(model%pattern)) then
             call set_error(error, status_invalid_model, 'the model "'//model%name//'" does not say which rows '// &
-                'touch which bodies, as large systems need it', 'linearise it without a shift')
+                'touch which bodies, as large systems need it', 'full matrices do without (tandem linearise without --near)')
             return
         end if
         if (model%n_frictions > 0) then
@@ -112,7 +112,8 @@ contains
         call self%evaluator%initialize(model, compressed=.true.)
         call self%set_structure()
         if (self%n_groups > most_groups) call set_error(error, status_invalid_model, 'a body of the model "'//model%name// &
-            '" has too many neighbours for differences by groups of bodies', 'linearise it without a shift')
+            '" has too many neighbours for differences by groups of bodies', &
+            'full matrices do without (tandem linearise without --near)')
     end subroutine initialize
 
     !> Neighbours, groups, order, and where the entries of the columns stand.
@@ -452,7 +453,7 @@ contains
         subroutine refuse(message)
             character(len=*), intent(in) :: message
 
-            call set_error(error, status_invalid_model, message, 'linearise it without a shift')
+            call set_error(error, status_invalid_model, message, 'full matrices do without (tandem linearise without --near)')
         end subroutine refuse
     end subroutine check_structure
 

@@ -28,7 +28,9 @@ contains
 
         if (options%chart_kind == chart_kinds(1)) then
             wants_sparse = .false.
-            if (model%n >= merge(crossover_implicit, crossover, implicit)) wants_sparse = find_obstacle(model, options, implicit) == ''
+            if (model%n >= merge(crossover_implicit, crossover, implicit)) then
+                wants_sparse = find_obstacle(model, options, implicit) == ''
+            end if
         else
             wants_sparse = options%chart_kind == 'sparse'
         end if

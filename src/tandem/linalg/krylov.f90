@@ -118,7 +118,8 @@ contains
         class(krylov_type), intent(inout) :: self
         integer, intent(in) :: n, m
 
-        if (allocated(self%basis)) deallocate (self%basis, self%h)
+        if (allocated(self%basis)) deallocate (self%basis)
+        if (allocated(self%h)) deallocate (self%h, self%tie)
         allocate (self%basis(n, m + 1), self%h(m + 1, m), source=(0.0_wp, 0.0_wp))
         allocate (self%tie(0))
         self%products = 0

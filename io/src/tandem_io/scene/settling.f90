@@ -30,7 +30,9 @@ contains
         allocate (steady(0))
         if (reader%failed()) return
         call reader%get('equilibrium', rests, 'true: start at rest in the nearest equilibrium')
-        call list_motions(model, motions)
+        ! Of thousands of bodies the list takes longer than all else.
+        allocate (motions(0))
+        if (reader%gives('steady')) call list_motions(model, motions)
         choices = [character(len=motion_name_length) :: any_motion, motions%name]
         do i = 1, size(motions)
             last = index(motions(i)%name, '_', back=.true.) - 1
