@@ -100,6 +100,9 @@ class Names(unittest.TestCase):
             kinds = [kind for kind in ("bodies", "joints", "wheels", "constraints", "forces") if kind in file]
             self.assertEqual(set(self.result.groups), {*kinds, "balance"})
             np.testing.assert_array_equal(self.result.groups["forces"]["coil"]["traction"].values, file["forces/coil/traction"][:])
+            np.testing.assert_array_equal(self.result.to_xarray("forces")["coil_traction"], file["forces/coil/traction"][:])
+            with self.assertRaisesRegex(KeyError, "there is no group 'force'; there are trajectory, diagnostics, sensors"):
+                self.result.to_xarray("force")
             np.testing.assert_array_equal(self.result.groups["balance"]["balance"]["residual"].values, file["balance/residual"][:])
 
 
