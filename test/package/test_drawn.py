@@ -95,6 +95,22 @@ class Drawn(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "'pull' watches /joints/pivot/force"):
             one.solve()
 
+    def test_every_option_of_a_scene(self):
+        """What the program takes in [solver], the library does: with all of its defaults, and tolerances of the velocities of their own."""
+        import tomllib
+
+        one = tandem.Mechanism(PENDULUM)
+        solver = tomllib.loads(one.show())["solver"]
+        self.assertGreater(len(solver), 10)
+        one["solver"] = {**solver, "stepper": "dop853", "rtol": 1e-9}
+        plain = one.solve().q[-1]
+        one["solver.rtol_qd"] = 1e-11
+        tight = one.solve()
+        np.testing.assert_allclose(tight.q[-1], plain, atol=1e-6)
+        theirs = one.run(error=False)
+        np.testing.assert_allclose(tight.q[-1], theirs.q[-1], atol=1e-9)
+        self.assertEqual(tight.statistics["steps"], theirs.report["steps"])
+
     def test_eigenvalues(self):
         run = tandem.Mechanism.from_toml(CHAIN).simulation()
         values, matrix = run.linearise()

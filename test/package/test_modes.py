@@ -107,6 +107,14 @@ class Modes(unittest.TestCase):
         wanted = shapes[i, here]
         self.assertAlmostEqual(abs(np.vdot(seen, wanted))/(np.linalg.norm(seen)*np.linalg.norm(wanted)), 1.0, places=9)
 
+    def test_labels(self):
+        """Rounding is no growth: a disk that stands and rolls on tumbles, and swings about with real parts of 1e-15."""
+        tandem.run_program("linearise", "rolling_disk", "--output", self.folder / "disk.h5")
+        modes = viewer.read_modes(self.folder / "disk.h5")
+        labels = [modes.label(i) for i in modes.shown()]
+        self.assertEqual([label for label in labels if "unstable" in label], [f"does not swing, {modes.eigenvalues.real.max():.4g} 1/s, unstable"])
+        self.assertTrue(all(label.endswith("damping 0 %") for label in labels if "Hz" in label), labels)
+
     def test_page_and_animations(self):
         drawing = viewer.drawing_of(self.folder / "bicycle.h5")
         text = page(drawing)

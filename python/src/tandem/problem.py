@@ -239,6 +239,8 @@ class Problem:
         """An option by its name in doc/options.md; lists are arrays, and rtol and atol may be lists too."""
         if value is None:
             return
+        if name in ("rtol_q", "rtol_qd", "atol_q", "atol_qd") and not np.ndim(value):
+            value = np.full(self.n, float(value))
         if name in LISTS or (name in ("rtol", "atol") and np.ndim(value)):
             array = np.ascontiguousarray(np.asarray(value, dtype=np.float64).reshape(-1))
             for each in [name] if name in LISTS else [f"{name}_q", f"{name}_qd"]:

@@ -90,7 +90,7 @@ class Result:
         return np.stack([self[name] for name in names], axis=1)
 
     def to_xarray(self, group: str = "trajectory"):
-        """An xarray dataset: "trajectory" (q, qd, qdd over time and coordinate), "sensors", or "diagnostics"."""
+        """An xarray dataset: "trajectory" (q, qd, qdd over time and coordinate), "sensors", "diagnostics", or one of `groups`."""
         from .xarrays import motion_dataset
 
         if group == "trajectory":
@@ -98,8 +98,11 @@ class Result:
             return motion_dataset(self.time, values, self.names, self.units, {"status": self.status, "scene": self.scene_text})
         import xarray
 
-        series = {"diagnostics": self.diagnostics,
-                  "sensors": {f"{name}_{what}": one for name, all_ in self.sensors.items() for what, one in all_.items()}}[group]
+        known = {"sensors": self.sensors, **self.groups}
+        if group != "diagnostics" and group not in known:
+            raise KeyError(f"there is no group {group!r}; there are trajectory, diagnostics, {', '.join(known)}")
+        series = self.diagnostics if group == "diagnostics" else {
+            f"{name}_{what}": one for name, all_ in known[group].items() for what, one in all_.items()}
         made = {}
         for name, one in series.items():
             dimensions = ("time", *([f"axis{one.values.shape[1]}"] if one.values.ndim > 1 else []))
@@ -186,7 +189,8 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         return trajectory[name][:nt:every] if name in trajectory else None
 
     def group(path):
-        return {name: series(data, nt, every) for name, data in file[path].items() if is_series(data)} if path in file else {}
+        return {name: series(data, nt, every) for name, data in file[path].items()
+                if is_series(data) and name != "time"} if path in file else {}
 
     scene_text = text(file.attrs.get("scene", ""))
     found = Result(

@@ -71,10 +71,12 @@ contains
         c_get_sizes = status_invalid_option
         call find(handle, problem)
         if (.not. associated(problem)) return
-        if (present(n)) n = problem%callbacks%n
-        if (present(n_holonomic)) n_holonomic = problem%callbacks%n_holonomic
-        if (present(n_nonholonomic)) n_nonholonomic = problem%callbacks%n_nonholonomic
-        call problem%succeed()
+        if (problem%is_free()) then
+            if (present(n)) n = problem%callbacks%n
+            if (present(n_holonomic)) n_holonomic = problem%callbacks%n_holonomic
+            if (present(n_nonholonomic)) n_nonholonomic = problem%callbacks%n_nonholonomic
+            call problem%succeed()
+        end if
         c_get_sizes = problem%stat
     end function c_get_sizes
 

@@ -18,6 +18,8 @@ from ..result import Result, opened, text
 PERIOD, FRAMES = 2.0, 120
 #: How far a mode moves what it moves most: a part of the size of the mechanism, and an angle (rad).
 FAR, TURN = 0.12, 0.4
+#: Real parts below this part of the largest eigenvalue are zero.
+ROUNDING = 1e-10
 #: More modes than these are not offered; those that are damped least come first.
 MOST_MODES = 40
 
@@ -46,9 +48,12 @@ class Modes:
     def label(self, i: int) -> str:
         """What a mode is called: its frequency with its damping, or its rate where it does not swing."""
         value = self.eigenvalues[i]
+        # Real parts within the rounding of the matrix neither damp nor grow.
+        real = value.real if abs(value.real) > ROUNDING*np.abs(self.eigenvalues).max() else 0.0
+        grows = ", unstable" if real > 0 else ""
         if value.imag > 0:
-            return f"{value.imag/(2*np.pi):.4g} Hz, damping {100*self.damping_ratio[i]:.3g} %{', unstable' if value.real > 0 else ''}"
-        return f"does not swing, {value.real:.4g} 1/s{', unstable' if value.real > 0 else ''}"
+            return f"{value.imag/(2*np.pi):.4g} Hz, damping {100*self.damping_ratio[i] if real else 0:.3g} %{grows}"
+        return f"does not swing, {value.real:.4g} 1/s{grows}"
 
     def motion(self, i: int, size: float) -> Result:
         """A mode as rows of a motion; `size` is that of the mechanism (m)."""
