@@ -121,7 +121,7 @@ contains
         do i = 1, size(self%torsions)
             associate (it => self%torsions(i)%coordinate)
                 call open_window(self, [it%first, it%second])
-                call differentiate_torsions(self%torsions(i:i), needed, t, self%pose, self%f, self%laws, self%window)
+                call differentiate_torsions(self%torsions(i:i), needed, t, self%pose, self%f, self%laws, lambda, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
