@@ -259,8 +259,8 @@ class Stability(Case):
         """A row a run, in the files as on the terminal; nothing is wrong."""
         done = self.study("stability", "masses", "kinks")
         rows = read(self.folder / "study/stability.csv")
-        self.assertEqual(len(rows), 12 * 11)
-        self.assertEqual(done.stderr.count(" of 132: "), 132)
+        self.assertEqual(len(rows), 13 * 12)
+        self.assertEqual(done.stderr.count(" of 156: "), 156)
         verdicts = {(row["case"], row["stepper"], row["control"]): row for row in rows}
         self.assertEqual(len(verdicts), len(rows))
         self.assertNotIn("wrong", {row["verdict"] for row in rows})
@@ -302,7 +302,7 @@ class Stability(Case):
         self.assertEqual(len(rows), 4 * 12)
         # Another case is added to them.
         self.study("stability", "edge")
-        self.assertEqual(len(read(path)), 5 * 11)
+        self.assertEqual(len(read(path)), 5 * 12)
 
     def test_usage(self):
         self.study("stability", "egde", code=2, says='"edge"')
