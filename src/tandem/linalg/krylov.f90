@@ -35,6 +35,7 @@ module tandem_linalg_krylov
         end subroutine apply_operator
     end interface
 
+    !> Eigenvalues of largest modulus of an operator, with their vectors.
     type :: krylov_type
         !> Those that have converged, the largest first, and their vectors of length 1 (n, size(values)).
         complex(wp), allocatable :: values(:), vectors(:, :)

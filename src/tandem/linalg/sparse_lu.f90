@@ -21,6 +21,7 @@ module tandem_linalg_sparse_lu
         complex(wp), allocatable :: value(:)
     end type sparse_matrix_type
 
+    !> The factors of a sparse matrix.
     type :: sparse_lu_type
         integer :: n = 0
         !> How many pivots there are, and the smallest of them over the largest entry of its column.

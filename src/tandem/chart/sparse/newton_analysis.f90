@@ -14,6 +14,7 @@ module tandem_chart_sparse_newton_analysis
 
     public :: newton_analysis_type
 
+    !> The analysis of the Newton matrix: that of the chart with every body a node of its own.
     type, extends(analysis_type) :: newton_analysis_type
         !> Where the part of C of each link goes, and whether the node of rows is the later one; the links are those of the chart's
         !> own analysis, with the numbers of the nodes here, 0 for a row that is eliminated with its body.
