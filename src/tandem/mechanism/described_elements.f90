@@ -5,9 +5,10 @@ module tandem_mechanism_described_elements
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_described_points, only: take_point, take_points
+    use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
-    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive
+    use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive
     use tandem_mechanism_law, only: law_type
     implicit none (type, external)
     private

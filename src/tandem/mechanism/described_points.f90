@@ -4,7 +4,8 @@ module tandem_mechanism_described_points
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type
+    use tandem_mechanism_element_keys, only: key_length
+    use tandem_mechanism_key_reader, only: anything, key_reader_type
     implicit none (type, external)
     private
 

@@ -9,10 +9,11 @@ module tandem_mechanism_description
     use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
     use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
+    use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
-    use tandem_mechanism_key_reader, only: anything, key_length, key_reader_type, not_negative, positive, shown_type
+    use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive, shown_type
     use tandem_mechanism_parameters, only: resolve_parameters
     use tandem_mechanism_repetition, only: repeat_elements
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type

@@ -5,32 +5,25 @@
 !> Points are named by text: `crank` is the centre of mass of the body crank, `crank.pin` a point of it, `ground.post` one of the
 !> ground.
 module tandem_mechanism_drawing
-    use tandem_error, only: error_type, to_text
+    use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
-    use tandem_mechanism_coordinate, only: coordinate_type, is_angle, is_tilt, is_way
-    use tandem_mechanism_coupling, only: coupling_type, max_coupled
+    use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_dot, only: dot_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
-    use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
-        is_velocity, variable_name_length, variable_type
+    use tandem_mechanism_formula, only: formula_type, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_glide, only: glide_type
     use tandem_mechanism_law, only: law_item_type, law_type
     use tandem_mechanism_load, only: load_type
-    use tandem_mechanism_joint, only: find_kind, joint_type, kind_names, kind_type, name_length
-    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_row, of_spring, of_torsion, &
-        of_wheel, sensor_type
+    use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
-    use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_vector, only: cross, frame_along
     use tandem_model, only: label_length, model_type
-    use tandem_rigid_euler_parameters, only: rotation
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -463,6 +456,159 @@ module tandem_mechanism_drawing
         end subroutine add_rolling_ellipsoid
     end interface
 
+    interface
+        !> A body. Without an inertia it is a point mass and does not turn.
+        module subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            !> Mass (kg), and the centre of mass in the drawing (m).
+            real(wp), intent(in) :: mass, position(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> About the centre of mass (kg m^2): one value in the plane; in space three principal values, or Jxx, Jyy, Jzz, Jxy,
+            !> Jxz, Jyz, where Jxy is the entry of the matrix.
+            real(wp), intent(in), optional :: inertia(:)
+            !> How it is turned in the drawing: angle (rad) in the plane, Euler parameters in space; not by default.
+            real(wp), intent(in), optional :: angle, euler_parameters(4)
+            !> At the start: velocity of the centre (m/s), angular velocity in the world's frame (rad/s, one entry in the plane).
+            real(wp), intent(in), optional :: velocity(:), omega(:)
+        end subroutine add_body
+
+        !> A named point of a body or of the ground.
+        module subroutine add_point(self, body, name, place, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> The body's name, and the point's.
+            character(len=*), intent(in) :: body, name
+            !> In the body's frame (m).
+            real(wp), intent(in) :: place(:)
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine add_point
+
+        !> A name that no other element has.
+        module subroutine check_name(self, name, label, error)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, label
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine check_name
+
+        !> A body and a point of it from `body` or `body.point`.
+        module subroutine take_point(self, label, text, body, place, is_point, error)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, text
+            integer, intent(out) :: body
+            !> In the body's frame.
+            real(wp), intent(out) :: place(3)
+            !> Whether a point was named.
+            logical, intent(out) :: is_point
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine take_point
+
+        !> Two points of two different bodies.
+        module subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, one, other
+            integer, intent(out) :: first, second
+            real(wp), intent(out) :: s1(3), s2(3)
+            logical, intent(out) :: points(2)
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine take_pair
+    end interface
+
+    interface
+        !> Keep a function of time, and give its number.
+        module subroutine take_motion(self, name, f, jump_order, number)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> The element.
+            character(len=*), intent(in) :: name
+            class(function_type), intent(in) :: f
+            !> See `motion_type`.
+            integer, intent(in) :: jump_order
+            integer, intent(out) :: number
+        end subroutine take_motion
+
+        !> Keep a law, and give its number.
+        module subroutine take_law(self, law, number)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            class(law_type), intent(in) :: law
+            integer, intent(out) :: number
+        end subroutine take_law
+
+        !> Keep an expression of the state, and give its number.
+        module subroutine take_formula(self, expression, number)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            type(expression_type), intent(in) :: expression
+            integer, intent(out) :: number
+        end subroutine take_formula
+
+        !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz
+        !> (m/s), in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as
+        !> `body.x`; of each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`,
+        !> counted from the drawing. Parse an expression with them after what it names was added, and add its element before another
+        !> body or joint.
+        module function variable_names(self) result(names)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=variable_name_length), allocatable :: names(:)
+        end function variable_names
+
+        !> What they are.
+        module function list_variables(self) result(variables)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            type(variable_type), allocatable :: variables(:)
+        end function list_variables
+
+        !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
+        module subroutine find_coordinate(self, label, text, number, error)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, text
+            integer, intent(out) :: number
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine find_coordinate
+
+        !> Where a body is in the drawing.
+        pure module subroutine frame_of(self, body, r, a)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            integer, intent(in) :: body
+            real(wp), intent(out) :: r(3), a(3, 3)
+        end subroutine frame_of
+
+        !> The angle of a body in the drawing.
+        pure real(wp) module function angle_of(self, body)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            integer, intent(in) :: body
+        end function angle_of
+
+        !> A unit vector along what is given.
+        module subroutine take_direction(self, label, what, given, vector, error)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label, what
+            real(wp), intent(in) :: given(:)
+            real(wp), intent(inout) :: vector(3)
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine take_direction
+
+        !> Refuse the ground and point masses.
+        module subroutine need_turning_body(self, label, body, error)
+            implicit none (type, external)
+            class(drawing_type), intent(in) :: self
+            character(len=*), intent(in) :: label
+            integer, intent(in) :: body
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine need_turning_body
+    end interface
+
 contains
 
     !> Forget all that was added.
@@ -502,154 +648,6 @@ contains
         self%types = [integer ::]
         self%numbers = [integer ::]
     end subroutine clear
-
-    !> A body. Without an inertia it is a point mass and does not turn.
-    subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        !> Mass (kg), and the centre of mass in the drawing (m).
-        real(wp), intent(in) :: mass, position(:)
-        type(error_type), allocatable, intent(out) :: error
-        !> About the centre of mass (kg m^2): one value in the plane; in space three principal values, or Jxx, Jyy, Jzz, Jxy, Jxz,
-        !> Jyz, where Jxy is the entry of the matrix.
-        real(wp), intent(in), optional :: inertia(:)
-        !> How it is turned in the drawing: angle (rad) in the plane, Euler parameters in space; not by default.
-        real(wp), intent(in), optional :: angle, euler_parameters(4)
-        !> At the start: velocity of the centre (m/s), angular velocity in the world's frame (rad/s, one entry in the plane).
-        real(wp), intent(in), optional :: velocity(:), omega(:)
-        type(body_type) :: body
-        character(len=:), allocatable :: label
-
-        label = 'body '//trim(name)
-        call self%check_name(name, label, error)
-        if (allocated(error)) return
-        if (.not. (mass >= 0.0_wp .and. ieee_is_finite(mass))) then
-            call refuse(label//' has the mass '//to_text(mass), 'give a mass >= 0 in kg', error)
-            return
-        end if
-        body%name = name
-        body%mass = mass
-        call take_vector(self%planar, label, 'position', position, body%position, error)
-        if (allocated(error)) return
-        if (present(velocity)) call take_vector(self%planar, label, 'velocity', velocity, body%velocity, error)
-        if (allocated(error)) return
-        body%turns = present(inertia)
-        if (present(inertia)) call take_inertia(self%planar, label, inertia, body, error)
-        if (allocated(error)) return
-        if (present(angle)) body%angle = angle
-        if (present(euler_parameters)) then
-            if (self%planar .or. .not. norm2(euler_parameters) > 0.0_wp) then
-                call refuse(label//': Euler parameters that are zero, or in the plane', 'give an angle in the plane, and unit '// &
-                    'Euler parameters in space', error)
-                return
-            end if
-            body%p = euler_parameters/norm2(euler_parameters)
-        end if
-        if (present(omega)) then
-            if (size(omega) /= merge(1, 3, self%planar)) then
-                call refuse(label//': omega has '//to_text(size(omega))//' entries', 'give one in the plane, three in space', error)
-                return
-            end if
-            if (self%planar) then
-                body%omega(3) = omega(1)
-            else
-                body%omega = omega
-            end if
-        end if
-        self%bodies = [self%bodies, body]
-        call self%keep_name(name, 0, size(self%bodies))
-    end subroutine add_body
-
-    !> The inertia of a body from one, three or six values.
-    subroutine take_inertia(planar, label, inertia, body, error)
-        logical, intent(in) :: planar
-        character(len=*), intent(in) :: label
-        real(wp), intent(in) :: inertia(:)
-        type(body_type), intent(inout) :: body
-        type(error_type), allocatable, intent(inout) :: error
-        integer :: i
-
-        if (.not. all(ieee_is_finite(inertia))) then
-            call refuse(label//' has an inertia that is not finite', 'give values in kg m^2', error)
-        else if (planar) then
-            if (size(inertia) /= 1) then
-                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', 'in the plane there is one', error)
-                return
-            end if
-            body%inertia(3, 3) = inertia(1)
-            if (inertia(1) < 0.0_wp) call refuse(label//' has a negative inertia', 'give a value >= 0 in kg m^2', error)
-        else
-            if (all(size(inertia) /= [3, 6])) then
-                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', &
-                    'give three principal values, or six entries', error)
-                return
-            end if
-            do i = 1, 3
-                body%inertia(i, i) = inertia(i)
-            end do
-            if (size(inertia) == 6) then
-                body%is_principal = .false.
-                body%inertia(1, 2) = inertia(4)
-                body%inertia(1, 3) = inertia(5)
-                body%inertia(2, 3) = inertia(6)
-                body%inertia(2, 1) = inertia(4)
-                body%inertia(3, 1) = inertia(5)
-                body%inertia(3, 2) = inertia(6)
-            end if
-            if (any(inertia(:3) < 0.0_wp)) then
-                call refuse(label//' has a negative moment of inertia', 'give values >= 0 in kg m^2', error)
-            else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
-                call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
-                    'no body has that: check the three values', error)
-            end if
-        end if
-    end subroutine take_inertia
-
-    !> A named point of a body or of the ground.
-    subroutine add_point(self, body, name, place, error)
-        class(drawing_type), intent(inout) :: self
-        !> The body's name, and the point's.
-        character(len=*), intent(in) :: body, name
-        !> In the body's frame (m).
-        real(wp), intent(in) :: place(:)
-        type(error_type), allocatable, intent(out) :: error
-        type(point_type) :: point
-        integer :: i
-
-        point%name = name
-        point%body = self%find_body(body)
-        if (point%body < 0) then
-            call refuse('point '//trim(name)//': there is no body '//trim(body), 'add the body before its points', error)
-            return
-        else if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0) then
-            call refuse('a point of '//trim(body)//' has the name "'//trim(name)//'"', 'take 1 to '//to_text(name_length)// &
-                ' characters without a dot', error)
-            return
-        end if
-        do i = 1, size(self%points)
-            if (self%points(i)%body /= point%body .or. self%points(i)%name /= name) cycle
-            call refuse('point '//trim(body)//'.'//trim(name)//' is there already', 'take another name', error)
-            return
-        end do
-        call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
-        if (.not. allocated(error)) self%points = [self%points, point]
-    end subroutine add_point
-
-    !> A name that no other element has.
-    subroutine check_name(self, name, label, error)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, label
-        type(error_type), allocatable, intent(out) :: error
-
-        if (.not. allocated(self%names)) call self%clear()
-        if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
-            index(trim(name), ' ') > 0) then
-            call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
-                ' characters without dots and blanks', error)
-        else if (name == 'ground' .or. any(self%names == name)) then
-            call refuse(label//': there is a '//trim(name)//' already', 'take another name', error)
-        end if
-    end subroutine check_name
 
     !> Remember a name.
     pure subroutine keep_name(self, name, type_of, number)
@@ -691,220 +689,6 @@ contains
         number = self%numbers(k)
     end subroutine find_element
 
-    !> A body and a point of it from `body` or `body.point`.
-    subroutine take_point(self, label, text, body, place, is_point, error)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: label, text
-        integer, intent(out) :: body
-        !> In the body's frame.
-        real(wp), intent(out) :: place(3)
-        !> Whether a point was named.
-        logical, intent(out) :: is_point
-        type(error_type), allocatable, intent(out) :: error
-        integer :: dot, i
-
-        place = 0.0_wp
-        dot = index(text, '.')
-        is_point = dot > 0
-        if (.not. is_point) dot = len(text) + 1
-        body = self%find_body(text(:dot - 1))
-        if (body < 0) then
-            call refuse(label//': there is no body '//trim(text(:dot - 1)), 'add it before, or correct the name', error)
-            return
-        end if
-        if (.not. is_point) return
-        do i = 1, size(self%points)
-            if (self%points(i)%body /= body .or. self%points(i)%name /= text(dot + 1:)) cycle
-            place = self%points(i)%place
-            return
-        end do
-        call refuse(label//': the body '//text(:dot - 1)//' has no point '//trim(text(dot + 1:)), &
-            'add it before, or correct the name', error)
-    end subroutine take_point
-
-    !> Two points of two different bodies.
-    subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: label, one, other
-        integer, intent(out) :: first, second
-        real(wp), intent(out) :: s1(3), s2(3)
-        logical, intent(out) :: points(2)
-        type(error_type), allocatable, intent(out) :: error
-
-        points = .false.
-        second = 0
-        s2 = 0.0_wp
-        call self%take_point(label, one, first, s1, points(1), error)
-        if (.not. allocated(error)) call self%take_point(label, other, second, s2, points(2), error)
-        if (allocated(error)) return
-        if (first == second) call refuse(label//' is between a body and itself', 'name two different bodies', error)
-    end subroutine take_pair
-
-    !> Keep a function of time, and give its number.
-    subroutine take_motion(self, name, f, jump_order, number)
-        class(drawing_type), intent(inout) :: self
-        !> The element.
-        character(len=*), intent(in) :: name
-        class(function_type), intent(in) :: f
-        !> See `motion_type`.
-        integer, intent(in) :: jump_order
-        integer, intent(out) :: number
-        type(motion_type), allocatable :: longer(:)
-        integer :: i
-
-        number = size(self%motions) + 1
-        allocate (longer(number))
-        do i = 1, number - 1
-            call move_alloc(self%motions(i)%f, longer(i)%f)
-            longer(i)%jump_order = self%motions(i)%jump_order
-            longer(i)%name = self%motions(i)%name
-        end do
-        allocate (longer(number)%f, source=f)
-        longer(number)%jump_order = jump_order
-        longer(number)%name = name
-        call move_alloc(longer, self%motions)
-    end subroutine take_motion
-
-    !> Keep a law, and give its number.
-    subroutine take_law(self, law, number)
-        class(drawing_type), intent(inout) :: self
-        class(law_type), intent(in) :: law
-        integer, intent(out) :: number
-        type(law_item_type), allocatable :: longer(:)
-        integer :: i
-
-        number = size(self%laws) + 1
-        allocate (longer(number))
-        do i = 1, number - 1
-            call move_alloc(self%laws(i)%law, longer(i)%law)
-        end do
-        allocate (longer(number)%law, source=law)
-        call move_alloc(longer, self%laws)
-    end subroutine take_law
-
-    !> Keep an expression of the state, and give its number.
-    subroutine take_formula(self, expression, number)
-        class(drawing_type), intent(inout) :: self
-        type(expression_type), intent(in) :: expression
-        integer, intent(out) :: number
-        type(formula_type), allocatable :: longer(:)
-
-        number = size(self%formulas) + 1
-        allocate (longer(number))
-        longer(:number - 1) = self%formulas
-        call longer(number)%initialize(expression, self%list_variables())
-        call move_alloc(longer, self%formulas)
-    end subroutine take_formula
-
-    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
-    !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
-    !> each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`, counted from the
-    !> drawing. Parse an expression with them after what it names was added, and add its element before another body or joint.
-    function variable_names(self) result(names)
-        class(drawing_type), intent(in) :: self
-        character(len=variable_name_length), allocatable :: names(:)
-        type(variable_type), allocatable :: variables(:)
-
-        allocate (variables, source=self%list_variables())
-        names = variables%name
-    end function variable_names
-
-    !> What they are.
-    function list_variables(self) result(variables)
-        class(drawing_type), intent(in) :: self
-        type(variable_type), allocatable :: variables(:)
-        character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
-        integer :: i, k, n
-
-        variables = [variable_type('t', is_time)]
-        if (.not. allocated(self%bodies)) return
-        n = merge(2, 3, self%planar)
-        do i = 1, size(self%bodies)
-            associate (name => trim(self%bodies(i)%name)//'.')
-                variables = [variables, (variable_type(name//axis(k), is_place, i, k), k=1, n), &
-                    (variable_type(name//'v'//axis(k), is_velocity, i, k), k=1, n)]
-                if (.not. self%bodies(i)%turns) cycle
-                if (self%planar) then
-                    variables = [variables, variable_type(name//'angle', is_turn, i, 1), &
-                        variable_type(name//'omega', is_turn_rate, i, 1)]
-                else
-                    variables = [variables, (variable_type(name//'e'//number(k), is_turn, i, k), k=1, 4), &
-                        (variable_type(name//'w'//axis(k), is_spin, i, k), k=1, 3)]
-                end if
-            end associate
-        end do
-        do i = 1, size(self%joints)
-            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
-                if (turn > 0) variables = [variables, variable_type(name//'angle', is_joint, turn, 1), &
-                    variable_type(name//'rate', is_joint_rate, turn, 1)]
-                if (way > 0) variables = [variables, variable_type(name//'way', is_joint, way, 1), &
-                    variable_type(name//'speed', is_joint_rate, way, 1)]
-            end associate
-        end do
-    end function list_variables
-
-    !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
-    subroutine find_coordinate(self, label, text, number, error)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: label, text
-        integer, intent(out) :: number
-        type(error_type), allocatable, intent(inout) :: error
-        integer :: i, k, dot
-
-        number = 0
-        dot = index(text, '.')
-        if (dot == 0) dot = len_trim(text) + 1
-        k = 0
-        do i = 1, size(self%joints)
-            if (self%joints(i)%name == text(:dot - 1)) k = i
-        end do
-        if (k == 0) then
-            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
-            return
-        end if
-        associate (turn => self%joints(k)%turn, way => self%joints(k)%way)
-            if (text(dot:) == '.angle') then
-                number = turn
-            else if (text(dot:) == '.way') then
-                number = way
-            else if (dot > len_trim(text)) then
-                number = merge(turn, way, turn > 0)
-            end if
-        end associate
-        if (number == 0) call refuse(label//': the joint '//text(:dot - 1)//' has no axis to turn about or to slide along', &
-            'take a joint that has one, and its .angle or .way', error)
-    end subroutine find_coordinate
-
-    !> Where a body is in the drawing.
-    pure subroutine frame_of(self, body, r, a)
-        class(drawing_type), intent(in) :: self
-        integer, intent(in) :: body
-        real(wp), intent(out) :: r(3), a(3, 3)
-        type(pose_type) :: ground
-
-        r = 0.0_wp
-        a = ground%a(:, :, 0)
-        if (body == 0) return
-        associate (its => self%bodies(body))
-            r = its%position
-            if (self%planar) then
-                a(1:2, 1) = [cos(its%angle), sin(its%angle)]
-                a(1:2, 2) = [-sin(its%angle), cos(its%angle)]
-            else
-                a = rotation(its%p)
-            end if
-        end associate
-    end subroutine frame_of
-
-    !> The angle of a body in the drawing.
-    pure real(wp) function angle_of(self, body)
-        class(drawing_type), intent(in) :: self
-        integer, intent(in) :: body
-
-        angle_of = 0.0_wp
-        if (body > 0) angle_of = self%bodies(body)%angle
-    end function angle_of
-
     !> The distance of two points in the drawing.
     pure real(wp) function drawn_length(self, span)
         class(drawing_type), intent(in) :: self
@@ -939,34 +723,4 @@ contains
         self%rolling_name = [character(len=label_length) :: self%rolling_name, name]
         self%rolling_unit = [character(len=label_length) :: self%rolling_unit, unit]
     end subroutine new_rolling_row
-
-    !> A unit vector along what is given.
-    subroutine take_direction(self, label, what, given, vector, error)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: label, what
-        real(wp), intent(in) :: given(:)
-        real(wp), intent(inout) :: vector(3)
-        type(error_type), allocatable, intent(inout) :: error
-
-        call take_vector(self%planar, label, what, given, vector, error)
-        if (allocated(error)) return
-        if (.not. norm2(vector) > 0.0_wp) then
-            call refuse(label//': '//what//' is zero', 'give a direction', error)
-        else
-            vector = vector/norm2(vector)
-        end if
-    end subroutine take_direction
-
-    !> Refuse the ground and point masses.
-    subroutine need_turning_body(self, label, body, error)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: label
-        integer, intent(in) :: body
-        type(error_type), allocatable, intent(inout) :: error
-        logical :: turns
-
-        turns = .false.
-        if (body > 0) turns = self%bodies(body)%turns
-        if (.not. turns) call refuse(label//' is on the ground or on a point mass', 'name a body with an inertia', error)
-    end subroutine need_turning_body
 end module tandem_mechanism_drawing

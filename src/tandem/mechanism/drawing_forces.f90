@@ -1,8 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> The words for springs and loads.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_forces
+    use tandem_error, only: to_text
+    use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_way
+    use tandem_mechanism_joint, only: find_kind
     use tandem_mechanism_law, only: friction_law_type
     use tandem_mechanism_press, only: press_type
+    use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_sensor, only: of_bushing, of_load, of_spring, of_torsion
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
 contains

@@ -1,6 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> The words for joints and distances.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
+    use tandem_error, only: to_text
+    use tandem_mechanism_coordinate, only: is_angle, is_way
+    use tandem_mechanism_coupling, only: max_coupled
+    use tandem_mechanism_formula, only: is_place, is_time, is_turn, is_turn_rate, is_velocity
+    use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
+    use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_sensor, only: of_distance, of_joint, of_row
+    use tandem_mechanism_vector, only: cross, frame_along
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
 contains

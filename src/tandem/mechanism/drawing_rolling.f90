@@ -1,7 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> The words for knife edges, and for disks and spheres that roll.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
+    use tandem_error, only: to_text
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_rolling, only: find_contact
+    use tandem_mechanism_sensor, only: of_edge, of_wheel
+    use tandem_mechanism_vector, only: cross, frame_along
     implicit none (type, external)
 
 contains

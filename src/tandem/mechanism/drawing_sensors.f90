@@ -1,8 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> The words for sensors, and for the results of bodies, reactions and forces, which are sensors in groups of their own.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
-    use tandem_mechanism_sensor, only: sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, sensed_joint, &
-        sensed_point, sensed_reaction
+    use tandem_error, only: to_text
+    use tandem_mechanism_coordinate, only: is_way
+    use tandem_mechanism_refusal, only: refuse
+    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_row, of_spring, of_torsion, &
+        of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, sensed_joint, sensed_point, &
+        sensed_reaction
     use tandem_names, only: question
     implicit none (type, external)
 

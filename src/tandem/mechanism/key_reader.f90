@@ -4,26 +4,22 @@
 !>
 !> The first error is kept, with the place of the entry that it is about, and the calls after it do nothing.
 module tandem_mechanism_key_reader
-    use tandem_error, only: error_type, set_error, to_text
+    use tandem_error, only: error_type
     use tandem_kinds, only: wp
-    use tandem_mechanism_entries, only: atom_type, entries_type, entry_type, is_number, is_text, is_truth, number_value, &
-        text_value, value_type
-    use tandem_mechanism_expression, only: expression_type, parse_expression
-    use tandem_mechanism_function, only: constant_type, expression_function, function_type, table_function
-    use tandem_mechanism_law, only: expression_law, law_type, table_law
+    use tandem_mechanism_element_keys, only: add_to, element_type, key_length, key_of, listed, path_of, up_to_dot
+    use tandem_mechanism_entries, only: atom_type, entries_type, is_text, value_type
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_law, only: law_type
     use tandem_mechanism_table_function, only: table_type
     use tandem_names, only: question
-    use tandem_status, only: status_invalid_model
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
-    public :: key_reader_type, shown_type, anything, positive, not_negative, key_length, joined
+    public :: key_reader_type, shown_type, anything, positive, not_negative
 
     !> What a number may be.
     integer, parameter :: anything = 0, positive = 1, not_negative = 2
-    !> Length of the names of kinds, of elements and of keys.
-    integer, parameter :: key_length = 64
 
     !> A line of the complete mechanism.
     type :: shown_type
@@ -33,13 +29,6 @@ module tandem_mechanism_key_reader
         !> Unit and meaning.
         character(len=:), allocatable :: comment
     end type shown_type
-
-    !> The entries of an element.
-    type :: element_type
-        character(len=key_length) :: kind = '', name = ''
-        integer, allocatable :: entries(:)
-        integer :: n = 0
-    end type element_type
 
     !> Who reads the keys of one element after the other, checks them, and keeps the first error.
     type :: key_reader_type
@@ -98,6 +87,208 @@ module tandem_mechanism_key_reader
         procedure, private :: constants
         procedure, private :: fail_at
     end type key_reader_type
+
+    interface
+        !> A number, or an expression of parameters; the value stays as it is where the key is not given.
+        module subroutine get_number(self, key, value, check, unit, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The default before, the value after; not allocated where there is none.
+            real(wp), allocatable, intent(inout) :: value
+            integer, intent(in), optional :: check
+            character(len=*), intent(in), optional :: unit, help
+            logical, intent(in), optional :: required
+        end subroutine get_number
+
+        !> A list of numbers or expressions of one of some lengths.
+        module subroutine get_numbers(self, key, lengths, values, check, unit, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> How many there may be; a single number will do where that is 1.
+            integer, intent(in) :: lengths(:)
+            !> The default before, the values after; not allocated where there are none.
+            real(wp), allocatable, intent(inout) :: values(:)
+            integer, intent(in), optional :: check
+            character(len=*), intent(in), optional :: unit, help
+            logical, intent(in), optional :: required
+        end subroutine get_numbers
+
+        !> A text; where it is not given and has no default, it is not allocated.
+        module subroutine get_text(self, key, text, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            character(len=:), allocatable, intent(inout) :: text
+            character(len=*), intent(in), optional :: help
+            logical, intent(in), optional :: required
+        end subroutine get_text
+
+        !> One of some texts.
+        module subroutine get_choice(self, key, text, choices, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            character(len=:), allocatable, intent(inout) :: text
+            character(len=*), intent(in) :: choices(:)
+            character(len=*), intent(in), optional :: help
+            logical, intent(in), optional :: required
+        end subroutine get_choice
+
+        !> A list of some texts.
+        module subroutine get_texts(self, key, length, texts, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> How many there must be, 0 for any number.
+            integer, intent(in) :: length
+            character(len=key_length), allocatable, intent(inout) :: texts(:)
+            character(len=*), intent(in), optional :: help
+            logical, intent(in), optional :: required
+        end subroutine get_texts
+
+        !> Texts that are for others: they stay in the complete mechanism as they are given.
+        module subroutine pass(self, key, help)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key, help
+        end subroutine pass
+
+        !> True or false.
+        module subroutine get_truth(self, key, truth, help)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            logical, intent(inout) :: truth
+            character(len=*), intent(in), optional :: help
+        end subroutine get_truth
+    end interface
+
+    interface
+        !> A function of time: a number, or an expression of t and parameters.
+        module subroutine get_function(self, key, f, unit, help)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> Not allocated where the key is not given.
+            class(function_type), allocatable, intent(out) :: f
+            character(len=*), intent(in), optional :: unit, help
+        end subroutine get_function
+
+        !> Let functions and laws name a table.
+        module subroutine add_table(self, name, table)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: name
+            type(table_type), intent(in) :: table
+        end subroutine add_table
+
+        !> The number of the table that an entry names by a text, 0 for none.
+        pure integer module function table_at(self, entry) result(number)
+            implicit none (type, external)
+            class(key_reader_type), intent(in) :: self
+            integer, intent(in) :: entry
+        end function table_at
+
+        !> A law of time, a coordinate and its rate.
+        module subroutine get_law(self, key, coordinate, law, unit, help)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> What the coordinate is called.
+            character(len=*), intent(in) :: coordinate
+            !> Not allocated where the key is not given.
+            class(law_type), allocatable, intent(out) :: law
+            character(len=*), intent(in), optional :: unit, help
+        end subroutine get_law
+
+        !> A list of numbers or expressions of variables, of one of some lengths.
+        module subroutine get_expressions(self, key, lengths, variables, expressions, unit, help, required)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> How many there may be; a single one will do where that is 1.
+            integer, intent(in) :: lengths(:)
+            character(len=*), intent(in) :: variables(:)
+            !> Not allocated where the key is not given.
+            type(expression_type), allocatable, intent(out) :: expressions(:)
+            character(len=*), intent(in), optional :: unit, help
+            logical, intent(in), optional :: required
+        end subroutine get_expressions
+
+        !> The number that an atom is, or that its expression gives.
+        module subroutine evaluate(self, entry, atom, number)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            !> Whose entry it is, for messages and the index of a repeated element.
+            integer, intent(in) :: entry
+            type(atom_type), intent(in) :: atom
+            real(wp), intent(out) :: number
+        end subroutine evaluate
+
+        !> The number that an expression within the text of a key gives.
+        module subroutine evaluate_text(self, key, text, number)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key, text
+            real(wp), intent(out) :: number
+        end subroutine evaluate_text
+
+        !> Parameters, and the indices of a repeated element.
+        module subroutine constants(self, entry, names, values)
+            implicit none (type, external)
+            class(key_reader_type), intent(in) :: self
+            integer, intent(in) :: entry
+            character(len=key_length), allocatable, intent(out) :: names(:)
+            real(wp), allocatable, intent(out) :: values(:)
+        end subroutine constants
+    end interface
+
+    interface
+        !> An error about a key of the element; about the element where the key is not given.
+        module subroutine fail(self, key, problem, advice)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key, problem, advice
+        end subroutine fail
+
+        !> An error about no key of an element; `place` stays as it is.
+        module subroutine refuse(self, problem, advice)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: problem, advice
+        end subroutine refuse
+
+        !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
+        module subroutine blame(self, error)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine blame
+
+        !> Keep the error of what is made of all elements: its place is in the one that the message names.
+        module subroutine blame_named(self, error)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine blame_named
+
+        !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
+        pure integer module function place_in(self, element) result(place)
+            implicit none (type, external)
+            class(key_reader_type), intent(in) :: self
+            type(element_type), intent(in) :: element
+        end function place_in
+
+        !> An error about an entry, 0 for none.
+        module subroutine fail_at(self, entry, problem, advice)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            integer, intent(in) :: entry
+            character(len=*), intent(in) :: problem, advice
+        end subroutine fail_at
+    end interface
 
 contains
 
@@ -170,15 +361,6 @@ contains
         allocate (self%elements(k)%entries(8))
     end subroutine find_element
 
-    pure subroutine add_to(element, entry)
-        type(element_type), intent(inout) :: element
-        integer, intent(in) :: entry
-
-        if (element%n == size(element%entries)) element%entries = [element%entries, element%entries]
-        element%n = element%n + 1
-        element%entries(element%n) = entry
-    end subroutine add_to
-
     !> How many elements of a kind there are.
     pure integer function n_of(self, kind)
         class(key_reader_type), intent(in) :: self
@@ -233,108 +415,6 @@ contains
         failed = allocated(self%error)
     end function failed
 
-    !> An error about a key of the element; about the element where the key is not given.
-    subroutine fail(self, key, problem, advice)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key, problem, advice
-        integer :: k
-
-        if (self%failed()) return
-        k = self%find(key)
-        associate (element => self%elements(self%current))
-            if (k > 0) then
-                call self%fail_at(k, self%entries%list(k)%key//': '//problem, advice)
-            else
-                if (element%n > 0) k = element%entries(1)
-                call self%fail_at(k, path_of(element)//merge('.', ' ', key /= '')//key//': '//problem, advice)
-            end if
-        end associate
-    end subroutine fail
-
-    !> An error about no key of an element; `place` stays as it is.
-    subroutine refuse(self, problem, advice)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: problem, advice
-
-        call self%fail_at(0, problem, advice)
-    end subroutine refuse
-
-    !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
-    subroutine blame(self, error)
-        class(key_reader_type), intent(inout) :: self
-        type(error_type), allocatable, intent(inout) :: error
-
-        if (.not. allocated(error) .or. self%failed()) return
-        call move_alloc(error, self%error)
-        self%place = self%place_in(self%elements(self%current))
-    end subroutine blame
-
-    !> Keep the error of what is made of all elements: its place is in the one that the message names.
-    subroutine blame_named(self, error)
-        class(key_reader_type), intent(inout) :: self
-        type(error_type), allocatable, intent(inout) :: error
-        integer :: k
-
-        if (.not. allocated(error) .or. self%failed()) return
-        call move_alloc(error, self%error)
-        self%place = 0
-        do k = 1, self%n_elements
-            if (self%elements(k)%name == '') cycle
-            if (says(self%error%message, trim(self%elements(k)%name))) self%place = self%place_in(self%elements(k))
-            if (self%place > 0) return
-        end do
-    end subroutine blame_named
-
-    !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
-    pure integer function place_in(self, element) result(place)
-        class(key_reader_type), intent(in) :: self
-        type(element_type), intent(in) :: element
-        integer :: i, j, k
-
-        place = 0
-        if (element%n > 0) place = self%entries%list(element%entries(1))%place
-        do i = element%n, 1, -1
-            k = element%entries(i)
-            associate (atoms => self%entries%list(k)%value%atoms)
-                do j = 1, size(atoms)
-                    if (atoms(j)%kind /= is_text) cycle
-                    if (says(self%error%message, up_to_dot(atoms(j)%text))) place = self%entries%list(k)%place
-                end do
-            end associate
-        end do
-        do i = element%n, 1, -1
-            k = element%entries(i)
-            if (says(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
-        end do
-    end function place_in
-
-    !> Whether a message has a word.
-    pure logical function says(message, word)
-        character(len=*), intent(in) :: message, word
-
-        says = scan_word(' ') .or. scan_word(':') .or. scan_word(';') .or. scan_word(',')
-
-    contains
-
-        !> Whether it stands before a sign.
-        pure logical function scan_word(sign)
-            character(len=1), intent(in) :: sign
-
-            scan_word = index(' '//message, ' '//word//sign) > 0
-        end function scan_word
-    end function says
-
-    !> An error about an entry, 0 for none.
-    subroutine fail_at(self, entry, problem, advice)
-        class(key_reader_type), intent(inout) :: self
-        integer, intent(in) :: entry
-        character(len=*), intent(in) :: problem, advice
-
-        if (self%failed()) return
-        call set_error(self%error, status_invalid_model, problem, advice)
-        if (entry > 0) self%place = self%entries%list(entry)%place
-    end subroutine fail_at
-
     !> Whether a key of the element is given.
     pure logical function gives(self, key)
         class(key_reader_type), intent(in) :: self
@@ -377,253 +457,6 @@ contains
         end associate
     end subroutine keys_below
 
-    !> A number, or an expression of parameters; the value stays as it is where the key is not given.
-    subroutine get_number(self, key, value, check, unit, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> The default before, the value after; not allocated where there is none.
-        real(wp), allocatable, intent(inout) :: value
-        integer, intent(in), optional :: check
-        character(len=*), intent(in), optional :: unit, help
-        logical, intent(in), optional :: required
-        integer :: k
-        real(wp) :: number
-
-        k = self%index_of(key, required)
-        if (k > 0) then
-            associate (given => self%entries%list(k)%value)
-                if (given%is_list) call self%fail(key, 'is a list', 'give one number, or an expression as text')
-                if (self%failed()) return
-                call self%evaluate(k, given%atoms(1), number)
-                if (self%failed()) return
-                call check_number(self, key, number, check)
-                value = number
-            end associate
-        end if
-        if (allocated(value)) call self%remember(key, k, number_value(value), unit, help)
-    end subroutine get_number
-
-    !> A list of numbers or expressions of one of some lengths.
-    subroutine get_numbers(self, key, lengths, values, check, unit, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> How many there may be; a single number will do where that is 1.
-        integer, intent(in) :: lengths(:)
-        !> The default before, the values after; not allocated where there are none.
-        real(wp), allocatable, intent(inout) :: values(:)
-        integer, intent(in), optional :: check
-        character(len=*), intent(in), optional :: unit, help
-        logical, intent(in), optional :: required
-        character(len=:), allocatable :: allowed
-        type(value_type) :: shown
-        integer :: k, i, n
-
-        k = self%index_of(key, required)
-        if (k > 0) then
-            n = size(self%entries%list(k)%value%atoms)
-            if (.not. any(lengths == n)) then
-                allowed = to_text(lengths(1))
-                do i = 2, size(lengths)
-                    allowed = allowed//' or '//to_text(lengths(i))
-                end do
-                call self%fail(key, 'has '//to_text(n)//trim(merge(' entry  ', ' entries', n == 1)), 'give '//allowed)
-                return
-            end if
-            if (allocated(values)) deallocate (values)
-            allocate (values(n))
-            do i = 1, n
-                call self%evaluate(k, self%entries%list(k)%value%atoms(i), values(i))
-                if (self%failed()) return
-                call check_number(self, key, values(i), check)
-            end do
-        end if
-        if (.not. allocated(values)) return
-        shown%is_list = .true.
-        allocate (shown%atoms(size(values)))
-        shown%atoms%number = values
-        call self%remember(key, k, shown, unit, help)
-    end subroutine get_numbers
-
-    !> Refuse a number that is out of its range.
-    subroutine check_number(self, key, number, check)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        real(wp), intent(in) :: number
-        integer, intent(in), optional :: check
-
-        if (.not. present(check)) return
-        if (check == positive .and. .not. number > 0.0_wp) then
-            call self%fail(key, 'is '//to_text(number), 'give a number > 0')
-        else if (check == not_negative .and. .not. number >= 0.0_wp) then
-            call self%fail(key, 'is '//to_text(number), 'give a number >= 0')
-        end if
-    end subroutine check_number
-
-    !> A text; where it is not given and has no default, it is not allocated.
-    subroutine get_text(self, key, text, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        character(len=:), allocatable, intent(inout) :: text
-        character(len=*), intent(in), optional :: help
-        logical, intent(in), optional :: required
-        integer :: k
-
-        k = self%index_of(key, required)
-        if (k > 0) then
-            associate (given => self%entries%list(k)%value)
-                if (given%is_list .or. given%atoms(1)%kind /= is_text) then
-                    call self%fail(key, 'is no text', 'write it in quotes')
-                    return
-                end if
-                text = given%atoms(1)%text
-            end associate
-        end if
-        if (allocated(text)) call self%remember(key, k, text_value(text), help=help)
-    end subroutine get_text
-
-    !> One of some texts.
-    subroutine get_choice(self, key, text, choices, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        character(len=:), allocatable, intent(inout) :: text
-        character(len=*), intent(in) :: choices(:)
-        character(len=*), intent(in), optional :: help
-        logical, intent(in), optional :: required
-        character(len=:), allocatable :: comment
-
-        comment = listed(choices)
-        comment = comment(2:)
-        if (present(help)) comment = help//': '//comment
-        call self%get_text(key, text, comment, required)
-        if (self%failed() .or. .not. allocated(text)) return
-        if (.not. any(choices == text)) then
-            call self%fail(key, 'is "'//text//'"'//question(text, choices), 'take one of'//listed(choices))
-        end if
-    end subroutine get_choice
-
-    !> A list of some texts.
-    subroutine get_texts(self, key, length, texts, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> How many there must be, 0 for any number.
-        integer, intent(in) :: length
-        character(len=key_length), allocatable, intent(inout) :: texts(:)
-        character(len=*), intent(in), optional :: help
-        logical, intent(in), optional :: required
-        type(value_type) :: shown
-        integer :: k, i
-
-        k = self%index_of(key, required)
-        if (k > 0) then
-            associate (given => self%entries%list(k)%value)
-                if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                    call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
-                else if (length > 0 .and. size(given%atoms) /= length) then
-                    call self%fail(key, 'has '//to_text(size(given%atoms))//' texts', 'give '//to_text(length))
-                end if
-                if (self%failed()) return
-                if (allocated(texts)) deallocate (texts)
-                allocate (texts(size(given%atoms)))
-                do i = 1, size(texts)
-                    if (len(given%atoms(i)%text) > key_length) then
-                        call self%fail(key, 'has a text of more than '//to_text(key_length)//' characters', 'shorten it')
-                        return
-                    end if
-                    texts(i) = given%atoms(i)%text
-                end do
-            end associate
-        end if
-        if (.not. allocated(texts)) return
-        shown%is_list = .true.
-        allocate (shown%atoms(size(texts)))
-        shown%atoms%kind = is_text
-        do i = 1, size(texts)
-            shown%atoms(i)%text = trim(texts(i))
-        end do
-        call self%remember(key, k, shown, help=help)
-    end subroutine get_texts
-
-    !> Texts that are for others: they stay in the complete mechanism as they are given.
-    subroutine pass(self, key, help)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key, help
-        integer :: k
-
-        k = self%index_of(key)
-        if (k == 0) return
-        associate (given => self%entries%list(k)%value)
-            if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
-            else
-                call self%remember(key, k, given, help=help)
-            end if
-        end associate
-    end subroutine pass
-
-    !> True or false.
-    subroutine get_truth(self, key, truth, help)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        logical, intent(inout) :: truth
-        character(len=*), intent(in), optional :: help
-        type(value_type) :: shown
-        integer :: k
-
-        k = self%index_of(key)
-        if (k > 0) then
-            associate (given => self%entries%list(k)%value)
-                if (given%is_list .or. given%atoms(1)%kind /= is_truth) then
-                    call self%fail(key, 'is neither true nor false', 'write true or false, without quotes')
-                    return
-                end if
-                truth = given%atoms(1)%truth
-            end associate
-        end if
-        allocate (shown%atoms(1))
-        shown%atoms(1)%kind = is_truth
-        shown%atoms(1)%truth = truth
-        call self%remember(key, k, shown, help=help)
-    end subroutine get_truth
-
-    !> A function of time: a number, or an expression of t and parameters.
-    subroutine get_function(self, key, f, unit, help)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> Not allocated where the key is not given.
-        class(function_type), allocatable, intent(out) :: f
-        character(len=*), intent(in), optional :: unit, help
-        type(expression_type) :: expression
-        type(constant_type) :: constant
-        character(len=key_length), allocatable :: names(:)
-        real(wp), allocatable :: values(:)
-        integer :: k
-
-        k = self%index_of(key)
-        if (k == 0) return
-        associate (given => self%entries%list(k)%value)
-            if (given%is_list .or. given%atoms(1)%kind == is_truth) then
-                call self%fail(key, 'is no function of time', &
-                    'give a number, an expression of t as text, or the name of a function')
-                return
-            end if
-            if (given%atoms(1)%kind == is_number) then
-                constant%value = given%atoms(1)%number
-                allocate (f, source=constant)
-            else if (self%table_at(k) > 0) then
-                allocate (f, source=table_function(self%tables(self%table_at(k))))
-            else
-                call self%constants(k, names, values)
-                call parse_expression(expression, given%atoms(1)%text, ['t'], self%error, names, values, self%entries%list(k)%key)
-                if (self%failed()) then
-                    self%place = self%entries%list(k)%place
-                    return
-                end if
-                allocate (f, source=expression_function(expression))
-            end if
-            call self%remember(key, k, given, unit, help)
-        end associate
-    end subroutine get_function
-
     !> How many entries the list of a key has, 0 where it is not given.
     pure integer function count_of(self, key) result(n)
         class(key_reader_type), intent(in) :: self
@@ -635,169 +468,6 @@ contains
         k = self%find(key)
         if (k > 0) n = size(self%entries%list(k)%value%atoms)
     end function count_of
-
-    !> Let functions and laws name a table.
-    subroutine add_table(self, name, table)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        type(table_type), intent(in) :: table
-        type(table_type), allocatable :: longer(:)
-        integer :: n
-
-        if (.not. allocated(self%tables)) allocate (self%tables(0), self%table_names(0))
-        n = size(self%tables)
-        allocate (longer(n + 1))
-        longer(:n) = self%tables
-        longer(n + 1) = table
-        call move_alloc(longer, self%tables)
-        self%table_names = [character(len=key_length) :: self%table_names, name]
-    end subroutine add_table
-
-    !> The number of the table that an entry names by a text, 0 for none.
-    pure integer function table_at(self, entry) result(number)
-        class(key_reader_type), intent(in) :: self
-        integer, intent(in) :: entry
-
-        number = 0
-        if (.not. allocated(self%tables)) return
-        associate (value => self%entries%list(entry)%value)
-            if (value%is_list) return
-            if (value%atoms(1)%kind == is_text) number = findloc(self%table_names, trim(value%atoms(1)%text), dim=1)
-        end associate
-    end function table_at
-
-    !> A law of time, a coordinate and its rate.
-    subroutine get_law(self, key, coordinate, law, unit, help)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> What the coordinate is called.
-        character(len=*), intent(in) :: coordinate
-        !> Not allocated where the key is not given.
-        class(law_type), allocatable, intent(out) :: law
-        character(len=*), intent(in), optional :: unit, help
-        type(expression_type), allocatable :: expressions(:)
-        integer :: k
-
-        k = self%find(key)
-        if (k > 0) then
-            if (self%table_at(k) > 0) then
-                k = self%index_of(key)
-                allocate (law, source=table_law(self%tables(self%table_at(k))))
-                call self%remember(key, k, self%entries%list(k)%value, unit, help)
-                return
-            end if
-        end if
-        call self%get_expressions(key, [1], [character(len=key_length) :: 't', coordinate, 'rate'], expressions, unit, help)
-        if (allocated(expressions)) allocate (law, source=expression_law(expressions(1)))
-    end subroutine get_law
-
-    !> A list of numbers or expressions of variables, of one of some lengths.
-    subroutine get_expressions(self, key, lengths, variables, expressions, unit, help, required)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        !> How many there may be; a single one will do where that is 1.
-        integer, intent(in) :: lengths(:)
-        character(len=*), intent(in) :: variables(:)
-        !> Not allocated where the key is not given.
-        type(expression_type), allocatable, intent(out) :: expressions(:)
-        character(len=*), intent(in), optional :: unit, help
-        logical, intent(in), optional :: required
-        character(len=key_length), allocatable :: names(:)
-        character(len=32) :: number
-        real(wp), allocatable :: values(:)
-        integer :: k, i
-
-        k = self%index_of(key, required)
-        if (k == 0) return
-        call self%constants(k, names, values)
-        associate (given => self%entries%list(k)%value)
-            if (.not. any(lengths == size(given%atoms))) then
-                call self%fail(key, 'has '//to_text(size(given%atoms))//trim(merge(' entry  ', ' entries', &
-                    size(given%atoms) == 1)), &
-                    'give '//to_text(lengths(1)))
-                return
-            end if
-            allocate (expressions(size(given%atoms)))
-            do i = 1, size(expressions)
-                select case (given%atoms(i)%kind)
-                case (is_number)
-                    write (number, '(es25.16e3)') given%atoms(i)%number
-                    call parse_expression(expressions(i), number, variables, self%error)
-                case (is_text)
-                    call parse_expression(expressions(i), given%atoms(i)%text, variables, self%error, names, values, &
-                        self%entries%list(k)%key)
-                case default
-                    call self%fail(key, 'is true or false', 'give a number, or an expression as text')
-                end select
-                if (.not. self%failed()) cycle
-                self%place = self%entries%list(k)%place
-                deallocate (expressions)
-                return
-            end do
-            call self%remember(key, k, given, unit, help)
-        end associate
-    end subroutine get_expressions
-
-    !> The number that an atom is, or that its expression gives.
-    subroutine evaluate(self, entry, atom, number)
-        class(key_reader_type), intent(inout) :: self
-        !> Whose entry it is, for messages and the index of a repeated element.
-        integer, intent(in) :: entry
-        type(atom_type), intent(in) :: atom
-        real(wp), intent(out) :: number
-        type(expression_type) :: expression
-        character(len=key_length), allocatable :: names(:)
-        real(wp), allocatable :: values(:)
-
-        number = 0.0_wp
-        if (self%failed()) return
-        associate (given => self%entries%list(entry))
-            select case (atom%kind)
-            case (is_number)
-                number = atom%number
-            case (is_text)
-                call self%constants(entry, names, values)
-                call parse_expression(expression, atom%text, [character(len=1) ::], self%error, names, values, given%key)
-                if (self%failed()) then
-                    self%place = given%place
-                    return
-                end if
-                number = expression%value([real(wp) ::])
-            case default
-                call self%fail_at(entry, given%key//': true and false are no numbers', 'give a number, or an expression as text')
-            end select
-            if (.not. ieee_is_finite(number)) call self%fail_at(entry, given%key//' gives no finite number', 'correct it')
-        end associate
-    end subroutine evaluate
-
-    !> The number that an expression within the text of a key gives.
-    subroutine evaluate_text(self, key, text, number)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key, text
-        real(wp), intent(out) :: number
-        type(atom_type) :: atom
-
-        atom%kind = is_text
-        atom%text = text
-        number = 0.0_wp
-        if (.not. self%failed()) call self%evaluate(self%find(key), atom, number)
-    end subroutine evaluate_text
-
-    !> Parameters, and the indices of a repeated element.
-    subroutine constants(self, entry, names, values)
-        class(key_reader_type), intent(in) :: self
-        integer, intent(in) :: entry
-        character(len=key_length), allocatable, intent(out) :: names(:)
-        real(wp), allocatable, intent(out) :: values(:)
-
-        names = self%names
-        values = self%values
-        associate (given => self%entries%list(entry))
-            if (.not. allocated(given%index_names)) return
-            names = [character(len=key_length) :: names, given%index_names]
-            values = [values, real(given%index_values, wp)]
-        end associate
-    end subroutine constants
 
     !> The entry of a key that is asked for, which is known from now on; 0 where it is not given. Missing is an error where it is
     !> required.
@@ -892,51 +562,4 @@ contains
         self%n_shown = self%n_shown + 1
         self%shown(self%n_shown) = line
     end subroutine show
-
-    !> The key of an entry within its element.
-    pure function key_of(entry, element) result(key)
-        type(entry_type), intent(in) :: entry
-        type(element_type), intent(in) :: element
-        character(len=len(entry%key) - len_trim(element%kind) - len_trim(element%name) - 1 - count([element%name /= ''])) :: key
-
-        key = entry%key(len(entry%key) - len(key) + 1:)
-    end function key_of
-
-    !> The name of an element in messages and headings.
-    pure function path_of(element) result(path)
-        type(element_type), intent(in) :: element
-        character(len=len_trim(element%kind) + len_trim(element%name) + count([element%name /= ''])) :: path
-
-        path = joined(trim(element%kind), trim(element%name))
-    end function path_of
-
-    !> Two parts of a key, the second of which may be empty.
-    pure function joined(first, second) result(path)
-        character(len=*), intent(in) :: first, second
-        character(len=len(first) + len(second) + count([len(second) > 0])) :: path
-
-        path = first
-        if (len(second) > 0) path = first//'.'//second
-    end function joined
-
-    !> The part of a key before its first dot.
-    pure function up_to_dot(key) result(part)
-        character(len=*), intent(in) :: key
-        character(len=index(key//'.', '.') - 1) :: part
-
-        part = key
-    end function up_to_dot
-
-    !> Names, each after a blank, commas between them.
-    pure function listed(names) result(text)
-        character(len=*), intent(in) :: names(:)
-        character(len=max(0, sum(len_trim(names) + 2) - 1)) :: text
-        integer :: i, n
-
-        n = 0
-        do i = 1, size(names)
-            text(n + 1:) = ' '//trim(names(i))//','
-            n = n + len_trim(names(i)) + 2
-        end do
-    end function listed
 end module tandem_mechanism_key_reader

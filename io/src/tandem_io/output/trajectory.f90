@@ -11,14 +11,13 @@ module tandem_io_output_trajectory
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
     use tandem_io_output_events, only: event_output_type, event_paths
-    use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, &
-        index_of, output_type
+    use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, &
+        output_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_profile, only: write_profile
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_series, only: label_columns, series_type, width_of
     use tandem_io_output_target, only: check_target, remove_file
-    use tandem_io_version, only: format_version, tandem_version
     use tandem_status, only: status_interrupted, status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
@@ -139,6 +138,36 @@ module tandem_io_output_trajectory
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
         end subroutine write_rows
+    end interface
+
+    interface
+        !> The groups of the quantities.
+        module subroutine add_groups(file, model)
+            implicit none (type, external)
+            type(hdf5_type), intent(inout) :: file
+            class(model_type), intent(in) :: model
+        end subroutine add_groups
+
+        !> The attributes of the root.
+        module subroutine attach_head(file, scene, command)
+            implicit none (type, external)
+            type(hdf5_type), intent(inout) :: file
+            character(len=*), intent(in), optional :: scene, command
+        end subroutine attach_head
+
+        !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it
+        !> is as it should be: a text that was on its way when the program was killed may not be readable to others.
+        module subroutine take_back(file, scene)
+            implicit none (type, external)
+            type(hdf5_type), intent(inout) :: file
+            character(len=*), intent(in) :: scene
+        end subroutine take_back
+
+        !> The local time as ISO 8601.
+        module function time_stamp() result(text)
+            implicit none (type, external)
+            character(len=25) :: text
+        end function time_stamp
     end interface
 
 contains
@@ -373,24 +402,6 @@ contains
                 self%rates, stat)
         end associate
     end subroutine begin_measuring
-
-    !> The groups of the quantities.
-    subroutine add_groups(file, model)
-        type(hdf5_type), intent(inout) :: file
-        class(model_type), intent(in) :: model
-        character(len=:), allocatable :: path
-        integer :: i, j, k
-
-        if (.not. allocated(model%quantities)) return
-        do i = 1, size(model%quantities)
-            path = model%quantities(i)%place()
-            do k = 2, len(path)
-                if (path(k:k) /= '/') cycle
-                if (any([(index(model%quantities(j)%place(), path(:k)) == 1, j=1, i - 1)])) cycle
-                call file%add_group(path(:k - 1))
-            end do
-        end do
-    end subroutine add_groups
 
     !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end. Before an event
     !> changes the motion, rows of the interval up to there.
@@ -629,49 +640,4 @@ contains
 
         call set_error(error, status_output_failed, self%path//': '//self%file%problem)
     end subroutine fail
-
-    !> The attributes of the root.
-    subroutine attach_head(file, scene, command)
-        type(hdf5_type), intent(inout) :: file
-        character(len=*), intent(in), optional :: scene, command
-
-        call file%attach('/', 'format_version', int(format_version, long))
-        call file%attach('/', 'tandem_version', tandem_version)
-        call file%attach('/', 'created', time_stamp())
-        call file%attach('/', 'status', 'running')
-        call file%attach('/', 'status_message', '')
-        call file%attach('/', 'layout', 'row i of every dataset belongs to /trajectory/time[i]: shape (nt) or (nt, n) in C '// &
-            'and Python, (nt) or (n, nt) in Fortran')
-        if (present(command)) call file%attach('/', 'command', command)
-        if (present(scene)) call file%attach('/', 'scene', scene)
-    end subroutine attach_head
-
-    !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it is
-    !> as it should be: a text that was on its way when the program was killed may not be readable to others.
-    subroutine take_back(file, scene)
-        type(hdf5_type), intent(inout) :: file
-        character(len=*), intent(in) :: scene
-        character(len=:), allocatable :: old
-
-        ! What may need space comes first, so that nothing else is lost where there is none.
-        call file%get_text('/', 'scene', old)
-        if (old /= scene) call file%attach('/', 'scene', scene)
-        call file%flush()
-        call file%attach('/', 'status_message', '')
-        call file%detach_all('/report')
-        call file%remove('/report/profile')
-        call file%flush()
-    end subroutine take_back
-
-    !> The local time as ISO 8601.
-    function time_stamp() result(text)
-        character(len=25) :: text
-        character(len=10) :: time
-        character(len=8) :: date
-        character(len=5) :: zone
-
-        call date_and_time(date, time, zone)
-        text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//zone(1:3)//':'// &
-            zone(4:5)
-    end function time_stamp
 end module tandem_io_output_trajectory

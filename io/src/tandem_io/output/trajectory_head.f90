@@ -1,0 +1,63 @@
+! SPDX-License-Identifier: MIT
+!> What a file says about itself: groups, attributes of its head, its time.
+submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
+    use tandem_io_version, only: format_version, tandem_version
+    implicit none (type, external)
+
+contains
+
+    !> The groups of the quantities.
+    module procedure add_groups
+        character(len=:), allocatable :: path
+        integer :: i, j, k
+
+        if (.not. allocated(model%quantities)) return
+        do i = 1, size(model%quantities)
+            path = model%quantities(i)%place()
+            do k = 2, len(path)
+                if (path(k:k) /= '/') cycle
+                if (any([(index(model%quantities(j)%place(), path(:k)) == 1, j=1, i - 1)])) cycle
+                call file%add_group(path(:k - 1))
+            end do
+        end do
+    end procedure add_groups
+
+    !> The attributes of the root.
+    module procedure attach_head
+        call file%attach('/', 'format_version', int(format_version, long))
+        call file%attach('/', 'tandem_version', tandem_version)
+        call file%attach('/', 'created', time_stamp())
+        call file%attach('/', 'status', 'running')
+        call file%attach('/', 'status_message', '')
+        call file%attach('/', 'layout', 'row i of every dataset belongs to /trajectory/time[i]: shape (nt) or (nt, n) in C '// &
+            'and Python, (nt) or (n, nt) in Fortran')
+        if (present(command)) call file%attach('/', 'command', command)
+        if (present(scene)) call file%attach('/', 'scene', scene)
+    end procedure attach_head
+
+    !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it is
+    !> as it should be: a text that was on its way when the program was killed may not be readable to others.
+    module procedure take_back
+        character(len=:), allocatable :: old
+
+        ! What may need space comes first, so that nothing else is lost where there is none.
+        call file%get_text('/', 'scene', old)
+        if (old /= scene) call file%attach('/', 'scene', scene)
+        call file%flush()
+        call file%attach('/', 'status_message', '')
+        call file%detach_all('/report')
+        call file%remove('/report/profile')
+        call file%flush()
+    end procedure take_back
+
+    !> The local time as ISO 8601.
+    module procedure time_stamp
+        character(len=10) :: time
+        character(len=8) :: date
+        character(len=5) :: zone
+
+        call date_and_time(date, time, zone)
+        text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//zone(1:3)//':'// &
+            zone(4:5)
+    end procedure time_stamp
+end submodule tandem_io_output_trajectory_head

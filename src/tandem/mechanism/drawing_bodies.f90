@@ -1,0 +1,170 @@
+! SPDX-License-Identifier: MIT
+!> The words for bodies and their points.
+submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
+    use tandem_error, only: to_text
+    use tandem_mechanism_refusal, only: refuse, take_vector
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+
+contains
+
+    !> A body. Without an inertia it is a point mass and does not turn.
+    module procedure add_body
+        type(body_type) :: body
+        character(len=:), allocatable :: label
+
+        label = 'body '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (.not. (mass >= 0.0_wp .and. ieee_is_finite(mass))) then
+            call refuse(label//' has the mass '//to_text(mass), 'give a mass >= 0 in kg', error)
+            return
+        end if
+        body%name = name
+        body%mass = mass
+        call take_vector(self%planar, label, 'position', position, body%position, error)
+        if (allocated(error)) return
+        if (present(velocity)) call take_vector(self%planar, label, 'velocity', velocity, body%velocity, error)
+        if (allocated(error)) return
+        body%turns = present(inertia)
+        if (present(inertia)) call take_inertia(self%planar, label, inertia, body, error)
+        if (allocated(error)) return
+        if (present(angle)) body%angle = angle
+        if (present(euler_parameters)) then
+            if (self%planar .or. .not. norm2(euler_parameters) > 0.0_wp) then
+                call refuse(label//': Euler parameters that are zero, or in the plane', 'give an angle in the plane, and unit '// &
+                    'Euler parameters in space', error)
+                return
+            end if
+            body%p = euler_parameters/norm2(euler_parameters)
+        end if
+        if (present(omega)) then
+            if (size(omega) /= merge(1, 3, self%planar)) then
+                call refuse(label//': omega has '//to_text(size(omega))//' entries', 'give one in the plane, three in space', error)
+                return
+            end if
+            if (self%planar) then
+                body%omega(3) = omega(1)
+            else
+                body%omega = omega
+            end if
+        end if
+        self%bodies = [self%bodies, body]
+        call self%keep_name(name, 0, size(self%bodies))
+    end procedure add_body
+
+    !> A named point of a body or of the ground.
+    module procedure add_point
+        type(point_type) :: point
+        integer :: i
+
+        point%name = name
+        point%body = self%find_body(body)
+        if (point%body < 0) then
+            call refuse('point '//trim(name)//': there is no body '//trim(body), 'add the body before its points', error)
+            return
+        else if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0) then
+            call refuse('a point of '//trim(body)//' has the name "'//trim(name)//'"', 'take 1 to '//to_text(name_length)// &
+                ' characters without a dot', error)
+            return
+        end if
+        do i = 1, size(self%points)
+            if (self%points(i)%body /= point%body .or. self%points(i)%name /= name) cycle
+            call refuse('point '//trim(body)//'.'//trim(name)//' is there already', 'take another name', error)
+            return
+        end do
+        call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
+        if (.not. allocated(error)) self%points = [self%points, point]
+    end procedure add_point
+
+    !> A name that no other element has.
+    module procedure check_name
+        if (.not. allocated(self%names)) call self%clear()
+        if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
+            index(trim(name), ' ') > 0) then
+            call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
+                ' characters without dots and blanks', error)
+        else if (name == 'ground' .or. any(self%names == name)) then
+            call refuse(label//': there is a '//trim(name)//' already', 'take another name', error)
+        end if
+    end procedure check_name
+
+    !> A body and a point of it from `body` or `body.point`.
+    module procedure take_point
+        integer :: dot, i
+
+        place = 0.0_wp
+        dot = index(text, '.')
+        is_point = dot > 0
+        if (.not. is_point) dot = len(text) + 1
+        body = self%find_body(text(:dot - 1))
+        if (body < 0) then
+            call refuse(label//': there is no body '//trim(text(:dot - 1)), 'add it before, or correct the name', error)
+            return
+        end if
+        if (.not. is_point) return
+        do i = 1, size(self%points)
+            if (self%points(i)%body /= body .or. self%points(i)%name /= text(dot + 1:)) cycle
+            place = self%points(i)%place
+            return
+        end do
+        call refuse(label//': the body '//text(:dot - 1)//' has no point '//trim(text(dot + 1:)), &
+            'add it before, or correct the name', error)
+    end procedure take_point
+
+    !> Two points of two different bodies.
+    module procedure take_pair
+        points = .false.
+        second = 0
+        s2 = 0.0_wp
+        call self%take_point(label, one, first, s1, points(1), error)
+        if (.not. allocated(error)) call self%take_point(label, other, second, s2, points(2), error)
+        if (allocated(error)) return
+        if (first == second) call refuse(label//' is between a body and itself', 'name two different bodies', error)
+    end procedure take_pair
+    !> The inertia of a body from one, three or six values.
+    subroutine take_inertia(planar, label, inertia, body, error)
+        logical, intent(in) :: planar
+        character(len=*), intent(in) :: label
+        real(wp), intent(in) :: inertia(:)
+        type(body_type), intent(inout) :: body
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: i
+
+        if (.not. all(ieee_is_finite(inertia))) then
+            call refuse(label//' has an inertia that is not finite', 'give values in kg m^2', error)
+        else if (planar) then
+            if (size(inertia) /= 1) then
+                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', 'in the plane there is one', error)
+                return
+            end if
+            body%inertia(3, 3) = inertia(1)
+            if (inertia(1) < 0.0_wp) call refuse(label//' has a negative inertia', 'give a value >= 0 in kg m^2', error)
+        else
+            if (all(size(inertia) /= [3, 6])) then
+                call refuse(label//' has '//to_text(size(inertia))//' moments of inertia', &
+                    'give three principal values, or six entries', error)
+                return
+            end if
+            do i = 1, 3
+                body%inertia(i, i) = inertia(i)
+            end do
+            if (size(inertia) == 6) then
+                body%is_principal = .false.
+                body%inertia(1, 2) = inertia(4)
+                body%inertia(1, 3) = inertia(5)
+                body%inertia(2, 3) = inertia(6)
+                body%inertia(2, 1) = inertia(4)
+                body%inertia(3, 1) = inertia(5)
+                body%inertia(3, 2) = inertia(6)
+            end if
+            if (any(inertia(:3) < 0.0_wp)) then
+                call refuse(label//' has a negative moment of inertia', 'give values >= 0 in kg m^2', error)
+            else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
+                call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
+                    'no body has that: check the three values', error)
+            end if
+        end if
+    end subroutine take_inertia
+
+end submodule tandem_mechanism_drawing_bodies

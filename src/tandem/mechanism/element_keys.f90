@@ -1,0 +1,77 @@
+! SPDX-License-Identifier: MIT
+!> The keys of one element of a mechanism, and how keys are named: `kind.name.key`.
+module tandem_mechanism_element_keys
+    use tandem_mechanism_entries, only: entry_type
+    implicit none (type, external)
+    private
+
+    public :: element_type, add_to, joined, key_length, key_of, listed, path_of, up_to_dot
+
+    !> Length of the names of kinds, of elements and of keys.
+    integer, parameter :: key_length = 64
+
+    !> The entries of an element.
+    type :: element_type
+        character(len=key_length) :: kind = '', name = ''
+        integer, allocatable :: entries(:)
+        integer :: n = 0
+    end type element_type
+
+contains
+
+    !> The key of an entry within its element.
+    pure function key_of(entry, element) result(key)
+        type(entry_type), intent(in) :: entry
+        type(element_type), intent(in) :: element
+        character(len=len(entry%key) - len_trim(element%kind) - len_trim(element%name) - 1 - count([element%name /= ''])) :: key
+
+        key = entry%key(len(entry%key) - len(key) + 1:)
+    end function key_of
+
+    !> The name of an element in messages and headings.
+    pure function path_of(element) result(path)
+        type(element_type), intent(in) :: element
+        character(len=len_trim(element%kind) + len_trim(element%name) + count([element%name /= ''])) :: path
+
+        path = joined(trim(element%kind), trim(element%name))
+    end function path_of
+
+    !> Two parts of a key, the second of which may be empty.
+    pure function joined(first, second) result(path)
+        character(len=*), intent(in) :: first, second
+        character(len=len(first) + len(second) + count([len(second) > 0])) :: path
+
+        path = first
+        if (len(second) > 0) path = first//'.'//second
+    end function joined
+
+    !> The part of a key before its first dot.
+    pure function up_to_dot(key) result(part)
+        character(len=*), intent(in) :: key
+        character(len=index(key//'.', '.') - 1) :: part
+
+        part = key
+    end function up_to_dot
+
+    !> Names, each after a blank, commas between them.
+    pure function listed(names) result(text)
+        character(len=*), intent(in) :: names(:)
+        character(len=max(0, sum(len_trim(names) + 2) - 1)) :: text
+        integer :: i, n
+
+        n = 0
+        do i = 1, size(names)
+            text(n + 1:) = ' '//trim(names(i))//','
+            n = n + len_trim(names(i)) + 2
+        end do
+    end function listed
+
+    pure subroutine add_to(element, entry)
+        type(element_type), intent(inout) :: element
+        integer, intent(in) :: entry
+
+        if (element%n == size(element%entries)) element%entries = [element%entries, element%entries]
+        element%n = element%n + 1
+        element%entries(element%n) = entry
+    end subroutine add_to
+end module tandem_mechanism_element_keys

@@ -1,0 +1,95 @@
+! SPDX-License-Identifier: MIT
+!> The errors of keys, with the place of the entry that each is about.
+submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_errors
+    use tandem_error, only: set_error
+    use tandem_status, only: status_invalid_model
+    implicit none (type, external)
+
+contains
+
+    !> An error about a key of the element; about the element where the key is not given.
+    module procedure fail
+        integer :: k
+
+        if (self%failed()) return
+        k = self%find(key)
+        associate (element => self%elements(self%current))
+            if (k > 0) then
+                call self%fail_at(k, self%entries%list(k)%key//': '//problem, advice)
+            else
+                if (element%n > 0) k = element%entries(1)
+                call self%fail_at(k, path_of(element)//merge('.', ' ', key /= '')//key//': '//problem, advice)
+            end if
+        end associate
+    end procedure fail
+
+    !> An error about no key of an element; `place` stays as it is.
+    module procedure refuse
+        call self%fail_at(0, problem, advice)
+    end procedure refuse
+
+    !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
+    module procedure blame
+        if (.not. allocated(error) .or. self%failed()) return
+        call move_alloc(error, self%error)
+        self%place = self%place_in(self%elements(self%current))
+    end procedure blame
+
+    !> Keep the error of what is made of all elements: its place is in the one that the message names.
+    module procedure blame_named
+        integer :: k
+
+        if (.not. allocated(error) .or. self%failed()) return
+        call move_alloc(error, self%error)
+        self%place = 0
+        do k = 1, self%n_elements
+            if (self%elements(k)%name == '') cycle
+            if (says(self%error%message, trim(self%elements(k)%name))) self%place = self%place_in(self%elements(k))
+            if (self%place > 0) return
+        end do
+    end procedure blame_named
+
+    !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
+    module procedure place_in
+        integer :: i, j, k
+
+        place = 0
+        if (element%n > 0) place = self%entries%list(element%entries(1))%place
+        do i = element%n, 1, -1
+            k = element%entries(i)
+            associate (atoms => self%entries%list(k)%value%atoms)
+                do j = 1, size(atoms)
+                    if (atoms(j)%kind /= is_text) cycle
+                    if (says(self%error%message, up_to_dot(atoms(j)%text))) place = self%entries%list(k)%place
+                end do
+            end associate
+        end do
+        do i = element%n, 1, -1
+            k = element%entries(i)
+            if (says(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
+        end do
+    end procedure place_in
+
+    !> An error about an entry, 0 for none.
+    module procedure fail_at
+        if (self%failed()) return
+        call set_error(self%error, status_invalid_model, problem, advice)
+        if (entry > 0) self%place = self%entries%list(entry)%place
+    end procedure fail_at
+    !> Whether a message has a word.
+    pure logical function says(message, word)
+        character(len=*), intent(in) :: message, word
+
+        says = scan_word(' ') .or. scan_word(':') .or. scan_word(';') .or. scan_word(',')
+
+    contains
+
+        !> Whether it stands before a sign.
+        pure logical function scan_word(sign)
+            character(len=1), intent(in) :: sign
+
+            scan_word = index(' '//message, ' '//word//sign) > 0
+        end function scan_word
+    end function says
+
+end submodule tandem_mechanism_key_reader_errors

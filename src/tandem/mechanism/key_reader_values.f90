@@ -1,0 +1,177 @@
+! SPDX-License-Identifier: MIT
+!> The values that keys give, by their kind: the default before the call, what the mechanism says after it.
+submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
+    use tandem_error, only: to_text
+    use tandem_mechanism_entries, only: is_truth, number_value, text_value
+    implicit none (type, external)
+
+contains
+
+    !> A number, or an expression of parameters; the value stays as it is where the key is not given.
+    module procedure get_number
+        integer :: k
+        real(wp) :: number
+
+        k = self%index_of(key, required)
+        if (k > 0) then
+            associate (given => self%entries%list(k)%value)
+                if (given%is_list) call self%fail(key, 'is a list', 'give one number, or an expression as text')
+                if (self%failed()) return
+                call self%evaluate(k, given%atoms(1), number)
+                if (self%failed()) return
+                call check_number(self, key, number, check)
+                value = number
+            end associate
+        end if
+        if (allocated(value)) call self%remember(key, k, number_value(value), unit, help)
+    end procedure get_number
+
+    !> A list of numbers or expressions of one of some lengths.
+    module procedure get_numbers
+        character(len=:), allocatable :: allowed
+        type(value_type) :: shown
+        integer :: k, i, n
+
+        k = self%index_of(key, required)
+        if (k > 0) then
+            n = size(self%entries%list(k)%value%atoms)
+            if (.not. any(lengths == n)) then
+                allowed = to_text(lengths(1))
+                do i = 2, size(lengths)
+                    allowed = allowed//' or '//to_text(lengths(i))
+                end do
+                call self%fail(key, 'has '//to_text(n)//trim(merge(' entry  ', ' entries', n == 1)), 'give '//allowed)
+                return
+            end if
+            if (allocated(values)) deallocate (values)
+            allocate (values(n))
+            do i = 1, n
+                call self%evaluate(k, self%entries%list(k)%value%atoms(i), values(i))
+                if (self%failed()) return
+                call check_number(self, key, values(i), check)
+            end do
+        end if
+        if (.not. allocated(values)) return
+        shown%is_list = .true.
+        allocate (shown%atoms(size(values)))
+        shown%atoms%number = values
+        call self%remember(key, k, shown, unit, help)
+    end procedure get_numbers
+
+    !> A text; where it is not given and has no default, it is not allocated.
+    module procedure get_text
+        integer :: k
+
+        k = self%index_of(key, required)
+        if (k > 0) then
+            associate (given => self%entries%list(k)%value)
+                if (given%is_list .or. given%atoms(1)%kind /= is_text) then
+                    call self%fail(key, 'is no text', 'write it in quotes')
+                    return
+                end if
+                text = given%atoms(1)%text
+            end associate
+        end if
+        if (allocated(text)) call self%remember(key, k, text_value(text), help=help)
+    end procedure get_text
+
+    !> One of some texts.
+    module procedure get_choice
+        character(len=:), allocatable :: comment
+
+        comment = listed(choices)
+        comment = comment(2:)
+        if (present(help)) comment = help//': '//comment
+        call self%get_text(key, text, comment, required)
+        if (self%failed() .or. .not. allocated(text)) return
+        if (.not. any(choices == text)) then
+            call self%fail(key, 'is "'//text//'"'//question(text, choices), 'take one of'//listed(choices))
+        end if
+    end procedure get_choice
+
+    !> A list of some texts.
+    module procedure get_texts
+        type(value_type) :: shown
+        integer :: k, i
+
+        k = self%index_of(key, required)
+        if (k > 0) then
+            associate (given => self%entries%list(k)%value)
+                if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
+                    call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
+                else if (length > 0 .and. size(given%atoms) /= length) then
+                    call self%fail(key, 'has '//to_text(size(given%atoms))//' texts', 'give '//to_text(length))
+                end if
+                if (self%failed()) return
+                if (allocated(texts)) deallocate (texts)
+                allocate (texts(size(given%atoms)))
+                do i = 1, size(texts)
+                    if (len(given%atoms(i)%text) > key_length) then
+                        call self%fail(key, 'has a text of more than '//to_text(key_length)//' characters', 'shorten it')
+                        return
+                    end if
+                    texts(i) = given%atoms(i)%text
+                end do
+            end associate
+        end if
+        if (.not. allocated(texts)) return
+        shown%is_list = .true.
+        allocate (shown%atoms(size(texts)))
+        shown%atoms%kind = is_text
+        do i = 1, size(texts)
+            shown%atoms(i)%text = trim(texts(i))
+        end do
+        call self%remember(key, k, shown, help=help)
+    end procedure get_texts
+
+    !> Texts that are for others: they stay in the complete mechanism as they are given.
+    module procedure pass
+        integer :: k
+
+        k = self%index_of(key)
+        if (k == 0) return
+        associate (given => self%entries%list(k)%value)
+            if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
+                call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
+            else
+                call self%remember(key, k, given, help=help)
+            end if
+        end associate
+    end procedure pass
+
+    !> True or false.
+    module procedure get_truth
+        type(value_type) :: shown
+        integer :: k
+
+        k = self%index_of(key)
+        if (k > 0) then
+            associate (given => self%entries%list(k)%value)
+                if (given%is_list .or. given%atoms(1)%kind /= is_truth) then
+                    call self%fail(key, 'is neither true nor false', 'write true or false, without quotes')
+                    return
+                end if
+                truth = given%atoms(1)%truth
+            end associate
+        end if
+        allocate (shown%atoms(1))
+        shown%atoms(1)%kind = is_truth
+        shown%atoms(1)%truth = truth
+        call self%remember(key, k, shown, help=help)
+    end procedure get_truth
+    !> Refuse a number that is out of its range.
+    subroutine check_number(self, key, number, check)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        real(wp), intent(in) :: number
+        integer, intent(in), optional :: check
+
+        if (.not. present(check)) return
+        if (check == positive .and. .not. number > 0.0_wp) then
+            call self%fail(key, 'is '//to_text(number), 'give a number > 0')
+        else if (check == not_negative .and. .not. number >= 0.0_wp) then
+            call self%fail(key, 'is '//to_text(number), 'give a number >= 0')
+        end if
+    end subroutine check_number
+
+end submodule tandem_mechanism_key_reader_values
