@@ -2,7 +2,7 @@
 !> Tests of springs that become stiff in the middle of a run, of stiff models without derivatives, and of what is said of the
 !> velocities of a stiff spring that swings.
 module test_stiff_springs
-    use asserts, only: check_below, check_between, check_failure, check_no_failure, check_true
+    use asserts, only: check_below, check_between, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: run
@@ -92,9 +92,9 @@ contains
         end do
     end subroutine test_stiffening
 
-    !> Fixed steps too, of SDIRK54 shorter and longer than the 10 ms that the spring takes to stiffen: within 1e-3 of the run with
-    !> 1e-10, since a step does not resolve that. The stages of radau5 share one matrix, which must not change a hundredfold
-    !> between them: it takes steps of 0.5 ms, and else says that its iteration does not converge.
+    !> Fixed steps too, shorter and longer than the 10 ms that the spring takes to stiffen: within 1e-3 of the run with 1e-10, since
+    !> a step does not resolve that. The stages of radau5 share one matrix, which none does that changes a hundredfold between
+    !> them: there it solves them one by one.
     subroutine test_fixed_stiffening(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: sizes(4) = [5.0e-4_wp, 2.0e-3_wp, 1.0e-2_wp, 2.0e-2_wp], ratios(2) = [1.0e3_wp, 1.0e5_wp]
@@ -108,7 +108,7 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             do j = 1, size(steppers)
-                do k = 1, merge(size(sizes), 1, steppers(j) == 'sdirk54')
+                do k = 1, size(sizes)
                     call swing(options_type(stepper=steppers(j), step=sizes(k)), ratios(i), .true., 1.0_wp, simulation, &
                         statistics, failure)
                     call check_no_failure(error, failure)
@@ -116,9 +116,6 @@ contains
                     call check_below(error, maxval(abs(simulation%state%q(:2) - fine%state%q(:2))), 1.0e-3_wp, 'position')
                 end do
             end do
-            call swing(options_type(stepper='radau5', step=sizes(2)), ratios(i), .true., 1.0_wp, simulation, statistics, failure)
-            call check_failure(error, failure, 'newton_failed', 'take a smaller step')
-            if (allocated(error)) return
         end do
     end subroutine test_fixed_stiffening
 

@@ -1013,15 +1013,52 @@ static void test_faults(void)
     tandem_free(p);
 }
 
+/* A mass on a spring and a damper that are far stiffer than its motion, q = sin(t). */
+static int of_one(double t, const double *q, double *value, void *user_data)
+{
+    (void)t, (void)q, (void)user_data;
+    value[0] = 1;
+    return 0;
+}
+
+static int of_stiff_spring(double t, const double *q, const double *qd, double *value, void *user_data)
+{
+    (void)user_data;
+    value[0] = -1e8 * (q[0] - sin(t)) - 2e4 * (qd[0] - cos(t)) - sin(t);
+    return 0;
+}
+
+/* `auto` finds out that this is stiff, and says so in its figures. */
+static void test_auto(void)
+{
+    tandem_problem *p = tandem_new(1, 0, 0, NULL);
+    double q = 0, qd = 1, t, switches, steps;
+
+    tandem_set_position_function(p, "mass_matrix", of_one);
+    tandem_set_motion_function(p, "applied_force", of_stiff_spring);
+    expect("auto-is-taken", p, tandem_set_text(p, "stepper", "auto"), TANDEM_OK, "ok");
+    expect("auto-takes-no-fixed-steps", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_OPTION, "rtol");
+    tandem_set_real(p, "rtol", 1e-6);
+    tandem_start(p, 0, &q, &qd);
+    expect("auto-runs", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
+    tandem_get_state(p, &t, &q, &qd, NULL);
+    check("auto-is-right", fabs(q - sin(2)) < 1e-5 && fabs(qd - cos(2)) < 1e-5, "another motion");
+    tandem_get_statistic(p, "switches", &switches);
+    tandem_get_statistic(p, "steps", &steps);
+    /* dop853 alone would need some 1e4/6 steps a second. */
+    check("auto-goes-over-to-radau5", switches >= 1 && steps < 1000, "it does not");
+    tandem_free(p);
+}
+
 static void test_saved(void)
 {
-    static const char *const steppers[] = {"rk4", "dop853", "sdirk54"};
+    static const char *const steppers[] = {"rk4", "dop853", "radau5", "auto", "sdirk54"};
     static int64_t words[20000];
     double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0}, kink = 5;
     char name[60];
     int count, again;
 
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 5; i++) {
         struct bowl b = new_bowl(), other = new_bowl();
         tandem_problem *p = bowl_problem(&b), *q = bowl_problem(&other);
         tandem_set_text(p, "stepper", steppers[i]);
@@ -1573,6 +1610,7 @@ int main(void)
     test_missing();
     test_sizes();
     test_faults();
+    test_auto();
     test_saved();
     test_mass_blocks();
     test_message();

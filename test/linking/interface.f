@@ -18,7 +18,7 @@ C
       DIMENSION LH(TDHLEN), REAL2(6), AIMA2(6), AMAT2(36)
       LOGICAL FLAGS(5)
       EXTERNAL EVAL, EDGE, GAMMA, AMASS, FORCE, POTEN, LEAVE
-      EXTERNAL AMDER, TURNED
+      EXTERNAL AMDER, TURNED, ONE, SPRING
       COMMON /COUNT/ NFAIL
       COMMON /SELF/ ME(TDHLEN), KERR
       NFAIL = 0
@@ -253,6 +253,30 @@ C     The error by a second run.
 C     An estimate is right to a factor of two.
       CALL TOLD ('and-right', ERR .GT. 1.0D-9 .AND. TOLDQ .GT.
      &           0.5D0*ERR .AND. TOLDQ .LT. 2.0D0*ERR)
+      CALL TDFREE (KH, IERR)
+C
+C     AUTO, on a spring that is far stiffer than the motion SIN(T).
+      CALL TDNEW (KH, 1, 0, 0, IERR)
+      CALL TDPOS (KH, 'mass_matrix', ONE, IERR)
+      CALL TDMOT (KH, 'applied_force', SPRING, IERR)
+      CALL TDSETS (KH, 'stepper', 'AUTO', IERR)
+      CALL OK ('auto-is-taken', KH, IERR)
+      Q2(1) = 0.0D0
+      QD2(1) = 1.0D0
+      CALL BAD ('auto-takes-no-fixed-steps', KH, TDEOPT, 'rtol')
+      CALL TDSTRT (KH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL WAS (KH, IERR)
+      CALL TDSETR (KH, 'rtol', 1.0D-6, IERR)
+      CALL TDSTRT (KH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
+      CALL TDINTG (KH, T3, Q2, QD2, 2.0D0, RPAR, IPAR, IERR)
+      CALL OK ('auto-runs', KH, IERR)
+      CALL TOLD ('auto-is-right', ABS(Q2(1) - SIN(2.0D0)) .LT. 1.0D-5
+     &           .AND. ABS(QD2(1) - COS(2.0D0)) .LT. 1.0D-5)
+      CALL TDSTAT (KH, 'switches', SWITCH, IERR)
+      CALL TDSTAT (KH, 'steps', STEPS, IERR)
+C     DOP853 alone would need some 1E4/6 steps a second.
+      CALL TOLD ('auto-goes-over-to-radau5', SWITCH .GT. 0.5D0 .AND.
+     &           STEPS .LT. 1.0D3)
       CALL TDFREE (KH, IERR)
 C
 C     A derivative, by its name and as none.
@@ -532,6 +556,18 @@ C
       A(2,2) = RPAR(1)
       A(3,3) = RPAR(2)
       IF (IPAR(2) .EQ. 4) A(2,1) = 0.5D0
+      END
+C
+      SUBROUTINE ONE (N, M, T, Q, A, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), A(M,N), RPAR(*), IPAR(*)
+      A(1,1) = 1.0D0
+      END
+C
+      SUBROUTINE SPRING (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      DIMENSION Q(N), QD(N), F(M), RPAR(*), IPAR(*)
+      F(1) = -1.0D8*(Q(1) - SIN(T)) - 2.0D4*(QD(1) - COS(T)) - SIN(T)
       END
 C
       SUBROUTINE FORCE (N, M, T, Q, QD, F, RPAR, IPAR, ISTAT)

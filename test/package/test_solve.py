@@ -2,6 +2,7 @@
 """Models in Python against motions in closed form, and what a user of Python expects where something is wrong."""
 
 import ctypes
+import math
 import os
 import signal
 import subprocess
@@ -30,7 +31,7 @@ class Motions(unittest.TestCase):
         self.assertTrue(np.array_equal(solution["x"], solution.q[:, 0]))
 
     def test_every_stepper(self):
-        for stepper in ("rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5"):
+        for stepper in ("rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5", "auto"):
             with self.subTest(stepper):
                 rough = {} if stepper == "rk4" else {"rtol": 1e-6}
                 options = {"step": 1e-3} if stepper == "rk4" else rough
@@ -38,6 +39,24 @@ class Motions(unittest.TestCase):
                 exact = tandem.solve(Pendulum(), (0, 1), *START, rtol=1e-12).q[-1]
                 # A thousand times the tolerance: what its errors a step may sum up to.
                 self.assertLess(np.abs(solution.q[-1] - exact).max(), 1e-3)
+
+    def test_auto_finds_what_is_stiff(self):
+        class Follower(tandem.Model):
+            """A mass on a spring and a damper that are far stiffer than its motion, q = sin(t)."""
+
+            n = 1
+            mass_matrix = np.eye(1)
+
+            def applied_force(self, t, q, qd):
+                return -1e8*(q - math.sin(t)) - 2e4*(qd - math.cos(t)) - math.sin(t)
+
+        solution = tandem.solve(Follower(), (0, 2), [0], [1], stepper="auto", rtol=1e-6)
+        self.assertLess(abs(solution.q[-1, 0] - math.sin(2)), 1e-5)
+        self.assertGreaterEqual(solution.statistics["switches"], 1)
+        # dop853 alone would need some 1e4/6 steps a second.
+        self.assertLess(solution.statistics["steps"], 1000)
+        with self.assertRaisesRegex(tandem.InvalidInput, "rtol"):
+            tandem.solve(Follower(), (0, 2), [0], [1], stepper="auto", step=1e-3)
 
     def test_skate_at_wanted_times(self):
         times = np.linspace(0, 10, 101)

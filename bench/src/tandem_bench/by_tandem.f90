@@ -40,7 +40,7 @@ contains
         end if
         call new_stepper(stepper, method)
         properties = method%properties()
-        solver%is_implicit = properties%implicit
+        solver%is_implicit = properties%implicit .or. len_trim(properties%partner) > 0
         solver%is_fixed = properties%estimate_order == 0
     end function new_tandem
 

@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> The solvers of a problem, in the order of the tables.
 module tandem_bench_solvers
-    use tandem, only: stepper_names
+    use tandem, only: stepper_choices
     use tandem_bench_by_ida, only: ida_type
+    use tandem_bench_by_radau5, only: radau5_type
     use tandem_bench_by_tandem, only: new_tandem
     use tandem_bench_elimination, only: by_lapack, by_lu, by_sweeps, kernel_name
     use tandem_bench_index1_disk, only: index1_disk_type => by_hand_type
@@ -28,12 +29,13 @@ contains
         type(solver_holder_type), allocatable, intent(out) :: solvers(:)
         type(minimal_disk_type) :: minimal
         type(ida_type) :: ida
+        type(radau5_type) :: radau5
         integer :: i
 
         allocate (solvers(0))
-        do i = 1, size(stepper_names)
-            call add(problem, new_tandem(trim(stepper_names(i))), solvers)
-            if (stepper_names(i) == 'dop853') call add(problem, new_tandem('dop853', at_ends=.true.), solvers)
+        do i = 1, size(stepper_choices)
+            call add(problem, new_tandem(trim(stepper_choices(i))), solvers)
+            if (stepper_choices(i) == 'dop853') call add(problem, new_tandem('dop853', at_ends=.true.), solvers)
         end do
         do i = by_lu, by_lapack
             select case (problem%model%n)
@@ -48,6 +50,9 @@ contains
         ida%name = 'IDA'
         ida%is_implicit = .true.
         call add(problem, ida, solvers)
+        radau5%name = 'RADAU5'
+        radau5%is_implicit = .true.
+        call add(problem, radau5, solvers)
         minimal%name = 'minimal coordinates'
         call add(problem, minimal, solvers)
     end subroutine make_solvers
