@@ -2,6 +2,7 @@
 """Mode shapes in pages and glTF files: they are those of the file, and the motion of a mode is the closed form."""
 
 import json
+import shutil
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import h5py
 import numpy as np
 import tandem
 from tandem import viewer
+from tandem.viewer import rotations
 from tandem.viewer.gltf import glb
 from tandem.viewer.html import page
 
@@ -57,6 +59,11 @@ length = 1.0
 [time]
 end = 1.0
 """
+
+
+def vector_of(p):
+    """The rotation vector of a quaternion, of less than half a turn."""
+    return 2*np.arctan2(np.linalg.norm(p[1:]), p[0])*p[1:]/(np.linalg.norm(p[1:]) or 1.0)
 
 
 class Modes(unittest.TestCase):
@@ -106,6 +113,50 @@ class Modes(unittest.TestCase):
         seen = moved[:, 0] - 1j*moved[:, quarter]
         wanted = shapes[i, here]
         self.assertAlmostEqual(abs(np.vdot(seen, wanted))/(np.linalg.norm(seen)*np.linalg.norm(wanted)), 1.0, places=9)
+
+    def test_bodies_move_as_the_file_says(self):
+        """Places and turns of all bodies are `motions` by one factor; and these are what the Euler parameters of the shapes mean."""
+        modes = viewer.read_modes(self.folder / "bicycle.h5")
+        drawing = viewer.drawing_of(modes)
+        quarter = (len(drawing.times) - 1)//4
+        for (_, bodies), i in zip(drawing.takes, modes.shown(), strict=True):
+            factors = []
+            for body in bodies:
+                j = modes.bodies.index(body.name)
+                e, de = (np.array([row[modes.names.index(f"{body.name}.e{k}")] for k in range(4)]) for row in (modes.q, modes.shapes[i]))
+                turn = 2*(rotations.product(de.real, rotations.conjugate(e)) + 1j*rotations.product(de.imag, rotations.conjugate(e)))
+                np.testing.assert_allclose(turn[1:], modes.motions[i, j, 3:], atol=1e-12)
+                rest = np.array([modes.q[modes.names.index(f"{body.name}.{axis}")] for axis in "xyz"])
+                moved = [np.concatenate([body.place[f] - rest, vector_of(rotations.product(body.turn[f], rotations.conjugate(e)))])
+                         for f in (0, quarter)]
+                seen, wanted = moved[0] - 1j*moved[1], modes.motions[i, j]
+                factor = np.vdot(wanted, seen)/np.vdot(wanted, wanted)
+                np.testing.assert_allclose(seen, factor*wanted, atol=1e-12)
+                factors.append(factor)
+            np.testing.assert_allclose(factors, factors[0], rtol=1e-9)
+
+    def test_motions_are_what_is_drawn(self):
+        """A file in which another body moves shows that; one without motions of bodies shows its coordinates."""
+        path = self.folder / "altered.h5"
+        shutil.copyfile(self.folder / "chain.h5", path)
+        first = viewer.drawing_of(path).takes[0][1]
+        with h5py.File(path, "r+") as file:
+            for part in ("motions_re", "motions_im"):
+                file[f"linearisation/{part}"][:] = 0
+            file["linearisation/motions_re"][:, 7] = 1
+        b = viewer.drawing_of(path).takes[0][1]
+        self.assertEqual((np.abs(b[0].place[0] - [1, 0, 0]).max(), b[1].place[0, 0]), (0.0, 2.0))
+        self.assertGreater(b[1].place[0, 1], 0.1)
+        with h5py.File(path, "r+") as file:
+            del file["linearisation/motions_re"], file["linearisation/motions_im"], file["linearisation/bodies"]
+        for body, other in zip(viewer.drawing_of(path).takes[0][1], first, strict=True):
+            np.testing.assert_allclose(body.place, other.place, atol=1e-12)
+
+    def test_modes_near_a_number(self):
+        """A file of `--near`, which has no causes and only some modes."""
+        tandem.Mechanism.from_toml(CHAIN).linearise(None, "--near", "0,10", "--modes", "2", "--output", self.folder / "near.h5")
+        labels = [name for name, _ in viewer.drawing_of(self.folder / "near.h5").takes]
+        self.assertTrue(any(label.startswith(f"{10/(2*np.pi):.4g} Hz") for label in labels), labels)
 
     def test_labels(self):
         """Rounding is no growth: a disk that stands and rolls on tumbles, and swings about with real parts of 1e-15."""

@@ -603,6 +603,14 @@ class Power(Case):
         (self.folder / "told").unlink()
         subprocess.run(self.command("--quiet", "--cases", "1:2"), cwd=self.folder, env=environment, check=True)
         self.assertEqual((self.folder / "told").read_text().splitlines()[-1], "sync sweep.h5.1-2.journal")
+        # Whole motions and their names, before the journal that calls their cases done.
+        (self.folder / "told").unlink()
+        (self.folder / "runs").mkdir()
+        self.write(DISKS.replace("draws = 60", 'draws = 3\ntrajectories = "runs"'))
+        subprocess.run(self.command("--quiet", "--jobs", "1", "--cases", "1:3"), cwd=self.folder, env=environment, check=True)
+        told = [line for line in (self.folder / "told").read_text().splitlines() if line != folder and not line.startswith("unlink")]
+        self.assertEqual(told[-7:], [line for i in (1, 2, 3) for line in (f"sync case_{i:06}.h5", "sync runs")]
+                         + ["sync sweep.h5.1-3.journal"])
 
     def test_journals_of_which_parts_are_missing(self):
         """Blocks of 512 bytes after the head that never came to the disk, or the end of the file; also all of it."""

@@ -10,6 +10,7 @@ module tandem_io_sweep_case
     use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_registry, only: scene_model_type
     use tandem_io_sweep_carriers, only: joined, settings_of_case
+    use tandem_io_sweep_disk, only: sync_file, sync_folder_of
     use tandem_io_sweep_plan, only: plan_type
     use tandem_io_sweep_record, only: message_length, record_type
     use tandem_io_sweep_recorder, only: recorder_type
@@ -173,6 +174,9 @@ contains
             call observers%add(trajectory)
             call simulation%integrate(scene%t_end, error, observers)
             call trajectory%close(simulation, error, output_error)
+            ! On the disk before the case counts as done, so that after a loss of power what is done has its file.
+            if (.not. allocated(output_error)) call sync_file(scene%output%file, output_error)
+            if (.not. allocated(output_error)) call sync_folder_of(scene%output%file, output_error)
             if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         end subroutine integrate_into_file
     end subroutine integrate

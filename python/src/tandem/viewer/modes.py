@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: MIT
 """Mode shapes of a linearised system (`tandem linearise SCENE --output modes.h5`) as motions: each mode swings to and fro about the
-place where the system was linearised, as far as it can be seen well, a period in two seconds."""
+place where the system was linearised, as far as it can be seen well, a period in two seconds. Bodies move as the file says of them;
+where it says nothing of bodies, as in models of one's own, their coordinates move."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..result import Result, opened, text
+from .drawing import Body, Drawing
+from .rotations import from_vectors, product
 
 #: Seconds for a period, and frames of it.
 PERIOD, FRAMES = 2.0, 120
+TIMES = np.linspace(0.0, PERIOD, FRAMES + 1)
 #: How far a mode moves what it moves most: a part of the size of the mechanism, and an angle (rad).
 FAR, TURN = 0.12, 0.4
 #: Real parts below this part of the largest eigenvalue are zero.
@@ -24,10 +28,16 @@ ROUNDING = 1e-10
 MOST_MODES = 40
 
 
+def swing() -> np.ndarray:
+    """Once round at the frames (nf)."""
+    return np.exp(2j*np.pi*TIMES/PERIOD)
+
+
 @dataclass
 class Modes:
     """What is in the file of a linearised system: coordinates with their names, and of each mode its eigenvalue (1/s), what explains
-    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n)."""
+    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n). Of mechanisms the bodies too, with their motions in
+    each mode, complex (n_modes, n_bodies, 6): of the centre of mass (m), and the vector by which the body turns (rad)."""
 
     names: list[str]
     q: np.ndarray
@@ -38,6 +48,8 @@ class Modes:
     shapes: np.ndarray
     scene: dict[str, Any]
     path: str = ""
+    bodies: list[str] = field(default_factory=list)
+    motions: np.ndarray | None = None
 
     def shown(self) -> list[int]:
         """The modes that are motions, one of each pair, the least damped first."""
@@ -55,20 +67,25 @@ class Modes:
             return f"{value.imag/(2*np.pi):.4g} Hz, damping {100*self.damping_ratio[i] if real else 0:.3g} %{grows}"
         return f"does not swing, {value.real:.4g} 1/s{grows}"
 
+    def swings(self, i: int, size: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of each body how far its centre of mass is from its place, and the vector by which it is turned, at the frames (nf, 3)."""
+        shape = self.motions[i]/np.repeat([FAR*size, TURN], 3)
+        most = shape.flat[np.argmax(np.abs(shape))] or 1.0
+        # Turned so that what moves most is farthest at the first frame, and as far as it shall be.
+        moved = np.real(swing()[:, None, None]*self.motions[i]/most)
+        return {name: (moved[:, j, :3], moved[:, j, 3:]) for j, name in enumerate(self.bodies)}
+
     def motion(self, i: int, size: float) -> Result:
-        """A mode as rows of a motion; `size` is that of the mechanism (m)."""
+        """A mode as rows of a motion of the coordinates; `size` is that of what moves (m)."""
         shape = self.shapes[i]
-        # Turned so that what moves most is farthest at the first frame.
         shape = shape*np.exp(-1j*np.angle(shape[np.argmax(np.abs(shape))]))
         lengths = np.array([re.search(r"(^|\.|^r)[xyz]\d*$", name) is not None for name in self.names])
         # An Euler parameter changes by half of the turn.
         turns = np.array([2.0 if re.search(r"(^|\.)e[0-3]$", name) else 1.0 for name in self.names])
         far = np.abs(shape[lengths]).max(initial=0)/(FAR*size)
         turn = np.abs(shape*turns)[~lengths].max(initial=0)/TURN
-        time = np.linspace(0.0, PERIOD, FRAMES + 1)
-        swing = np.exp(2j*np.pi*time/PERIOD)[:, None]
-        q = self.q + np.real(swing*shape)/(max(far, turn) or 1.0)
-        return Result(time, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path)
+        q = self.q + np.real(swing()[:, None]*shape)/(max(far, turn) or 1.0)
+        return Result(TIMES, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path)
 
 
 def is_modes(path: str | Path) -> bool:
@@ -86,14 +103,19 @@ def read_modes(path: str | Path) -> Modes:
             # Stored by columns or by rows: a pair is what is two wide.
             values = values if values.shape[-1] == 2 and values.shape[0] == len(group["frequency"]) else values.T
             causes = [text(cause).strip() for cause in group["cause"][:]] if "cause" in group else [""]*len(values)
-            return Modes([text(name).strip() for name in group["coordinates"][:]], group["q"][:], values[:, 0] + 1j*values[:, 1], causes,
-                         group["frequency"][:], group["damping_ratio"][:], group["shapes_re"][:] + 1j*group["shapes_im"][:],
-                         tomllib.loads(text(file.attrs.get("scene", ""))), str(path))
-        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
+            found = Modes([text(name).strip() for name in group["coordinates"][:]], group["q"][:], values[:, 0] + 1j*values[:, 1], causes,
+                          group["frequency"][:], group["damping_ratio"][:], group["shapes_re"][:] + 1j*group["shapes_im"][:],
+                          tomllib.loads(text(file.attrs.get("scene", ""))), str(path))
+            if "motions_re" in group:
+                found.bodies = [text(name).strip() for name in group["bodies"][:]]
+                motions = group["motions_re"][:] + 1j*group["motions_im"][:]
+                found.motions = motions.reshape(len(found.eigenvalues), len(found.bodies), 6)
+            return found
+        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
             raise ValueError(f"{path} is no whole linearised system: {error.args[0] if error.args else error}") from error
 
 
-def draw_modes(modes: Modes, look=None):
+def draw_modes(modes: Modes, look=None) -> Drawing:
     """The drawing of a linearised system: a take for each mode."""
     from .draw import looks
 
@@ -101,16 +123,31 @@ def draw_modes(modes: Modes, look=None):
     if not shown:
         raise ValueError(f"{modes.path}: there is no mode to show: symmetries and families explain all eigenvalues")
     rest = Result(np.zeros(1), modes.names, [""]*len(modes.names), modes.q[None], scene=modes.scene, path=modes.path)
-    still, _ = looks(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
+    still, unknown = looks(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
     low, high = still.bounds()
     size = max(still.extent, 0.3*float(np.max(high - low)))
-    made = None
-    for i in shown:
-        one = modes.motion(i, size)
-        drawing, unknown = looks(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
-        if made is None:
-            made = drawing
-            made.tracks, made.arrows = [], []
-            made.about = ", ".join(part for part in (f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s", unknown) if part)
-        made.takes.append((modes.label(i), drawing.bodies))
+    say = ", ".join(part for part in (f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s", unknown) if part)
+    if look is None and modes.motions is not None:
+        made = still
+        for i in shown:
+            made.takes.append((modes.label(i), bodies_swinging(still.bodies, modes.swings(i, size))))
+        made.bodies = made.takes[0][1]
+    else:
+        made = None
+        for i in shown:
+            one = modes.motion(i, size)
+            drawing, _ = looks(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
+            made = made or drawing
+            made.takes.append((modes.label(i), drawing.bodies))
+    made.times, made.tracks, made.arrows, made.about = TIMES, [], [], say
+    return made
+
+
+def bodies_swinging(bodies: list[Body], swings: dict[str, tuple[np.ndarray, np.ndarray]]) -> list[Body]:
+    """Bodies at rest as they are in a mode; those that it does not name stay where they are."""
+    still = np.zeros((len(TIMES), 3)), np.zeros((len(TIMES), 3))
+    made = []
+    for body in bodies:
+        away, turn = swings.get(body.name, still)
+        made.append(Body(body.name, body.place[0] + away, product(from_vectors(turn), body.turn[0]), body.pieces))
     return made

@@ -42,6 +42,14 @@ def from_vector(vector):
     return np.concatenate([[np.cos(angle/2)], np.sin(angle/2)*vector/angle])
 
 
+def from_vectors(vectors):
+    """The same of many vectors (n, 3)."""
+    half = np.asarray(vectors, dtype=float)/2
+    angle = np.linalg.norm(half, axis=-1, keepdims=True)
+    # sin(pi x)/(pi x), which is 1 at 0.
+    return np.concatenate([np.cos(angle), np.sinc(angle/np.pi)*half], axis=-1)
+
+
 def from_angle(angle):
     """Rotations about z; without a jump where the angle goes on."""
     angle = np.asarray(angle, dtype=float)

@@ -98,15 +98,25 @@ function shadesOf(tint) {
     });
 }
 
+/** How many faces a round piece has: so many that its edge is within half a pixel or so of a circle, in the first view. */
+function roundness(length, size) {
+    const pixels = 420 * length / size;
+    return 2 * Math.round(Math.min(20, Math.max(8, Math.PI * Math.sqrt(pixels))) / 2);
+}
+
 /** The same as one mesh in the world's axes, moved and lit here: for renderers that are programs themselves. */
-function makeMerged(scene, owners, up, sun) {
-    const made = Object.fromEntries(Object.entries(shapes(16)).map(([name, make]) => [name, make()])), normalMatrix = new THREE.Matrix3(), v = new THREE.Vector3();
-    const count = what => owners.reduce((sum, { pieces }) => sum + pieces.reduce((n, [shape]) => n + what(made[shape]), 0), 0);
+function makeMerged(scene, owners, up, sun, size) {
+    const known = {}, normalMatrix = new THREE.Matrix3(), v = new THREE.Vector3();
+    const shapeOf = ([name, lengths]) => {
+        const round = name in fromFiles || name === "box" ? 0 : roundness(name === "cylinder" ? Math.max(lengths[0], lengths[1]) : Math.max(...lengths), size);
+        return known[`${name} ${round}`] ??= shapes(round)[name]();
+    };
+    const count = what => owners.reduce((sum, { pieces }) => sum + pieces.reduce((n, piece) => n + what(shapeOf(piece)), 0), 0);
     const vertices = count(shape => shape.attributes.position.count);
     const own = new Float32Array(6 * vertices), index = new Uint32Array(count(shape => shape.index.count)), tables = {}, parts = [];
     let at = 0, corner = 0;
     for (const { node, pieces } of owners) for (const piece of pieces) {
-        const shape = made[piece[0]], local = matrixOf(piece), { position, normal } = shape.attributes, from = at;
+        const shape = shapeOf(piece), local = matrixOf(piece), { position, normal } = shape.attributes, from = at;
         normalMatrix.getNormalMatrix(local);
         for (let i = 0; i < shape.index.count; i++) index[corner++] = at + shape.index.array[i];
         for (let i = 0; i < position.count; i++, at++) {
@@ -194,8 +204,11 @@ function makeLine(scene, track, node, channels, from, frames, size) {
         node.updateMatrixWorld();
         // The piece that ended at the last frame gets its own end back.
         restore(drawn);
+        const position = geometry.attributes.position, first = Math.min(drawn, full + 1);
+        position.clearUpdateRanges();
+        position.addUpdateRange(3 * first, 3 * (Math.max(drawn, full + 1) + 1 - first));
         places.set(here, 3 * (drawn = full + 1));
-        geometry.attributes.position.needsUpdate = true;
+        position.needsUpdate = true;
         geometry.setDrawRange(0, full + 2);
     };
     return { line, node, grow };
@@ -218,33 +231,56 @@ function makeArrow(scene, arrow, size) {
     return { group, stretch };
 }
 
-function makeGround(scene, drawing, size, isSoft) {
-    const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = isSoft ? 40 : 60, piece = 5;
-    const plate = new THREE.Mesh(new THREE.CircleGeometry(cell * cells, 64),
+function makeGround(scene, drawing, size, isSoft, camera) {
+    const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = isSoft ? 40 : 60, reach = cell * cells;
+    const plate = new THREE.Mesh(new THREE.CircleGeometry(reach, 64),
         new THREE.MeshBasicMaterial({ color: 0xe8ecef, depthWrite: false, side: THREE.DoubleSide }));
-    // Short pieces: some renderers drop a line that begins far behind the camera.
-    const places = [];
-    for (let i = -cells; i <= cells; i++) for (let j = -cells; j < cells; j += piece) {
-        places.push(i * cell, j * cell, 0, i * cell, (j + piece) * cell, 0, j * cell, i * cell, 0, (j + piece) * cell, i * cell, 0);
-    }
-    const grid = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xc6ccd2 }));
-    grid.geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+    const places = new Float32Array(12 * (2 * cells + 1)), geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    const grid = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: 0xc6ccd2 }));
+    grid.frustumCulled = false;
     // The ground is drawn first and hides nothing, so that its lines and tracks on it are seen.
     plate.renderOrder = -2;
     grid.renderOrder = -1;
     grid.material.depthWrite = false;
     // A plate is all pixels once more.
-    group.add(...isSoft ? [grid] : [plate, grid]);
+    if (!isSoft) scene.add(group.add(plate));
+    scene.add(grid);
     group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...drawing.normal));
-    group.position.set(...drawing.ground);
-    scene.fog = new THREE.Fog(scene.background.getHex(), 4 * size, Math.max(12 * size, 0.9 * cell * cells));
-    scene.add(group);
-    const origin = group.position.clone(), along = new THREE.Vector3(), back = group.quaternion.clone().invert();
+    scene.fog = new THREE.Fog(scene.background.getHex(), 4 * size, Math.max(12 * size, 0.9 * reach));
+    const origin = new THREE.Vector3(...drawing.ground), away = new THREE.Vector3(), back = group.quaternion.clone().invert();
+    const axes = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0)].map(axis => axis.applyQuaternion(group.quaternion));
+    const frustum = new THREE.Frustum(), matrix = new THREE.Matrix4(), from = new THREE.Vector3();
+    /** The part of a line that the camera sees: some renderers drop a line that begins far behind it, and each piece costs. */
+    const put = (along, at) => {
+        let low = 0, high = 2 * reach;
+        for (const plane of frustum.planes) {
+            const distance = plane.distanceToPoint(from), slope = plane.normal.dot(along);
+            if (slope > 0) low = Math.max(low, -distance / slope);
+            else if (slope < 0) high = Math.min(high, -distance / slope);
+            else if (distance < 0) return at;
+        }
+        if (!(low < high)) return at;
+        for (const s of [low, high]) {
+            places[at++] = from.x + s * along.x;
+            places[at++] = from.y + s * along.y;
+            places[at++] = from.z + s * along.z;
+        }
+        return at;
+    };
     /** The grid goes with the camera's target by whole cells, so that it seems without end. */
     return target => {
-        along.copy(target).sub(origin).applyQuaternion(back);
-        along.set(cell * Math.round(along.x / cell), cell * Math.round(along.y / cell), 0).applyQuaternion(group.quaternion);
-        group.position.copy(origin).add(along);
+        away.copy(target).sub(origin).applyQuaternion(back);
+        group.position.set(cell * Math.round(away.x / cell), cell * Math.round(away.y / cell), 0).applyQuaternion(group.quaternion).add(origin);
+        camera.updateMatrixWorld();
+        frustum.setFromProjectionMatrix(matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse));
+        let at = 0;
+        for (let k = 0; k < 2; k++) for (let i = -cells; i <= cells; i++) {
+            from.copy(group.position).addScaledVector(axes[k], -reach).addScaledVector(axes[1 - k], i * cell);
+            at = put(axes[k], at);
+        }
+        geometry.setDrawRange(0, at / 3);
+        geometry.attributes.position.needsUpdate = true;
     };
 }
 
@@ -352,58 +388,62 @@ export async function show(drawing, buffer) {
         channel += 3;
         return makeLine(scene, track, node, channels, channel - 3, frames, size);
     });
-    const movePieces = isSoft ? makeMerged(scene, owners, up, toSun.clone().normalize()) : makeInstances(scene, owners);
+    const movePieces = isSoft ? makeMerged(scene, owners, up, toSun.clone().normalize(), size) : makeInstances(scene, owners);
     const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...makeArrow(scene, arrow, size), from: channel - 6, arrow }; });
     const coilGeometry = coil();
     const springs = drawing.springs.map(spring => {
         const line = new THREE.Line(coilGeometry, new THREE.LineBasicMaterial({ color: 0x3c4043 }));
         line.frustumCulled = false;
         scene.add(line);
-        return { line, spring, ends: spring.places.map(place => new THREE.Vector3(...place)) };
+        return { line, spring, ends: spring.places.map(place => new THREE.Vector3(...place)), nodes: spring.bodies.map(name => byName[name]) };
     });
-    const moveGround = drawing.ground ? makeGround(scene, drawing, size, isSoft) : () => {};
+    const moveGround = drawing.ground ? makeGround(scene, drawing, size, isSoft, camera) : () => {};
 
     const state = { frame: 0, playing: false, speed: 1, follow: drawing.follow, drawn: 0 };
     const before = new THREE.Quaternion(), after = new THREE.Quaternion();
     const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1), y = new THREE.Vector3(0, 1, 0);
 
+    const showArrows = element("arrows");
+
     /** Put everything where it is at a frame, which may lie between two. */
     function pose(frame) {
         const f = Math.min(Math.floor(frame), Math.max(0, last - 1)), s = last ? frame - f : 0, g = Math.min(f + 1, last);
-        nodes.forEach((node, i) => {
-            const c = 7 * (i + take * bodies.length), mix = k => channels[c + k][f] + s * (channels[c + k][g] - channels[c + k][f]);
-            node.position.set(mix(0), mix(1), mix(2));
+        for (let i = 0; i < nodes.length; i++) {
+            const node = nodes[i], c = 7 * (i + take * nodes.length), x = channels[c], y = channels[c + 1], z = channels[c + 2];
+            node.position.set(x[f] + s * (x[g] - x[f]), y[f] + s * (y[g] - y[f]), z[f] + s * (z[g] - z[f]));
             before.set(channels[c + 4][f], channels[c + 5][f], channels[c + 6][f], channels[c + 3][f]).normalize();
             after.set(channels[c + 4][g], channels[c + 5][g], channels[c + 6][g], channels[c + 3][g]).normalize();
             node.quaternion.slerpQuaternions(before, after, s);
             node.updateMatrixWorld();
-        });
+        }
         const near = Math.round(frame);
         for (const { grow } of lines) grow(near);
         movePieces();
-        for (const { line, spring, ends } of springs) {
-            const [p, q] = ends.map((end, k) => { const to = k ? b : a; to.copy(end); return spring.bodies[k] ? to.applyMatrix4(byName[spring.bodies[k]].matrixWorld) : to; });
-            line.position.copy(p);
-            const length = Math.max(p.distanceTo(q), 1e-9 * size);
-            line.quaternion.setFromUnitVectors(z, q.sub(p).normalize());
+        for (const { line, spring, ends, nodes: at } of springs) {
+            a.copy(ends[0]);
+            b.copy(ends[1]);
+            if (at[0]) a.applyMatrix4(at[0].matrixWorld);
+            if (at[1]) b.applyMatrix4(at[1].matrixWorld);
+            line.position.copy(a);
+            const length = Math.max(a.distanceTo(b), 1e-9 * size);
+            line.quaternion.setFromUnitVectors(z, b.sub(a).normalize());
             line.scale.set(spring.radius, spring.radius, length);
         }
         for (const { group, stretch, from, arrow } of arrows) {
-            const at = k => channels[from + k][near];
-            group.position.set(at(0), at(1), at(2));
-            b.set(at(3), at(4), at(5));
+            group.position.set(channels[from][near], channels[from + 1][near], channels[from + 2][near]);
+            b.set(channels[from + 3][near], channels[from + 4][near], channels[from + 5][near]);
             const length = b.length() * arrow.scale;
-            group.visible = element("arrows").checked && length > 1e-3 * size;
+            group.visible = showArrows.checked && length > 1e-3 * size;
             if (group.visible) { stretch(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
         }
     }
 
+    const moving = nodes.some((_, i) => !bodies[i].still) ? nodes.filter((_, i) => !bodies[i].still) : nodes;
     const centre = new THREE.Vector3(), old = new THREE.Vector3();
     function followed(into) {
         if (state.follow === "*") {
             into.set(0, 0, 0);
-            const seen = nodes.filter((_, i) => !bodies[i].still);
-            (seen.length ? seen : nodes).forEach(node => into.addScaledVector(node.position, 1 / (seen.length || nodes.length)));
+            for (const node of moving) into.addScaledVector(node.position, 1 / moving.length);
         } else if (byName[state.follow]) into.copy(byName[state.follow].position);
         else return false;
         return true;
@@ -457,21 +497,29 @@ export async function show(drawing, buffer) {
         draw();
     }
 
-    let then = 0, slow = 0;
+    let then = 0, slow = 0, asked = 0;
+    /** The next frame of a motion that plays; where it does not, nothing is asked of the browser. */
     function tick(now) {
-        // Where frames take long, there are fewer pixels.
-        slow = state.playing && now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
-        if (slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
-        if (state.playing) {
-            const ahead = Math.min(0.25, (now - then) / 1000) * state.speed / times.step;
-            let frame = state.frame + ahead;
-            if (frame >= last) {
-                if (element("loop").checked && last) frame = 0; else { frame = last; state.playing = false; }
-            }
-            set(frame);
+        asked = 0;
+        if (!state.playing) return;
+        // Where frames take a graphics card long, there are fewer pixels. Drawn by software they cost little: it is corners that do.
+        slow = now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
+        if (!isSoft && slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
+        const ahead = Math.min(0.25, Math.max(0, now - then) / 1000) * state.speed / times.step;
+        let frame = state.frame + ahead;
+        if (frame >= last) {
+            if (element("loop").checked && last) frame = 0; else { frame = last; state.playing = false; }
         }
         then = now;
-        requestAnimationFrame(tick);
+        if (state.playing) asked = requestAnimationFrame(tick);
+        set(frame);
+    }
+
+    function start() {
+        state.playing = true;
+        then = performance.now();
+        if (!asked) asked = requestAnimationFrame(tick);
+        draw();
     }
 
     function resize() {
@@ -482,7 +530,8 @@ export async function show(drawing, buffer) {
         draw();
     }
 
-    const play = () => { if (!state.playing && state.frame >= last) set(0); state.playing = !state.playing; draw(); };
+    const pause = () => { state.playing = false; draw(); };
+    const play = () => { if (state.playing) { pause(); return; } if (state.frame >= last) set(0); start(); };
     element("time").max = last;
     element("time").addEventListener("input", event => { state.playing = false; set(+event.target.value); });
     element("play").addEventListener("click", play);
@@ -521,15 +570,14 @@ export async function show(drawing, buffer) {
     reset();
     resize();
     set(0);
-    requestAnimationFrame(now => { then = now; tick(now); });
-    if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches && !location.hash.includes("still")) { state.playing = true; draw(); }
+    if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches && !location.hash.includes("still")) start();
 
     /** For scripts and tests. */
     return {
         drawing, state, scene, camera, controls, renderer, channels,
         setTime: t => set((t - times.first) / times.step),
         time: () => times.first + times.step * state.frame,
-        play: () => { if (!state.playing) play(); }, pause: () => { state.playing = false; draw(); },
+        play: () => { if (!state.playing) play(); }, pause,
         pose: name => ({ position: byName[name].getWorldPosition(new THREE.Vector3()).toArray(), quaternion: byName[name].getWorldQuaternion(new THREE.Quaternion()).toArray() }),
     };
 }
