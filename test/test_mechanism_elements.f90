@@ -213,7 +213,7 @@ contains
         call expect('has no body')
         call draw(mechanism, .false.)
         call mechanism%add_body('first', 1.0_wp, at, failure)
-        call expect('there is a first already')
+        call expect('there is another "first" already, a body')
         call mechanism%add_body('a.b', 1.0_wp, at, failure)
         call expect('is no name')
         call mechanism%add_body('heavy', -1.0_wp, at, failure)

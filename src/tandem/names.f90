@@ -7,7 +7,7 @@ module tandem_names
     public :: nearest_name, question
 
     !> How many letters stand around the name in a question.
-    integer, parameter :: around = 18
+    integer, parameter :: around = 19
 
 contains
 
@@ -67,7 +67,7 @@ contains
         character(len=question_length(word, names)) :: text
 
         text = ''
-        if (len(text) > 0) text = '; did you mean "'//nearest_name(word, names)//'"?'
+        if (len(text) > 0) text = ' (did you mean "'//nearest_name(word, names)//'"?)'
     end function question
 
     !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.

@@ -331,6 +331,14 @@ class Keys(Mechanism):
         self.refused("check", self.scene(text), says=["0.1000000 m apart in the drawing", "pivot", "assembled"])
         self.tandem("check", "scene.toml", "--set", "initial.assemble=true")
 
+    def test_place_of_a_joint(self):
+        """At a point that stands in `bodies` already: the same place. Another point of that body is refused."""
+        text = PLANAR.replace("at = [0, 0]", 'at = "ground:[0, 0]"').replace('["ground", "rod"]', '["ground:[0, 0]", "rod:[-0.5, 0]"]')
+        done = self.tandem("check", self.scene(text))
+        self.assertIn("degrees of freedom: 1 at position level", done.stdout)
+        self.refused("check", self.scene(text.replace('at = "ground:[0, 0]"', 'at = "rod:[-0.4, 0]"')),
+                     says=["joint.pivot.at", "is not the point of that body in bodies", "leave out one"])
+
     def test_study(self):
         self.tandem("study", "precision", self.scene(PLANAR), "--set", "time.end=0.05", "--quiet", "--output", "study.csv")
 
@@ -447,7 +455,7 @@ WRONG = [
     ("position = [\"l\", 1]", 'position = ["l", 1, 0]', ["body.bob.position", "has 3 entries", "give 2"]),
     ("position = [\"l\", 1]", 'position = ["L", 1]', ["body.bob.position: column 1", 'did you mean "l"?']),
     ("position = [\"l\", 1]", 'position = ["l", 0]', ["coil", "no length in the drawing", "move one of its ends"]),
-    ("[body.bob]", "[body.ground]", ["there is a ground already", "another name"]),
+    ("[body.bob]", "[body.ground]", ["there is another \"ground\" already", "another name"]),
     ("[body.bob]", "[body.pivot]", ["pivot"]),
     ("[body.bob]", '[body."b o b"]', ["is no name", "without dots and blanks"]),
     ("[body.bob]", '[body."b.b"]', ['"b.b" is no name']),

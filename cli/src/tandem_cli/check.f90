@@ -66,9 +66,14 @@ contains
         integer :: i
 
         associate (model => scene%model)
+            verdict = ', '//counted(model%n - model%n_constraints(), 'degree', 's')//' of freedom'
+            ! Those of a mechanism are counted below, without its redundant rows.
+            select type (model)
+            class is (mechanism_type)
+                verdict = ''
+            end select
             call say(scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
-                ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints, '// &
-                to_text(model%n - model%n_constraints())//' degrees of freedom')
+                ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints'//verdict)
         end associate
         call say('procedures against differences at '//to_text(n_states)//' random states:')
         do i = 1, size(findings)
@@ -92,6 +97,22 @@ contains
         end do
     end subroutine print_check
 
+    !> A number of things.
+    pure function counted(n, word, many, one) result(text)
+        integer, intent(in) :: n
+        !> The word, and its ends for any number but one, and for one.
+        character(len=*), intent(in) :: word, many
+        character(len=*), intent(in), optional :: one
+        character(len=:), allocatable :: text
+
+        text = to_text(n)//' '//word
+        if (n /= 1) then
+            text = text//many
+        else if (present(one)) then
+            text = text//one
+        end if
+    end function counted
+
     !> Of a mechanism: bodies, rows by element, degrees of freedom, where it starts.
     subroutine print_mechanism(scene, simulation, start_error)
         type(scene_type), intent(inout) :: scene
@@ -111,7 +132,7 @@ contains
                 bodies = bodies//merge(', ', ': ', i > 1)//trim(model%bodies(i)%name)
             end do
             if (size(model%bodies) > most_names) bodies = bodies//', ...'
-            call say(to_text(size(model%bodies))//' bodies'//bodies)
+            call say(counted(size(model%bodies), 'bod', 'ies', 'y')//bodies)
         end select
         if (size(census%elements) > 0) call say(padded('rows of', 24)//padded('type', 18)//'position  velocity  redundant')
         do i = 1, size(census%elements)

@@ -73,7 +73,7 @@ module tandem_cli_commands
         option_type('--error', '', 'estimate the error at the end by a second, more accurate run, however long it takes'), &
         option_type('--no-error', '', 'never do that; without either, it is done where the run took at most 2 s'), &
         option_type('--profile', '', 'where the time goes, part by part; clocks make the run slower, which is taken off'), &
-        option_type('--at', 'TIME', 'linearise at this time of a run'), &
+        option_type('--at', 'TIME', 'linearise at this time of a run; of import, JOINT=X,...: joints drawn there (rad, m)'), &
         option_type('--equilibrium', '', 'linearise where it rests, as --set initial.equilibrium=true'), &
         option_type('--steady', 'NAME,NAME...', 'in the steady motion along these, or "any", as --set initial.steady=...'), &
         option_type('--quiet', '', 'no progress and no report; warnings and errors still go to stderr'), &
@@ -98,7 +98,6 @@ module tandem_cli_commands
         option_type('--title', 'TEXT', 'above the picture'), &
         option_type('--frames', 'N', 'frames a second (60)'), &
         option_type('--floating', '', 'the root of the robot is a free body, not the ground'), &
-        option_type('--at', 'JOINT=X,...', 'draw joints of the robot there (rad, m), not at 0'), &
         option_type('--help', '', 'this text')]
 
 contains

@@ -409,13 +409,15 @@ contains
             named = at_point
             if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
             call take_point(reader, 'at', named, mechanism, n_points, point)
-            i = findloc(sides, body_of(point), dim=1)
+            i = findloc([character(len=key_length) :: body_of(sides(1)), body_of(sides(2))], body_of(point), dim=1)
             if (i == 0) then
                 call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
-                    'name one of them, or give the place in '// &
-                    'the drawing')
-            else
+                    'name one of them, or give the place in the drawing')
+            else if (scan(sides(i), '.:') == 0) then
                 sides(i) = point
+            else if (sides(i) /= point) then
+                call reader%fail('at', '"'//at_point//'" is not the point of that body in bodies, "'//trim(texts(i))//'"', &
+                    'leave out one of them')
             end if
         else
             call reader%get_numbers('at', [n_place], at, anything, 'm', &

@@ -3,6 +3,7 @@
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_sensor, only: of_distance, of_edge, of_joint, of_row, of_wheel
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -85,7 +86,8 @@ contains
             call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
                 ' characters without dots and blanks', error)
         else if (name == 'ground' .or. any(self%names == name)) then
-            call refuse(label//': there is a '//trim(name)//' already', 'take another name', error)
+            call refuse(label//': there is another "'//trim(name)//'" already, '//trim(kind_of(self, name)), &
+                'take another name: bodies, joints, constraints, wheels and forces share them', error)
         end if
     end procedure check_name
 
@@ -166,5 +168,29 @@ contains
             end if
         end if
     end subroutine take_inertia
+
+    !> What the element of a name is.
+    pure function kind_of(self, name) result(kind)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        character(len=16) :: kind
+        integer :: type_of, number
+
+        kind = 'the ground'
+        if (name == 'ground') return
+        call self%find_element(name, type_of, number)
+        select case (type_of)
+        case (0)
+            kind = 'a body'
+        case (of_joint)
+            kind = 'a joint'
+        case (of_wheel, of_edge)
+            kind = 'a wheel or edge'
+        case (of_row, of_distance)
+            kind = 'a constraint'
+        case default
+            kind = 'a force'
+        end select
+    end function kind_of
 
 end submodule tandem_mechanism_drawing_bodies

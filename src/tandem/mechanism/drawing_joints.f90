@@ -136,7 +136,7 @@ contains
         end do
         if (norm2(gap) > tolerance*(1 + norm2(r1) + norm2(r2)) .and. .not. may_be_open) then
             call refuse(label//': its two sides are '//to_text(norm2(gap))//' m apart in the drawing', &
-                'move a body or a point, or say that it is open and let the start be assembled', error)
+                'move a body or a point, or let the start be assembled, in a scene by [initial] assemble = true', error)
         end if
     end procedure place_joint
 

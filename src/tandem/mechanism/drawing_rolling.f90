@@ -148,7 +148,7 @@ contains
         if (present(open)) may_be_open = open
         if (abs(gap) > tolerance*(1 + norm2(r) + norm2(y)) .and. .not. may_be_open) then
             call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &
-                'move the body, or say that it is open and let the start be assembled', error)
+                'move the body, or let the start be assembled, in a scene by [initial] assemble = true', error)
             return
         end if
         if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)

@@ -380,6 +380,21 @@ contains
         end subroutine skip_digits
     end subroutine parse_number
 
+    !> The variables, for messages, where they are few.
+    pure function what_there_is(self) result(text)
+        class(parser_type), intent(in) :: self
+        integer, parameter :: few = 8
+        character(len=few*(len(self%names) + 2) + 24) :: text
+        integer :: i
+
+        text = ''
+        if (self%n_variables < 1 .or. self%n_variables > few) return
+        text = '; its variables are '//self%names(1)
+        do i = 2, self%n_variables
+            text = trim(text)//', '//self%names(i)
+        end do
+    end function what_there_is
+
     !> A variable or a constant.
     subroutine parse_name(self, column, name, value)
         class(parser_type), intent(inout) :: self
@@ -395,7 +410,7 @@ contains
             if (self%is_next('(')) then
                 call self%fail(column, 'there is no function "'//name//'"'//question(name, functions%name))
             else
-                call self%fail(column, 'there is no "'//name//'"'//question(name, self%names))
+                call self%fail(column, 'there is no "'//name//'"'//question(name, self%names)//trim(what_there_is(self)))
             end if
             return
         end if

@@ -18,7 +18,7 @@ contains
                 call self%fail_at(k, self%entries%list(k)%key//': '//problem, advice)
             else
                 if (element%n > 0) k = element%entries(1)
-                call self%fail_at(k, path_of(element)//merge('.', ' ', key /= '')//key//': '//problem, advice)
+                call self%fail_at(k, trim(path_of(element)//merge('.', ' ', key /= '')//key)//': '//problem, advice)
             end if
         end associate
     end procedure fail

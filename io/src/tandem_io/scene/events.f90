@@ -171,6 +171,8 @@ contains
         if (event%index > 0) return
         problem = problem//listed(names)
         if (nearest_name(wanted, names) /= '') problem = problem//'; did you mean "'//nearest_name(wanted, names)//'"?'
+        if (allocated(model%quantities)) problem = problem// &
+            '; what the file shows is watched by its path, such as /joints/NAME/angle or /sensors/NAME'
         call reader%refuse('watch', problem)
     end subroutine find_quantity
 end module tandem_io_scene_events
