@@ -4,6 +4,7 @@ for Blender and other viewers.
 
     tandem view run.h5                              run.html and run.glb
     tandem view run.h5 --output motion.html         only the page; a name that ends in .glb: only that
+    tandem view run.h5 --output motion.vtkhdf       the motion for ParaView, every place of every corner: --frames 10 makes it smaller
     tandem view modes.h5                            the mode shapes of a linearised system (tandem linearise)
     tandem view run.h5 --names "tip position y"     what can be plotted beside the motion
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 
 def add_arguments(parser) -> None:
     parser.add_argument("file", metavar="FILE")
-    parser.add_argument("--output", metavar="PATH", help=".html or .glb; both by default, named as the file")
+    parser.add_argument("--output", metavar="PATH", help=".html or .glb, both by default, named as the file; or .vtkhdf for ParaView")
     parser.add_argument("--names", metavar="A,B...", help="series that can be plotted: coordinates, d(coordinate), sensors")
     parser.add_argument("--mesh", metavar="BODY=FILE", action="append", default=[],
                         help="a body looks as an STL or OBJ file says; BODY=FILE:0.001 where that is in millimetres")
@@ -27,18 +28,21 @@ def run(given) -> int:
     from .gltf import write_glb
     from .html import page
     from .meshes import put_meshes
+    from .vtkhdf import write_vtkhdf
 
     if not 0 < given.frames <= 1000:
         raise ValueError("--frames: more than 0 and at most 1000 a second")
     outputs = [Path(given.output)] if given.output else [Path(f"{Path(given.file).stem}{ending}") for ending in (".html", ".glb")]
     for path in outputs:
-        if path.suffix.lower() not in (".html", ".glb"):
-            raise ValueError(f"{path}: a page ends in .html, a glTF file in .glb")
+        if path.suffix.lower() not in (".html", ".glb", ".vtkhdf"):
+            raise ValueError(f"{path}: a page ends in .html, a glTF file in .glb, a file for ParaView in .vtkhdf")
     drawing = drawing_of(given.file, per_second=given.frames, names=given.names.split(",") if given.names else None)
     put_meshes(drawing, dict(mesh_of(word) for word in given.mesh))
     for path in outputs:
         if path.suffix.lower() == ".html":
             path.write_text(page(drawing), encoding="utf-8")
+        elif path.suffix.lower() == ".vtkhdf":
+            write_vtkhdf(drawing, path)
         else:
             write_glb(drawing, path)
         print(path)
