@@ -415,7 +415,7 @@ contains
                     'name one of them, or give the place in the drawing')
             else if (scan(sides(i), '.:') == 0) then
                 sides(i) = point
-            else if (sides(i) /= point) then
+            else if (texts(i) /= at_point) then
                 call reader%fail('at', '"'//at_point//'" is not the point of that body in bodies, "'//trim(texts(i))//'"', &
                     'leave out one of them')
             end if
