@@ -63,8 +63,8 @@ def measure():
     run("tools/library.py", "install", "--prefix", str(prefix), "--build", str(LIBRARY), "--flags", FLAGS, "--parts", "library")
     linking = OUT / "linking"
     shutil.copytree(ROOT / "test/linking", linking)
-    run("make", "-C", str(linking), f"PREFIX={prefix}", "interface_c", "interface_f77", "threads")
-    for program in ("interface_c", "interface_f77", "threads"):
+    run("make", "-C", str(linking), f"PREFIX={prefix}", "interface_c", "interface_f77", "mechanism_f77", "threads")
+    for program in ("interface_c", "interface_f77", "mechanism_f77", "threads"):
         run(str(linking / program))
 
 

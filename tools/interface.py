@@ -131,7 +131,7 @@ def read_all(root):
     entries = [f"c {name} = {value}" for name, value in c_constants.items()]
     entries += [f"c {declaration}" for declaration in declarations]
     entries += [f"f77 {name} = {value}" for name, value in f77_constants.items()]
-    for file in ("f77.f90", "f77_analysis.f90", "f77_none.f90"):
+    for file in ("f77.f90", "f77_analysis.f90", "f77_mechanism.f90", "f77_none.f90"):
         entries += [f"f77 {subroutine}" for subroutine in read_subroutines((legacy / file).read_text())]
     callbacks = (legacy / "f77_model.f90").read_text().split("end interface")[0]
     entries += [f"f77 callback {subroutine}" for subroutine in read_subroutines(callbacks)]

@@ -39,6 +39,8 @@ KNOWN_LEAKS = re.compile(r"__tomlf_diagnostic_MOD_new_label |__testdrive_MOD_new
 LEAK = re.compile(r"^(?:Direct|Indirect) leak of .*?(?=\n\n|\Z)", re.M | re.S)
 TROUBLE = re.compile(r"ERROR: (?!LeakSanitizer)\w+Sanitizer|runtime error:|Fortran runtime error|Backtrace for|^==\d+== ", re.M)
 FUZZED = "2000"
+# Programs of test/linking.
+INTERFACE_TESTS = ("interface_c", "interface_f77", "mechanism_f77")
 # Tests that memcheck takes about a minute or more for, by suite; shorter ones go the same ways through the code.
 LONG = {
     "accuracy": [
@@ -196,9 +198,9 @@ def valgrind():
     shutil.copytree(ROOT / "test" / "linking", linking)
     build = ["--prefix", str(installed), "--parts", "library", "--build", str(ROOT / "build" / "library-plain"), "--flags", PLAIN]
     if checks.run("the library is built", ["tools/library.py", "install", *build]) and checks.run(
-        "the tests of the interfaces are built", ["make", "-C", str(linking), f"PREFIX={installed}", "interface_c", "interface_f77"]
+        "the tests of the interfaces are built", ["make", "-C", str(linking), f"PREFIX={installed}", *INTERFACE_TESTS]
     ):
-        for name in ("interface_c", "interface_f77"):
+        for name in INTERFACE_TESTS:
             checks.run(name, [*VALGRIND, str(linking / name)], cwd=linking)
     return checks.failures
 

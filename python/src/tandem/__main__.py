@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m tandem plot | view | import urdf FILE...: what the program `tandem` calls."""
+"""python3 -m tandem plot | view | import urdf | mjcf FILE...: what the program `tandem` calls."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ def main(words: list[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     if words[:1] == ["import"]:
         # Without what pictures need.
-        from . import urdf
+        from . import mjcf, urdf
 
-        return urdf.main(words[1:])
+        return (mjcf if words[1:2] == ["mjcf"] else urdf).main(words[1:])
     parser = argparse.ArgumentParser(prog="tandem", description="Pictures of result files, and pages that play them.")
     commands = parser.add_subparsers(dest="command", required=True)
     from .plot import command as plot_command

@@ -518,7 +518,7 @@ def parse_coordinates(text: str | None) -> dict:
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("format", choices=["urdf"], help="what the file is")
+    parser.add_argument("format", choices=["urdf", "mjcf"], help="what the file is")
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="the scene (the name of the file, .toml)")
     parser.add_argument("--floating", action="store_true", help="the root is a free body, not the ground")
@@ -527,6 +527,8 @@ def add_arguments(parser) -> None:
 
 
 def run(given) -> int:
+    if given.format != "urdf":
+        raise UrdfError("files of MuJoCo are read by mjcf.py")
     target = Path(given.output or Path(given.file).with_suffix(".toml").name)
     if target.exists() and not given.force:
         raise UrdfError(f"{target} exists; name another by --output, or overwrite it by --force")

@@ -122,7 +122,8 @@ contains
             call check_sizes(self%callbacks, error)
             if (.not. allocated(error)) call self%callbacks%prepare()
         else if (.not. associated(self%model)) then
-            call set_error(error, status_invalid_model, 'the mechanism is not complete', 'call tandem_define after its keys')
+            call set_error(error, status_invalid_model, 'the mechanism is not complete', &
+                'call tandem_define or TDDEFN after its keys')
         end if
     end subroutine prepare
 

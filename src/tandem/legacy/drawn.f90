@@ -9,36 +9,52 @@ module tandem_legacy_drawn
     use tandem_mechanism_description, only: build_mechanism
     use tandem_mechanism_entries, only: value_type
     use tandem_mechanism_key_reader, only: shown_type
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
-    public :: set_key, define_mechanism, get_drawing, get_name
+    public :: set_key, set_value, define_mechanism, get_drawing, get_name
 
 contains
 
-    !> Give a key a value; a later one takes the place of an earlier one.
+    !> Give a key a value as text; a later one takes the place of an earlier one.
     subroutine set_key(problem, key, text)
         class(description_type), intent(inout) :: problem
-        !> Such as body.rod.mass.
+        !> Such as body.rod.mass; blanks at its end do not count.
         character(len=*), intent(in) :: key
         !> As scene files have it: a number, "a text", true, false, or a list of these in brackets.
         character(len=*), intent(in) :: text
         type(value_type) :: value
         logical :: is_good
 
-        if (.not. problem%is_free()) return
-        if (.not. is_open(problem)) return
         call read_value(text, value, is_good)
-        if (len_trim(key) == 0) then
-            call problem%refuse('the key is empty', 'give one such as body.rod.mass')
-        else if (.not. is_good) then
+        if (is_good) then
+            call set_value(problem, key, value)
+        else if (problem%is_free()) then
+            if (.not. is_open(problem)) return
             call problem%refuse('the value '//text//' of '//trim(key)//' cannot be read', &
                 'give a number, "a text", true, false, or a list of these in brackets')
-        else
-            call problem%keys%set(key, value)
-            call problem%succeed()
         end if
     end subroutine set_key
+
+    !> Give a key a value.
+    subroutine set_value(problem, key, value)
+        class(description_type), intent(inout) :: problem
+        !> As of `set_key`.
+        character(len=*), intent(in) :: key
+        type(value_type), intent(in) :: value
+
+        if (.not. problem%is_free()) return
+        if (.not. is_open(problem)) return
+        if (len_trim(key) == 0) then
+            call problem%refuse('the key is empty', 'give one such as body.rod.mass')
+        else if (.not. all(ieee_is_finite(value%atoms%number))) then
+            call problem%refuse('the value of '//trim(key)//' is not finite', 'give a number')
+        else
+            call problem%keys%set(trim(key), value)
+            call problem%succeed()
+        end if
+    end subroutine set_value
 
     !> False, with a status, where the problem takes no keys.
     logical function is_open(problem)
@@ -49,7 +65,7 @@ contains
         if (problem%is_mechanism) then
             call problem%refuse('the mechanism is complete', 'make another problem for another mechanism')
         else
-            call problem%refuse('the problem is no mechanism', 'make it with tandem_new_mechanism')
+            call problem%refuse('the problem is no mechanism', 'make it by tandem_new_mechanism or TDMECH')
         end if
     end function is_open
 
@@ -131,6 +147,6 @@ contains
         is_complete = problem%is_free()
         if (.not. is_complete) return
         is_complete = problem%is_mechanism .and. associated(problem%model)
-        if (.not. is_complete) call problem%refuse('there is no complete mechanism', 'call tandem_define after its keys')
+        if (.not. is_complete) call problem%refuse('there is no complete mechanism', 'call tandem_define or TDDEFN after its keys')
     end function is_complete
 end module tandem_legacy_drawn

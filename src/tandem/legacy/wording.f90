@@ -14,7 +14,7 @@ module tandem_legacy_wording
     end type phrase_type
 
     character(len=*), parameter :: or_unset = ' or set not all of its value'
-    type(phrase_type), parameter :: phrases(16) = [ &
+    type(phrase_type), parameter :: phrases(18) = [ &
         phrase_type('let the start be assembled', 'move them by tandem_assemble', 'move them by TDASSM'), &
         phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
         phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &
@@ -33,6 +33,8 @@ module tandem_legacy_wording
         phrase_type('give this object to integrate as the observer of the whole run', &
             'integrate to the end that tandem_watch_error was given', 'integrate to the end that TDWERR was given'), &
         phrase_type('tandem_watch_error or TDWERR', 'tandem_watch_error', 'TDWERR'), &
+        phrase_type('tandem_new_mechanism or TDMECH', 'tandem_new_mechanism', 'TDMECH'), &
+        phrase_type('tandem_define or TDDEFN', 'tandem_define', 'TDDEFN'), &
         ! A value that is left as it was is noticed only where it comes from another language.
         phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
             'a model procedure asked to stop'//or_unset), &
