@@ -9,7 +9,7 @@
 module tandem_mechanism_dot
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, turn_1, turn_2
-    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turn, turned
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
     implicit none (type, external)
@@ -46,17 +46,19 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
         real(wp) :: local(3, 0:2), a(3), d(3)
-        integer :: i
+        integer :: i, k
 
         do i = 1, size(dots)
             associate (dot => dots(i), one => pose(dots(i)%first), two => pose(dots(i)%second))
                 if (dot%is_turning) then
                     call turn_with_time(dot, f(:, dot%motion), local)
                 else
-                    local(:, 0) = dot%a
+                    do k = 1, 3
+                        local(k, 0) = dot%a(k)
+                    end do
                 end if
-                a = turned(one, 0, local(:, 0))
-                d = turned(two, 0, dot%b)
+                call turn(one%a(:, :, 0), local(:, 0), a)
+                call turn(two%a(:, :, 0), dot%b, d)
                 if (dot%is_point) d = d + two%r(:, 0) - one%r(:, 0)
                 if (iand(need, need_phi) /= 0) then
                     terms%phi(dot%row) = dot3(a, d) - dot%c
@@ -132,14 +134,14 @@ contains
         real(wp), intent(out) :: gamma
         real(wp) :: a1(3), a2(3), d1(3), d2(3)
 
-        a1 = turned(one, 1, local(:, 0))
-        a2 = turned(one, 2, local(:, 0))
+        call turn(one%a(:, :, 1), local(:, 0), a1)
+        call turn(one%a(:, :, 2), local(:, 0), a2)
         if (dot%is_turning) then
             a1 = a1 + turned(one, 0, local(:, 1))
             a2 = a2 + 2*turned(one, 1, local(:, 1)) + turned(one, 0, local(:, 2))
         end if
-        d1 = turned(two, 1, dot%b)
-        d2 = turned(two, 2, dot%b)
+        call turn(two%a(:, :, 1), dot%b, d1)
+        call turn(two%a(:, :, 2), dot%b, d2)
         if (dot%is_point) d1 = d1 + two%r(:, 1) - one%r(:, 1)
         gamma = dot3(a2, d) + 2*dot3(a1, d1) + dot3(a, d2)
         if (dot%motion > 0 .and. .not. dot%is_turning) gamma = gamma - f(2, dot%motion)

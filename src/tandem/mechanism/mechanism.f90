@@ -452,7 +452,7 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         integer, intent(inout) :: stat
-        integer :: i, k
+        integer :: i, j, k
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
@@ -483,7 +483,11 @@ contains
                 k = self%before_norms + i
                 associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
                     if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
-                    if (iand(need, need_jacobian) /= 0) terms%jacobian(k, turn:turn + 3) = p(:, 0)
+                    if (iand(need, need_jacobian) /= 0) then
+                        do j = 0, 3
+                            terms%jacobian(k, turn + j) = p(j + 1, 0)
+                        end do
+                    end if
                     if (iand(need, need_gamma) /= 0) terms%gamma(k) = p(1, 1)**2 + p(2, 1)**2 + p(3, 1)**2 + p(4, 1)**2
                 end associate
             end do

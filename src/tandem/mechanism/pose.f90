@@ -7,11 +7,12 @@
 !> to these coordinates, and its second gradient. The ground, and a point mass, have none of them.
 module tandem_mechanism_pose
     use tandem_kinds, only: wp
-    use tandem_rigid_euler_parameters, only: b_matrix, b_row, k_matrix, rotation, rotation_rate
+    use tandem_rigid_euler_parameters, only: b_matrix, b_row, k_matrix, rotation, rotation_rate, set_rotation, &
+        set_rotation_rate
     implicit none (type, external)
     private
 
-    public :: pose_type, turned, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
+    public :: pose_type, turn, turned, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
 
     !> A body's pose; as it is declared, that of the ground.
     type :: pose_type
@@ -57,7 +58,7 @@ contains
                 p(4, 0) = q(turn + 3)
             end associate
             self%has_turn = .true.
-            self%a(:, :, 0) = rotation(self%p(:, 0))
+            call set_rotation(self%p(:, 0), self%a(:, :, 0))
         else if (self%n_turn == 1) then
             if (same(self%p(1, 0), q(self%turn)) .and. self%has_turn) return
             self%has_turn = .true.
@@ -96,9 +97,9 @@ contains
                 self%p(i, 1) = qd(self%turn + i - 1)
                 self%p(i, 2) = 0.0_wp
             end do
-            self%a(:, :, 1) = rotation_rate(self%p(:, 0), self%p(:, 1))
-            ! A is quadratic in p: what is left of its second derivative is 2 A(pd).
-            self%a(:, :, 2) = 2*rotation(self%p(:, 1))
+            call set_rotation_rate(self%p(:, 0), self%p(:, 1), self%a(:, :, 1))
+            ! A is quadratic in p: what is left of its second derivative is 2 A(pd), M(pd, pd).
+            call set_rotation_rate(self%p(:, 1), self%p(:, 1), self%a(:, :, 2))
         else if (self%n_turn == 1) then
             w = qd(self%turn)
             self%p(1, 1) = w
@@ -155,6 +156,17 @@ contains
         v(2) = self%a(2, 1, k)*a(1) + self%a(2, 2, k)*a(2) + self%a(2, 3, k)*a(3)
         v(3) = self%a(3, 1, k)*a(1) + self%a(3, 2, k)*a(2) + self%a(3, 3, k)*a(3)
     end function turned
+
+    !> m a, in place: what loops over joints do most often.
+    pure subroutine turn(m, a, v)
+        !> A rotation or a derivative of it, and a vector in the body's frame.
+        real(wp), intent(in) :: m(3, 3), a(3)
+        real(wp), intent(out) :: v(3)
+
+        v(1) = m(1, 1)*a(1) + m(1, 2)*a(2) + m(1, 3)*a(3)
+        v(2) = m(2, 1)*a(1) + m(2, 2)*a(2) + m(2, 3)*a(3)
+        v(3) = m(3, 1)*a(1) + m(3, 2)*a(2) + m(3, 3)*a(3)
+    end subroutine turn
 
     !> n' (A a)_p for a fixed n; in the plane the first entry alone counts. The k-th derivative of (A a)_p along the motion, where
     !> k is not 0.

@@ -5,7 +5,7 @@
 module tandem_mechanism_span
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, columns_of_c, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
-    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turn, turned
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
     implicit none (type, external)
@@ -98,27 +98,29 @@ contains
         integer, intent(in) :: n_rows, need
         type(pose_type), intent(in) :: pose(0:)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: d(3)
+        real(wp) :: v1(3), v2(3)
         integer :: i, k
 
         do i = 1, size(meetings)
-            associate (span => meetings(i))
+            associate (span => meetings(i), one => pose(meetings(i)%first), two => pose(meetings(i)%second))
                 if (iand(need, need_phi) /= 0) then
-                    d = span_way(span, pose, 0)
+                    call turn(one%a(:, :, 0), span%s1, v1)
+                    call turn(two%a(:, :, 0), span%s2, v2)
                     do k = 1, n_rows
-                        terms%phi(span%row + k - 1) = d(k)
+                        terms%phi(span%row + k - 1) = two%r(k, 0) - one%r(k, 0) + v2(k) - v1(k)
                     end do
                 end if
                 if (iand(need, need_jacobian) /= 0) then
                     associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
-                        call put_end(pose(span%first), span%s1, -1.0_wp, n_rows, span%row, m, width, terms%jacobian)
-                        call put_end(pose(span%second), span%s2, 1.0_wp, n_rows, span%row, m, width, terms%jacobian)
+                        call put_end(one, span%s1, -1.0_wp, n_rows, span%row, m, width, terms%jacobian)
+                        call put_end(two, span%s2, 1.0_wp, n_rows, span%row, m, width, terms%jacobian)
                     end associate
                 end if
                 if (iand(need, need_gamma) /= 0) then
-                    d = turned(pose(span%second), 2, span%s2) - turned(pose(span%first), 2, span%s1)
+                    call turn(one%a(:, :, 2), span%s1, v1)
+                    call turn(two%a(:, :, 2), span%s2, v2)
                     do k = 1, n_rows
-                        terms%gamma(span%row + k - 1) = d(k)
+                        terms%gamma(span%row + k - 1) = v2(k) - v1(k)
                     end do
                 end if
             end associate

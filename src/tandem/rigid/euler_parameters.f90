@@ -8,7 +8,7 @@ module tandem_rigid_euler_parameters
     private
 
     public :: rotation, e_matrix, g_matrix, b_matrix, skew
-    public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich
+    public :: c_matrix, k_matrix, t_matrix, rotation_rate, g_sandwich, set_rotation, set_rotation_rate
     public :: b_row, g_product, g_transposed_product, b_product, set_rotational_mass
     public :: e_product, e_transposed_product, e_transposed_gradient
 
@@ -18,6 +18,14 @@ contains
     pure function rotation(p) result(a)
         real(wp), intent(in) :: p(4)
         real(wp) :: a(3, 3)
+
+        call set_rotation(p, a)
+    end function rotation
+
+    !> A(p) (3, 3), in place.
+    pure subroutine set_rotation(p, a)
+        real(wp), intent(in) :: p(4)
+        real(wp), intent(out) :: a(3, 3)
         real(wp) :: d
 
         d = p(1)**2 - p(2)**2 - p(3)**2 - p(4)**2
@@ -30,7 +38,7 @@ contains
         a(1, 3) = 2*(p(2)*p(4) + p(1)*p(3))
         a(2, 3) = 2*(p(3)*p(4) - p(1)*p(2))
         a(3, 3) = d + 2*p(4)*p(4)
-    end function rotation
+    end subroutine set_rotation
 
     !> E(p) = [-e, e0 I + ~e] (3, 4).
     pure function e_matrix(p) result(e)
@@ -124,6 +132,13 @@ contains
         real(wp), intent(in) :: p(4), x(4)
         real(wp) :: m(3, 3)
 
+        call set_rotation_rate(p, x, m)
+    end function rotation_rate
+
+    !> M(p, x) (3, 3), in place.
+    pure subroutine set_rotation_rate(p, x, m)
+        real(wp), intent(in) :: p(4), x(4)
+        real(wp), intent(out) :: m(3, 3)
         real(wp) :: d
 
         ! Twice the bilinear form of A in p and x.
@@ -137,7 +152,7 @@ contains
         m(1, 3) = 2*(p(2)*x(4) + x(2)*p(4) + p(1)*x(3) + x(1)*p(3))
         m(2, 3) = 2*(p(3)*x(4) + x(3)*p(4) - p(1)*x(2) - x(1)*p(2))
         m(3, 3) = 2*(d + 2*p(4)*x(4))
-    end function rotation_rate
+    end subroutine set_rotation_rate
 
     !> n' B(p, a) = K(a, n) p (4), the gradient of n' A(p) a, without the matrix.
     pure function b_row(p, a, n) result(row)

@@ -7,12 +7,14 @@ module tandem_chart_sparse_blocks
     implicit none (type, external)
     private
 
-    public :: invert, invert_some, subtract_product, multiply_block, apply_inverse
+    public :: invert, invert_some, subtract_product, multiply_transposed, apply_inverse
     public :: multiply_inverse, set_owned, subtract_rows, subtract_transposed, add_moved
-    public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates
+    public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates, read_behind
 
     !> The most coordinates of a body, and so the most unknowns of a block.
     integer, parameter :: most_coordinates = 12
+    !> So many entries behind the last of a matrix are read, and go nowhere.
+    integer, parameter :: read_behind = 7
     !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
     integer, parameter :: of_single_blocks = 1, of_rigid_body = 2, of_any_blocks = 3
 
@@ -138,87 +140,100 @@ contains
         end do
     end subroutine invert_some
 
-    !> x := x - c y' for c (s, nb), y (p, nb), x (s, p).
-    pure subroutine subtract_product(s, p, nb, c, y, x)
-        integer, intent(in), value :: s, p, nb
-        real(wp), intent(in) :: c(s*nb), y(p*nb)
+    !> x := x - c y for c (s, n), y (n, p), x (s, p). Up to seven entries behind c are read.
+    pure subroutine subtract_product(s, p, n, c, y, x)
+        integer, intent(in), value :: s, p, n
+        real(wp), intent(in) :: c(*), y(n*p)
         real(wp), intent(inout) :: x(s*p)
 
-        if (s == 5 .and. p == 5 .and. nb == 7) then
-            call subtract_product_sized(5, 5, 7, c, y, x)
-        else if (s == 5 .and. p == 5 .and. nb == 5) then
-            call subtract_product_sized(5, 5, 5, c, y, x)
-        else if (s == 2 .and. p == 2 .and. nb == 3) then
-            call subtract_product_sized(2, 2, 3, c, y, x)
-        else if (s == 2 .and. p == 2) then
-            call subtract_product_sized(2, 2, nb, c, y, x)
-        else if (s == 3 .and. p == 3) then
-            call subtract_product_sized(3, 3, nb, c, y, x)
+        if (s == 5 .and. p == 5 .and. n == 7) then
+            call subtract_product_sized(5, 8, 5, 7, c, y, x)
+        else if (s == 5 .and. p == 5 .and. n == 5) then
+            call subtract_product_sized(5, 8, 5, 5, c, y, x)
+        else if (s == 2 .and. p == 2 .and. n == 3) then
+            call subtract_product_sized(2, 2, 2, 3, c, y, x)
+        else if (s == 2 .and. p == 2 .and. n == 2) then
+            call subtract_product_sized(2, 2, 2, 2, c, y, x)
+        else if (s == 3 .and. p == 3 .and. n == 7) then
+            call subtract_product_sized(3, 4, 3, 7, c, y, x)
+        else if (s == 3 .and. p == 3 .and. n == 3) then
+            call subtract_product_sized(3, 4, 3, 3, c, y, x)
+        else if (s == 7 .and. p == 7 .and. n == 5) then
+            call subtract_product_sized(7, 8, 7, 5, c, y, x)
+        else if (s == 5) then
+            call subtract_product_sized(5, 8, p, n, c, y, x)
         else
-            call subtract_product_sized(s, p, nb, c, y, x)
+            call subtract_product_sized(s, s, p, n, c, y, x)
         end if
     end subroutine subtract_product
 
-    pure subroutine subtract_product_sized(s, p, nb, c, y, x)
-        integer, intent(in), value :: s, p, nb
-        real(wp), intent(in) :: c(s, nb), y(p, nb)
+    !> Columns are added as registers: lanes behind the last row hold what nobody uses.
+    pure subroutine subtract_product_sized(s, lanes, p, n, c, y, x)
+        integer, intent(in), value :: s, lanes, p, n
+        real(wp), intent(in) :: c(*), y(n, p)
         real(wp), intent(inout) :: x(s, p)
-        real(wp) :: column(most_coordinates)
+        real(wp) :: total(most_coordinates)
         integer :: i, j, k
 
         do j = 1, p
-            do i = 1, s
-                column(i) = x(i, j)
+            do i = 1, lanes
+                total(i) = c(i)*y(1, j)
             end do
-            do k = 1, nb
-                do i = 1, s
-                    column(i) = column(i) - c(i, k)*y(j, k)
+            do k = 2, n
+                do i = 1, lanes
+                    total(i) = total(i) + c((k - 1)*s + i)*y(k, j)
                 end do
             end do
             do i = 1, s
-                x(i, j) = column(i)
+                x(i, j) = x(i, j) - total(i)
             end do
         end do
     end subroutine subtract_product_sized
 
-    !> z := x y for x (p, s), y (s, s).
-    pure subroutine multiply_block(p, s, x, y, z)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: x(p*s), y(s*s)
-        real(wp), intent(out) :: z(p*s)
+    !> z := x y' for a symmetric x (s, s) and y (p, s), z (s, p). Up to three entries behind x are read.
+    pure subroutine multiply_transposed(s, p, x, y, z)
+        integer, intent(in), value :: s, p
+        real(wp), intent(in) :: x(*), y(p*s)
+        real(wp), intent(out) :: z(s*p)
 
         if (s == 5 .and. p == 5) then
-            call multiply_block_sized(5, 5, x, y, z)
+            call multiply_transposed_sized(5, 8, 5, x, y, z)
+        else if (s == 5) then
+            call multiply_transposed_sized(5, 8, p, x, y, z)
         else if (s == 2 .and. p == 2) then
-            call multiply_block_sized(2, 2, x, y, z)
+            call multiply_transposed_sized(2, 2, 2, x, y, z)
         else
-            call multiply_block_sized(p, s, x, y, z)
+            call multiply_transposed_sized(s, s, p, x, y, z)
         end if
-    end subroutine multiply_block
+    end subroutine multiply_transposed
 
-    pure subroutine multiply_block_sized(p, s, x, y, z)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: x(p, s), y(s, s)
-        real(wp), intent(out) :: z(p, s)
+    pure subroutine multiply_transposed_sized(s, lanes, p, x, y, z)
+        integer, intent(in), value :: s, lanes, p
+        real(wp), intent(in) :: x(*), y(p, s)
+        real(wp), intent(out) :: z(s, p)
+        real(wp) :: total(most_coordinates)
         integer :: i, j, k
 
-        do j = 1, s
-            do i = 1, p
-                z(i, j) = x(i, 1)*y(1, j)
+        do j = 1, p
+            do i = 1, lanes
+                total(i) = x(i)*y(j, 1)
             end do
             do k = 2, s
-                do i = 1, p
-                    z(i, j) = z(i, j) + x(i, k)*y(k, j)
+                do i = 1, lanes
+                    total(i) = total(i) + x((k - 1)*s + i)*y(j, k)
                 end do
             end do
+            do i = 1, s
+                z(i, j) = total(i)
+            end do
         end do
-    end subroutine multiply_block_sized
+    end subroutine multiply_transposed_sized
 
-    !> y := c W for c (s, nb) and a body's W, compressed as its M.
+    !> y := W c' (nb, s) for c (s, nb) and a body's W, compressed as its M.
     pure subroutine apply_inverse(kind, s, nb, block_first, first, ldw, w, c, y)
         integer, intent(in) :: kind, s, nb, block_first(nb), first, ldw
         real(wp), intent(in) :: w(ldw, nb), c(s*nb)
-        real(wp), intent(out) :: y(s*nb)
+        real(wp), intent(out) :: y(nb*s)
 
         if (kind == of_rigid_body .and. s == 5) then
             call apply_rigid(5, ldw, w, c, y)
@@ -236,12 +251,12 @@ contains
     pure subroutine apply_single(s, nb, ldw, w, c, y)
         integer, intent(in), value :: s, nb, ldw
         real(wp), intent(in) :: w(ldw, nb), c(s, nb)
-        real(wp), intent(out) :: y(s, nb)
+        real(wp), intent(out) :: y(nb, s)
         integer :: i, j
 
-        do j = 1, nb
-            do i = 1, s
-                y(i, j) = c(i, j)*w(1, j)
+        do i = 1, s
+            do j = 1, nb
+                y(j, i) = c(i, j)*w(1, j)
             end do
         end do
     end subroutine apply_single
@@ -249,17 +264,16 @@ contains
     pure subroutine apply_rigid(s, ldw, w, c, y)
         integer, intent(in), value :: s, ldw
         real(wp), intent(in) :: w(ldw, 7), c(s, 7)
-        real(wp), intent(out) :: y(s, 7)
+        real(wp), intent(out) :: y(7, s)
         integer :: i, j
 
-        do j = 1, 3
-            do i = 1, s
-                y(i, j) = c(i, j)*w(1, j)
+        do i = 1, s
+            do j = 1, 3
+                y(j, i) = c(i, j)*w(1, j)
             end do
-        end do
-        do j = 4, 7
-            do i = 1, s
-                y(i, j) = (c(i, 4)*w(1, j) + c(i, 5)*w(2, j)) + (c(i, 6)*w(3, j) + c(i, 7)*w(4, j))
+            ! W is symmetric.
+            do j = 1, 4
+                y(3 + j, i) = (w(j, 4)*c(i, 4) + w(j, 5)*c(i, 5)) + (w(j, 6)*c(i, 6) + w(j, 7)*c(i, 7))
             end do
         end do
     end subroutine apply_rigid
@@ -267,55 +281,56 @@ contains
     pure subroutine apply_any(s, nb, block_first, first, ldw, w, c, y)
         integer, intent(in) :: s, nb, block_first(nb), first, ldw
         real(wp), intent(in) :: w(ldw, nb), c(s, nb)
-        real(wp), intent(out) :: y(s, nb)
+        real(wp), intent(out) :: y(nb, s)
         integer :: i, j, k, from
 
         do j = 1, nb
             from = block_first(j) - first + 1
             do i = 1, s
-                y(i, j) = c(i, from)*w(1, j)
+                y(j, i) = c(i, from)*w(1, j)
             end do
             do k = from + 1, nb
                 if (block_first(k) /= block_first(j)) exit
                 do i = 1, s
-                    y(i, j) = y(i, j) + c(i, k)*w(k - from + 1, j)
+                    y(j, i) = y(j, i) + c(i, k)*w(k - from + 1, j)
                 end do
             end do
         end do
     end subroutine apply_any
-    !> z := x z for x (s, s), and a copy of it.
+
+    !> z := x z for x (s, s), and a copy of it. Up to three entries behind x are read.
     pure subroutine multiply_inverse(s, x, z, y)
         integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s*s)
+        real(wp), intent(in) :: x(*)
         real(wp), intent(inout) :: z(s)
         real(wp), intent(out) :: y(s)
 
         select case (s)
         case (5)
-            call multiply_inverse_sized(5, x, z, y)
+            call multiply_inverse_sized(5, 8, x, z, y)
         case (2)
-            call multiply_inverse_sized(2, x, z, y)
+            call multiply_inverse_sized(2, 2, x, z, y)
         case (3)
-            call multiply_inverse_sized(3, x, z, y)
+            call multiply_inverse_sized(3, 4, x, z, y)
         case default
-            call multiply_inverse_sized(s, x, z, y)
+            call multiply_inverse_sized(s, s, x, z, y)
         end select
     end subroutine multiply_inverse
 
-    pure subroutine multiply_inverse_sized(s, x, z, y)
-        integer, intent(in), value :: s
-        real(wp), intent(in) :: x(s, s)
+    pure subroutine multiply_inverse_sized(s, lanes, x, z, y)
+        integer, intent(in), value :: s, lanes
+        real(wp), intent(in) :: x(*)
         real(wp), intent(inout) :: z(s)
         real(wp), intent(out) :: y(s)
         real(wp) :: total(most_coordinates)
         integer :: i, j
 
-        do i = 1, s
-            total(i) = x(i, 1)*z(1)
+        do i = 1, lanes
+            total(i) = x(i)*z(1)
         end do
         do j = 2, s
-            do i = 1, s
-                total(i) = total(i) + x(i, j)*z(j)
+            do i = 1, lanes
+                total(i) = total(i) + x((j - 1)*s + i)*z(j)
             end do
         end do
         do i = 1, s
@@ -342,46 +357,58 @@ contains
         end if
     end subroutine set_owned
 
-    !> g := g - c x for c (s, nb).
-    pure subroutine subtract_rows(s, nb, c, x, g)
-        integer, intent(in), value :: s, nb
-        real(wp), intent(in) :: c(s*nb), x(nb)
+    !> g := g - c x for c (s, n). Up to seven entries behind c are read.
+    pure subroutine subtract_rows(s, n, c, x, g)
+        integer, intent(in), value :: s, n
+        real(wp), intent(in) :: c(*), x(n)
         real(wp), intent(inout) :: g(s)
 
-        if (s == 5 .and. nb == 7) then
-            call subtract_rows_sized(5, 7, c, x, g)
-        else if (s == 2 .and. nb == 3) then
-            call subtract_rows_sized(2, 3, c, x, g)
-        else if (s == 5 .and. nb == 5) then
-            call subtract_rows_sized(5, 5, c, x, g)
-        else if (s == 2 .and. nb == 2) then
-            call subtract_rows_sized(2, 2, c, x, g)
-        else if (s == 3 .and. nb == 7) then
-            call subtract_rows_sized(3, 7, c, x, g)
-        else if (s == 3 .and. nb == 3) then
-            call subtract_rows_sized(3, 3, c, x, g)
-        else
-            call subtract_rows_sized(s, nb, c, x, g)
-        end if
+        select case (16*s + n)
+        case (16*5 + 7)
+            call subtract_rows_sized(5, 8, 7, c, x, g)
+        case (16*7 + 5)
+            call subtract_rows_sized(7, 8, 5, c, x, g)
+        case (16*5 + 5)
+            call subtract_rows_sized(5, 8, 5, c, x, g)
+        case (16*2 + 3)
+            call subtract_rows_sized(2, 2, 3, c, x, g)
+        case (16*3 + 2)
+            call subtract_rows_sized(3, 4, 2, c, x, g)
+        case (16*2 + 2)
+            call subtract_rows_sized(2, 2, 2, c, x, g)
+        case (16*3 + 7)
+            call subtract_rows_sized(3, 4, 7, c, x, g)
+        case (16*7 + 3)
+            call subtract_rows_sized(7, 8, 3, c, x, g)
+        case (16*3 + 3)
+            call subtract_rows_sized(3, 4, 3, c, x, g)
+        case default
+            if (s == 7) then
+                call subtract_rows_sized(7, 8, n, c, x, g)
+            else
+                call subtract_rows_sized(s, s, n, c, x, g)
+            end if
+        end select
     end subroutine subtract_rows
 
-    pure subroutine subtract_rows_sized(s, nb, c, x, g)
-        integer, intent(in), value :: s, nb
-        real(wp), intent(in) :: c(s, nb), x(nb)
+    !> Columns are added as registers: lanes behind the last row hold what nobody uses.
+    pure subroutine subtract_rows_sized(s, lanes, n, c, x, g)
+        integer, intent(in), value :: s, lanes, n
+        real(wp), intent(in) :: c(*), x(n)
         real(wp), intent(inout) :: g(s)
         real(wp) :: total(most_coordinates)
         integer :: i, j
 
-        do i = 1, s
-            total(i) = g(i)
+        do i = 1, lanes
+            total(i) = c(i)*x(1)
         end do
-        do j = 1, nb
-            do i = 1, s
-                total(i) = total(i) - c(i, j)*x(j)
+        do j = 2, n
+            do i = 1, lanes
+                total(i) = total(i) + c((j - 1)*s + i)*x(j)
             end do
         end do
         do i = 1, s
-            g(i) = total(i)
+            g(i) = g(i) - total(i)
         end do
     end subroutine subtract_rows_sized
 

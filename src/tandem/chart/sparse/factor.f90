@@ -3,9 +3,9 @@
 !> leave, see `tandem_chart_sparse_analysis`.
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
-    use tandem_chart_sparse_analysis, only: analysis_type, most_links, most_rows
-    use tandem_chart_sparse_blocks, only: apply_inverse, invert, invert_some, most_coordinates, multiply_block, of_rigid_body, &
-        subtract_product
+    use tandem_chart_sparse_analysis, only: analysis_type, most_rows
+    use tandem_chart_sparse_blocks, only: apply_inverse, invert, invert_some, most_coordinates, multiply_transposed, &
+        of_rigid_body, read_behind, subtract_product, subtract_rows
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
@@ -23,8 +23,12 @@ module tandem_chart_sparse_factor
         real(wp), allocatable :: c(:), own(:)
         !> W, its blocks as those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
-        !> Inverse diagonal blocks of the factor, and the others as they were when their turn came.
-        real(wp), allocatable :: blocks(:)
+        !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows), and what a unit of its own row
+        !> gives to the node, -c R (most_rows, links; none where no body goes with a row of its own).
+        real(wp), allocatable :: y(:), sent(:, :)
+        !> Inverse diagonal blocks D^-1 of the factor, and the others, B, as they were when their turn came. D^-1 B', without
+        !> diagonal blocks.
+        real(wp), allocatable :: blocks(:), above(:)
         !> What the pivot of each row would be if it stood alone (m), and how much of a c c' was added to a kept body (n_bodies).
         real(wp), allocatable :: alone(:), added(:)
         !> The smallest pivot of a row against that, and the row.
@@ -109,9 +113,12 @@ contains
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
 
-        if (allocated(self%c)) deallocate (self%c, self%own, self%w, self%r, self%blocks, self%alone, self%added, self%is_out)
-        allocate (self%c(a%n_entries), self%own(a%n), self%w(pattern%mass_width, a%n), self%r(a%n), self%blocks(a%n_factor), &
-            self%alone(a%m), self%added(a%n_bodies), source=0.0_wp)
+        if (allocated(self%c)) deallocate (self%c, self%y, self%sent, self%own, self%w, self%r, self%blocks, &
+            self%above, self%alone, self%added, self%is_out)
+        allocate (self%c(a%n_entries + read_behind), self%y(a%n_entries + read_behind), self%own(a%n), &
+            self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
+            self%blocks(a%n_factor + read_behind), self%above(a%n_above + read_behind), self%alone(a%m), self%added(a%n_bodies), &
+            source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
         self%leaves_out = .false.
         self%has_rows = .false.
@@ -125,15 +132,15 @@ contains
         type(pattern_type), intent(in) :: pattern
         !> Compressed, of the rows in use.
         real(wp), intent(in), contiguous :: jacobian(:, :)
-        integer :: b
+        integer :: b, j
 
         call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, a%link_start, a%link, pattern%column, &
             jacobian, self%c)
         do b = 1, a%n_bodies
             if (a%norm_row(b) == 0) cycle
-            associate (from => a%first(b), to => a%first(b + 1) - 1)
-                self%own(from:to) = jacobian(a%norm_row(b), pattern%column(from:to))
-            end associate
+            do j = a%first(b), a%first(b + 1) - 1
+                self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
+            end do
         end do
         self%has_rows = .true.
         self%is_factored = .false.
@@ -261,7 +268,7 @@ contains
     subroutine add_bodies(self, a)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
-        real(wp) :: y(most_rows*most_coordinates, most_links)
+        real(wp) :: inverse(most_coordinates)
         integer :: b, d, i, j, k, l, n, nb, s
 
         do b = 1, a%n_bodies
@@ -270,30 +277,29 @@ contains
             associate (from => a%link_start(b), last => a%link_start(b + 1) - 1, f => a%first(b))
                 if (a%is_kept(b)) then
                     call put_kept(b, nb)
+                    do j = 1, nb
+                        inverse(j) = 1.0_wp/self%w(f + j - a%block_first(f + j - 1), f + j - 1)
+                    end do
                     do l = from, last
                         n = a%link_node(l)
                         s = a%height(n)
                         d = d + 1
                         k = a%link_offset(l)
-                        associate (target => a%pair_target(d), origin => a%origin(n))
-                            do j = 1, nb
-                                do i = 1, s
-                                    if (n > a%node_of_body(b)) then
-                                        self%blocks(target + (j - 1)*s + i) = self%c(k + (j - 1)*s + i)
-                                    else
-                                        self%blocks(target + (i - 1)*nb + j) = self%c(k + (j - 1)*s + i)
-                                    end if
-                                    self%alone(origin + i - 1) = self%alone(origin + i - 1) + &
-                                        self%c(k + (j - 1)*s + i)**2/self%w(f + j - a%block_first(f + j - 1), f + j - 1)
-                                end do
-                            end do
-                        end associate
+                        call add_kept(s, nb, n > a%node_of_body(b), inverse, self%c(k + 1), self%blocks(a%pair_target(d) + 1), &
+                            self%alone(a%origin(n)))
                     end do
                     cycle
                 end if
                 if (last < from) cycle
                 call add_links(a%kind(b), nb, last - from + 1, a%block_first(f), size(self%w, 1), self%w(1, f), a%link(1, from), &
-                    a%pair_target(d + 1), self%c, y, self%blocks)
+                    a%pair_target(d + 1), self%c, self%y, self%blocks)
+                if (a%norm_row(b) == 0) cycle
+                do l = from, last
+                    do i = 1, most_rows
+                        self%sent(i, l) = 0.0_wp
+                    end do
+                    call subtract_rows(a%link(2, l), nb, self%c(a%link(3, l) + 1), self%r(f), self%sent(1, l))
+                end do
             end associate
         end do
         do n = 1, a%n_nodes
@@ -325,28 +331,44 @@ contains
         end subroutine put_kept
     end subroutine add_bodies
 
+    !> The block of a link of a kept body, and what its diagonal would be without that of others.
+    pure subroutine add_kept(s, nb, is_behind, inverse, c, block, alone)
+        integer, intent(in), value :: s, nb
+        !> Whether the rows come behind the body.
+        logical, intent(in) :: is_behind
+        !> Of the diagonal of the body's M; its part of C.
+        real(wp), intent(in) :: inverse(nb), c(s, nb)
+        real(wp), intent(inout) :: block(s*nb), alone(s)
+        integer :: i, j
+
+        do j = 1, nb
+            do i = 1, s
+                block(merge((j - 1)*s + i, (i - 1)*nb + j, is_behind)) = c(i, j)
+                alone(i) = alone(i) + c(i, j)**2*inverse(j)
+            end do
+        end do
+    end subroutine add_kept
+
     !> Take C W C' of the links of a body from the blocks of their nodes.
     pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
         integer, intent(in), value :: kind, nb, n_links, ldw
         !> The first coordinates of the blocks of the body's M, W, its links, where the products go.
         integer, intent(in) :: block_first(nb), link(4, n_links), pair_target(*)
         real(wp), intent(in) :: w(ldw, nb), c(*)
-        !> Work space.
-        real(wp), intent(inout) :: y(most_rows*most_coordinates, n_links)
-        real(wp), intent(inout) :: blocks(*)
+        real(wp), intent(inout) :: y(*), blocks(*)
         integer :: d, k, l
 
         d = 0
         do l = 1, n_links
             associate (place => link(1, l), s => link(2, l), offset => link(3, l))
-                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(1, l))
+                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(offset + 1))
                 do k = 1, l
                     d = d + 1
                     ! The node that comes later has the rows of the block.
                     if (link(1, k) > place) then
-                        call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(1, l), blocks(pair_target(d) + 1))
+                        call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(offset + 1), blocks(pair_target(d) + 1))
                     else
-                        call subtract_product(s, link(2, k), nb, c(offset + 1), y(1, k), blocks(pair_target(d) + 1))
+                        call subtract_product(s, link(2, k), nb, c(offset + 1), y(link(3, k) + 1), blocks(pair_target(d) + 1))
                     end if
                 end do
             end associate
@@ -359,8 +381,8 @@ contains
         type(analysis_type), intent(in) :: a
         logical, intent(in) :: chooses
         integer, intent(out) :: stat
-        real(wp) :: ratio(max(most_rows, most_coordinates)), product(max(most_rows, most_coordinates)**2)
-        integer :: d, i, j, k, n, p, s, worst
+        real(wp) :: ratio(max(most_rows, most_coordinates))
+        integer :: d, i, j, n, s, worst
 
         stat = status_ok
         self%least = 1.0_wp
@@ -376,7 +398,9 @@ contains
                     end do
                     call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), 1.0_wp, least_mass, worst)
                 else
-                    ratio(:s) = self%alone(origin:origin + s - 1)
+                    do i = 1, s
+                        ratio(i) = self%alone(origin + i - 1)
+                    end do
                     if (self%leaves_out) then
                         call invert_some(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, chooses, &
                             self%is_out(origin:origin + s - 1), worst)
@@ -398,19 +422,10 @@ contains
                     call refuse(origin + worst - 1, a%is_body(n))
                     return
                 end if
+                j = a%later_start(n)
                 d = a%update_start(n)
-                do j = a%later_start(n), a%later_start(n + 1) - 1
-                    p = a%height(a%later(j))
-                    call multiply_block(p, s, self%blocks(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
-                        self%blocks(diagonal + 1:diagonal + s*s), product(:p*s))
-                    do k = a%later_start(n), j
-                        d = d + 1
-                        associate (q => a%height(a%later(k)), target => a%update_target(d), other => a%later_offset(k))
-                            call subtract_product(p, q, s, product(:p*s), self%blocks(other + 1:other + q*s), &
-                                self%blocks(target + 1:target + p*q))
-                        end associate
-                    end do
-                end do
+                call pass_on(s, a%later_start(n + 1) - j, diagonal, a%node(5, n), a%behind(1, j), a%update_target(d + 1), &
+                    self%above, self%blocks)
             end associate
         end do
 
@@ -433,6 +448,25 @@ contains
             end if
         end subroutine refuse
     end subroutine eliminate
+
+    !> D^-1 B' of the neighbours behind a node, and what the node takes from their blocks.
+    pure subroutine pass_on(s, n_later, diagonal, shift, behind, update_target, above, blocks)
+        integer, intent(in) :: s, n_later, diagonal, shift, behind(3, n_later), update_target(*)
+        real(wp), intent(inout) :: above(*), blocks(*)
+        integer :: d, j, k
+
+        d = 0
+        do j = 1, n_later
+            associate (p => behind(2, j), block => behind(3, j))
+                call multiply_transposed(s, p, blocks(diagonal + 1), blocks(block + 1), above(block - shift + 1))
+                do k = 1, j
+                    d = d + 1
+                    call subtract_product(p, behind(2, k), s, blocks(block + 1), above(behind(3, k) - shift + 1), &
+                        blocks(update_target(d) + 1))
+                end do
+            end associate
+        end do
+    end subroutine pass_on
 
     !> Squared lengths of the rows of C, or of what they differ by from those elsewhere.
     pure subroutine add_squares(self, a, scale, squares, other)
@@ -473,10 +507,13 @@ contains
         integer, allocatable :: out(:)
 
         call pack%item(self%c)
+        call pack%item(self%y)
+        call pack%item(self%sent)
         call pack%item(self%own)
         call pack%item(self%w)
         call pack%item(self%r)
         call pack%item(self%blocks)
+        call pack%item(self%above)
         call pack%item(self%alone)
         call pack%item(self%added)
         call pack%item(self%least)

@@ -24,6 +24,9 @@ module tandem_chart_sparse_motion
     !> Stands for an error or a part of it that nothing is known of.
     real(wp), parameter :: unknown = 1.0e100_wp
 
+    !> So many tolerances may be left of Phi and of C qd - nu at a stage: 1e-11 and 1e-10 where nothing else was asked for.
+    real(wp), parameter :: of_stages = 10.0_wp, of_velocities = 100.0_wp
+
     !> How the corrections of one level have done of late.
     type :: progress_type
         !> A correction leaves this part of an error, times the age of the factor.
@@ -34,8 +37,10 @@ module tandem_chart_sparse_motion
     type, abstract, extends(explicit_chart_type) :: sparse_motion_type
         type(system_type) :: system
         type(rank_type) :: rank
-        !> What may be left of a constraint on its natural scale: in the end, at ends of steps and at stages.
-        real(wp) :: tolerance = 0.0_wp, end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp
+        !> What may be left of a constraint on its natural scale: in the end; of Phi and of C qd - nu at ends of steps and at
+        !> stages.
+        real(wp) :: tolerance = 0.0_wp
+        real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
         !> What may be left where rounding keeps it from there: rows are judged by their scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
@@ -121,10 +126,14 @@ contains
         call self%rank%allocate(self%system)
         self%n = model%n
         self%tolerance = options%constraint_tolerance
-        ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start.
         self%allowed = 0.25_wp*self%tolerance
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
-        self%stage_tolerance = max(options%stage_tolerance(), self%tolerance)
+        ! What is left of C qd at the end of a step enters Phi times h, where it is restored.
+        self%velocity_tolerance = max(self%end_tolerance, self%allowed)
+        ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start. It enters the
+        ! motion times h once more.
+        self%stage_tolerance = max(options%stage_tolerance(), of_stages*self%tolerance)
+        self%stage_velocity_tolerance = max(options%stage_tolerance(), of_velocities*self%tolerance)
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         self%q0 = spread(0.0_wp, 1, model%n)
@@ -388,14 +397,20 @@ contains
         is_trusted = distrust*progress%ageing*age*error <= wanted
     end function is_trusted
 
-    !> Learn from the first correction of an iteration.
+    !> Learn from the first correction of an iteration. What it left as rounding says how large the part is at most.
     pure subroutine learn(progress, age, error, before)
         type(progress_type), intent(inout) :: progress
         real(wp), intent(in) :: age, error, before
-        real(wp), parameter :: rounding = 1.0e-15_wp, kept = 0.5_wp
+        real(wp), parameter :: rounding = 1.0e-15_wp, many = 20.0_wp, kept = 0.5_wp
+        real(wp) :: seen
 
-        if (age > 0.0_wp .and. before > 0.0_wp) progress%ageing = max(max(error, rounding)/(before*age), &
-            merge(kept*progress%ageing, 0.0_wp, progress%ageing < unknown))
+        if (.not. (age > 0.0_wp .and. before > 0.0_wp)) return
+        seen = max(error, rounding)/(before*age)
+        if (error <= many*rounding) then
+            progress%ageing = min(progress%ageing, seen)
+        else
+            progress%ageing = max(seen, merge(kept*progress%ageing, 0.0_wp, progress%ageing < unknown))
+        end if
     end subroutine learn
 
     !> qd = qd0 + eta - Y0 x with C qd = nu.
@@ -431,7 +446,7 @@ contains
         logical :: predicts
 
         stat = status_ok
-        wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
+        wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
         predicts = self%is_stage .and. self%defect < huge(1.0_wp)
         first_error = 0.0_wp
         last_error = unknown

@@ -14,13 +14,13 @@ contains
     module procedure solve
         call scatter(a%n_nodes, a%node, a%is_body, g, z)
         call send_bodies(self, a, has_force, f, g, x, z)
-        call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, z)
+        call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, self%above, z)
         call fetch_bodies(self, a, x, z)
     end procedure solve
 
     !> g by nodes, zeros for kept bodies.
     pure subroutine scatter(n_nodes, node, is_body, g, z)
-        integer, intent(in) :: n_nodes, node(4, n_nodes)
+        integer, intent(in) :: n_nodes, node(5, n_nodes)
         logical, intent(in) :: is_body(n_nodes)
         real(wp), intent(in) :: g(*)
         real(wp), intent(inout) :: z(*)
@@ -74,8 +74,12 @@ contains
                 if (has_force) call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), f(first), &
                     x(first))
                 if (a%link_start(b + 1) == a%link_start(b)) cycle
-                if (.not. has_force .and. a%norm_row(b) == 0) cycle
-                call send_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, x(first), z)
+                if (has_force) then
+                    call send_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, x(first), z)
+                else if (a%norm_row(b) > 0) then
+                    call send_own(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), &
+                        self%sent(1, a%link_start(b)), g_own, z)
+                end if
             end associate
         end do
     end subroutine send_bodies
@@ -94,13 +98,35 @@ contains
         end do
     end subroutine send_links
 
+    !> The same of what the body's own row moves.
+    pure subroutine send_own(n_links, link, sent, g_own, z)
+        integer, intent(in) :: n_links, link(4, n_links)
+        real(wp), intent(in) :: sent(most_rows, n_links), g_own
+        real(wp), intent(inout) :: z(*)
+        integer :: i, l
+
+        do l = 1, n_links
+            associate (place => link(1, l))
+                ! A loop of variable length would be a call.
+                if (link(2, l) == 5) then
+                    do i = 1, 5
+                        z(place + i) = z(place + i) + sent(i, l)*g_own
+                    end do
+                else
+                    do i = 1, link(2, l)
+                        z(place + i) = z(place + i) + sent(i, l)*g_own
+                    end do
+                end if
+            end associate
+        end do
+    end subroutine send_own
+
     !> x := x - W C' z of each body that goes first; kept ones take theirs from z.
     pure subroutine fetch_bodies(self, a, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
         real(wp), intent(inout) :: x(a%n)
         real(wp), intent(in) :: z(a%n_unknowns)
-        real(wp) :: t(most_coordinates)
         integer :: b, i, nb
 
         do b = 1, a%n_bodies
@@ -113,31 +139,29 @@ contains
                     cycle
                 end if
                 if (a%link_start(b + 1) == a%link_start(b)) cycle
-                t = 0.0_wp
-                call fetch_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, z, t)
-                call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), t, x(first))
+                call fetch_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
             end associate
         end do
     end subroutine fetch_bodies
 
-    !> t := t - C' z for the links of a body.
-    pure subroutine fetch_links(nb, n_links, link, c, z, t)
+    !> x := x - y z for the links of a body.
+    pure subroutine fetch_links(nb, n_links, link, y, z, x)
         integer, intent(in) :: nb, n_links, link(4, n_links)
-        real(wp), intent(in) :: c(*), z(*)
-        real(wp), intent(inout) :: t(nb)
+        real(wp), intent(in) :: y(*), z(*)
+        real(wp), intent(inout) :: x(nb)
         integer :: l
 
         do l = 1, n_links
             associate (place => link(1, l), s => link(2, l), offset => link(3, l))
-                call subtract_transposed(s, nb, c(offset + 1), z(place + 1), t)
+                call subtract_rows(nb, s, y(offset + 1), z(place + 1), x)
             end associate
         end do
     end subroutine fetch_links
 
     !> K z = z in place.
-    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, z)
-        integer, intent(in) :: n_nodes, n_behind, node(4, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
-        real(wp), intent(in) :: blocks(*)
+    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, above, z)
+        integer, intent(in) :: n_nodes, n_behind, node(5, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
+        real(wp), intent(in) :: blocks(*), above(*)
         real(wp), intent(inout) :: z(*)
         integer :: n
 
@@ -147,8 +171,8 @@ contains
             end associate
         end do
         do n = n_nodes, 1, -1
-            associate (place => node(1, n), d => node(3, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
-                call find_node(node(2, n), place, d, later, behind(1, from), blocks, z)
+            associate (place => node(1, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
+                call find_node(node(2, n), place, node(5, n), later, behind(1, from), above, z)
             end associate
         end do
     end subroutine solve_nodes
@@ -169,21 +193,16 @@ contains
     end subroutine eliminate_node
 
     !> Take from a divided node what the unknowns behind it give it.
-    pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
-        integer, intent(in), value :: s, place, diagonal, n_later
+    pure subroutine find_node(s, place, shift, n_later, behind, above, z)
+        integer, intent(in), value :: s, place, shift, n_later
         integer, intent(in) :: behind(3, n_later)
-        real(wp), intent(in) :: blocks(*)
+        real(wp), intent(in) :: above(*)
         real(wp), intent(inout) :: z(*)
-        real(wp) :: y(most)
         integer :: k
 
-        if (n_later == 0) return
-        y = 0.0_wp
         do k = 1, n_later
-            call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), y)
+            call subtract_rows(s, behind(2, k), above(behind(3, k) - shift + 1), z(behind(1, k) + 1), z(place + 1))
         end do
-        y = -y
-        call subtract_rows(s, s, blocks(diagonal + 1), y, z(place + 1))
     end subroutine find_node
 
     !> Node by node, whose part of g stays in registers; then owned rows.
@@ -204,7 +223,7 @@ contains
 
     !> The rows of nodes.
     pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, node_start, node_link, c, x, g)
-        integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
+        integer, intent(in) :: n_nodes, n_links, node(5, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
         logical, intent(in) :: is_body(n_nodes)
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(*)
