@@ -199,7 +199,7 @@ int tandem_step(tandem_problem *problem, double t_limit);
 
 /* At most max_steps accepted steps that do not pass t_end, and rows of what they pass; *rows tells how many. at_steps = 0: a row for
  * each of the `capacity` times in `times`, which ascend from the current time on, as far as the steps have come; by dense output,
- * which steps do not notice. Else a row for each step, whose time is put into `times`; it ends where these are full. It ends at t_end,
+ * which steps do not notice. Else a row for each step, whose time is put into `times`. It ends where these are full, and at t_end,
  * too, and where an event stops the run. Row i is q[i][n], qd[i][n], qdd[i][n]; pointers may be NULL. A failure keeps the rows. */
 int tandem_advance(tandem_problem *problem, double t_end, int max_steps, int capacity, int at_steps, double *times, double *q,
                    double *qd, double *qdd, int *rows);

@@ -142,6 +142,15 @@ class Drawn(unittest.TestCase):
         with self.assertRaisesRegex(TypeError, "no start of its own"):
             tandem.solve(tandem.Model(n=1, mass_matrix=[[1.0]]), (0, 1))
 
+    def test_words_that_nobody_knows(self):
+        """A table or a key that is misspelt counts for something or is refused."""
+        for key, value, says in (("bodys.rod.mass", 1, 'no table "bodys".*"body"'), ("time.endd", 1, 'unknown key "endd".*"end"'),
+                                 ("initial.asemble", True, 'unknown key "asemble".*"assemble"')):
+            with self.subTest(key), self.assertRaisesRegex(ValueError, says):
+                tandem.Mechanism({**PENDULUM, key: value}).solve((0, 1))
+        with self.assertRaisesRegex(ValueError, "q is given without qd"):
+            tandem.Mechanism(PENDULUM).solve((0, 1), q=[0, 0, 0])
+
     def test_values_as_texts(self):
         """What the library reads, and what it does not take for a value; a problem that is no mechanism, or not complete."""
         called = library()

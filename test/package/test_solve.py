@@ -78,6 +78,11 @@ class Motions(unittest.TestCase):
         self.assertTrue(np.array_equal(plain.q[-1], dense.q[-1]))
         self.assertEqual(dense.t.size, 5)
         self.assertEqual(tandem.solve(Pendulum(), (0, 3), *START, t_eval=[]).t.size, 0)
+        # More than are gathered at once, many in a step.
+        times = np.linspace(0, 3, 5001)
+        many = tandem.solve(Pendulum(), (0, 3), *START, t_eval=times)
+        self.assertTrue(np.array_equal(many.t, times))
+        self.assertTrue(np.array_equal(many.q[::10], tandem.solve(Pendulum(), (0, 3), *START, t_eval=times[::10]).q))
 
     def test_functions_and_constants(self):
         model = tandem.Model(n=2, n_holonomic=1, holonomic=lambda t, q: [q[0]**2 + q[1]**2 - 1], mass_matrix=[[1, 0], [0, 1]],

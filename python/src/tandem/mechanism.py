@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import json
 import tempfile
 import tomllib
@@ -92,6 +93,7 @@ class Mechanism:
         for key, value in (settings or {}).items():
             made[key] = value
         tables = made.tables
+        refuse_unknown(tables)
         scene, initial, time = (tables.get(name, {}) for name in ("scene", "initial", "time"))
         if scene.get("model", "mechanism") != "mechanism":
             raise ValueError(f"the model {scene['model']} is none of bodies and joints: `run()` lets the program run it")
@@ -141,8 +143,28 @@ class Mechanism:
         return f"<tandem.Mechanism: {', '.join(counts) or 'empty'}>"
 
 
-#: The tables of a mechanism; others are of the run.
+#: The tables of a run, with their keys where the program alone would look at them.
+RUN = {"scene": ("name", "description", "model", "group", "planar"), "time": ("start", "end"),
+       "initial": ("assemble", "fixed", "fixed_velocities", "weights", "velocity_weights", "velocity_metric", "largest_move",
+                   "largest_velocity_move", "equilibrium", "steady", "q", "qd"), "solver": (), "output": (), "event": ()}
+#: The tables of a mechanism; the library knows their keys.
 KINDS = ("parameters", "gravity", "ground", "results", "function", "body", "joint", "constraint", "wheel", "force", "sensor", "repeat")
+
+
+def refuse_unknown(tables: Mapping[str, Any]) -> None:
+    """Tables that no scene has, and keys of the run that it would not look at."""
+    for kind, table in tables.items():
+        if kind not in KINDS and kind not in RUN:
+            raise ValueError(f'there is no table "{kind}" in a scene{question(kind, (*KINDS, *RUN))}')
+        for key in table if RUN.get(kind) else ():
+            if key not in RUN[kind]:
+                raise ValueError(f'unknown key "{key}" of [{kind}]{question(key, RUN[kind])}; its keys are {", ".join(RUN[kind])}')
+
+
+def question(word: str, names: Any) -> str:
+    """The name that was meant, if one is near."""
+    near = difflib.get_close_matches(word, names, 1)
+    return f' (did you mean "{near[0]}"?)' if near else ""
 
 
 def flat(table: Mapping[str, Any], before: str) -> Iterator[tuple[str, Any]]:

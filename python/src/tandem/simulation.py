@@ -82,6 +82,8 @@ class Simulation:
         if rtol is None and step is None:
             rtol = 1e-8
         options = {"stepper": stepper or "dop853", "rtol": rtol, "step": step, **options}
+        if (q is None) != (qd is None):
+            raise ValueError(f"{'q' if qd is None else 'qd'} is given without {'qd' if qd is None else 'q'}: give both")
         self.problem = Problem(model, options, events)
         self.model = model
         if q is None:

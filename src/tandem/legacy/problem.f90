@@ -116,7 +116,7 @@ contains
     end subroutine step
 
     !> Up to `most` accepted steps that do not pass t_end, and rows of what they pass: at the times given, or one for each step.
-    !> Ends early where an event stops the run, and where there is no room for another step's row. What a failure leaves behind
+    !> Ends early where an event stops the run, and where there is no room for another row; without any it goes on to t_end. What a failure leaves behind
     !> is what was reached until then.
     subroutine advance(self, t_end, most, at_steps, capacity, rows, times, q, qd, qdd)
         class(problem_type), intent(inout) :: self
@@ -144,7 +144,9 @@ contains
         call self%simulation%look_back()
         if (.not. at_steps) call take_rows()
         do taken = 1, most
-            if (allocated(error) .or. .not. self%simulation%state%t < t_end .or. (at_steps .and. rows >= capacity)) exit
+            if (allocated(error) .or. .not. self%simulation%state%t < t_end) exit
+            ! The next time may lie within the last step: who asks for it must come before another step.
+            if (rows >= capacity .and. (at_steps .or. capacity > 0)) exit
             call self%watch%step(self%simulation, t_end, error)
             if (allocated(error)) exit
             call take_rows()

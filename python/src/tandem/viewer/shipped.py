@@ -144,6 +144,8 @@ def draw_by_names(result, times, values) -> Drawing | None:
         return None
     drawing = Drawing(result.name, times, bodies, planar=all("z" not in parts for parts in groups.values()))
     drawing.tracks = [Track(body.name, body.place, COLOURS[i % len(COLOURS)]) for i, body in enumerate(bodies)]
+    # Nobody says how large they are: all of the motion is seen.
+    drawing.extent = max(float(np.max(np.ptp(body.place, axis=0))) for body in bodies)
     if drawing.planar:
         drawing.ground = np.array([0, 0, -0.1*size])
         drawing.up = np.array([0.0, 1, 0])
