@@ -167,6 +167,13 @@ contains
                         end do
                         k = k + 5
                     end do
+                case (3)
+                    do j = first(b), first(b + 1) - 1
+                        do i = 0, 2
+                            c(k + 1 + i) = jacobian(row + i, column(j))
+                        end do
+                        k = k + 3
+                    end do
                 case (2)
                     do j = first(b), first(b + 1) - 1
                         c(k + 1) = jacobian(row, column(j))
