@@ -88,10 +88,18 @@ contains
         integer :: i
         real(wp) :: w
 
-        do i = 1, self%n_place
-            self%r(i, 1) = qd(self%place + i - 1)
-            self%r(i, 2) = 0.0_wp
-        end do
+        ! A loop of variable length would be two calls.
+        if (self%n_place == 3) then
+            do i = 1, 3
+                self%r(i, 1) = qd(self%place + i - 1)
+                self%r(i, 2) = 0.0_wp
+            end do
+        else if (self%n_place == 2) then
+            do i = 1, 2
+                self%r(i, 1) = qd(self%place + i - 1)
+                self%r(i, 2) = 0.0_wp
+            end do
+        end if
         if (self%n_turn == 4) then
             do i = 1, 4
                 self%p(i, 1) = qd(self%turn + i - 1)

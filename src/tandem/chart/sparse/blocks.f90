@@ -350,6 +350,10 @@ contains
             do i = 1, 7
                 x(i) = r(i)*g
             end do
+        else if (nb == 3) then
+            do i = 1, 3
+                x(i) = r(i)*g
+            end do
         else
             do i = 1, nb
                 x(i) = r(i)*g
@@ -385,6 +389,10 @@ contains
         case default
             if (s == 7) then
                 call subtract_rows_sized(7, 8, n, c, x, g)
+            else if (s == 3) then
+                call subtract_rows_sized(3, 4, n, c, x, g)
+            else if (s == 1) then
+                call subtract_rows_sized(1, 1, n, c, x, g)
             else
                 call subtract_rows_sized(s, s, n, c, x, g)
             end if

@@ -29,7 +29,7 @@ module tandem_chart_sparse_factor
         !> Inverse diagonal blocks D^-1 of the factor, and the others, B, as they were when their turn came. D^-1 B', without
         !> diagonal blocks.
         real(wp), allocatable :: blocks(:), above(:)
-        !> What the pivot of each row would be if it stood alone (m), and how much of a c c' was added to a kept body (n_bodies).
+        !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a kept body (n_bodies).
         real(wp), allocatable :: alone(:), added(:)
         !> The smallest pivot of a row against that, and the row.
         real(wp) :: least = 1.0_wp
@@ -166,6 +166,13 @@ contains
                             c(k + 1 + i) = jacobian(row + i, column(j))
                         end do
                         k = k + 5
+                    end do
+                case (3)
+                    do j = first(b), first(b + 1) - 1
+                        do i = 0, 2
+                            c(k + 1 + i) = jacobian(row + i, column(j))
+                        end do
+                        k = k + 3
                     end do
                 case (2)
                     do j = first(b), first(b + 1) - 1
@@ -398,24 +405,21 @@ contains
                     end do
                     call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), 1.0_wp, least_mass, worst)
                 else
-                    do i = 1, s
-                        ratio(i) = self%alone(origin + i - 1)
-                    end do
                     if (self%leaves_out) then
-                        call invert_some(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, chooses, &
-                            self%is_out(origin:origin + s - 1), worst)
+                        call invert_some(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, chooses, &
+                            self%is_out(origin), worst)
                     else
-                        call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), -1.0_wp, least_pivot, worst)
+                        call invert(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, worst)
                     end if
-                    do i = 1, merge(s, worst - 1, worst == 0)
-                        if (self%is_out(origin + i - 1)) then
-                            if (ratio(i) > self%rest) self%loosest = origin + i - 1
-                            self%rest = max(self%rest, ratio(i))
+                    do i = origin, origin + merge(s, worst - 1, worst == 0) - 1
+                        if (self%is_out(i)) then
+                            if (self%alone(i) > self%rest) self%loosest = i
+                            self%rest = max(self%rest, self%alone(i))
                             cycle
                         end if
-                        if (.not. ratio(i) < self%least) cycle
-                        self%least = ratio(i)
-                        self%weakest = origin + i - 1
+                        if (.not. self%alone(i) < self%least) cycle
+                        self%least = self%alone(i)
+                        self%weakest = i
                     end do
                 end if
                 if (worst > 0) then

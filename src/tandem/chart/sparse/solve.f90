@@ -32,16 +32,28 @@ contains
                     do i = 1, node(2, n)
                         z(place + i) = 0.0_wp
                     end do
-                else if (node(2, n) == 5) then
-                    ! A copy of variable length would be a call.
+                    cycle
+                end if
+                ! A copy of variable length would be a call.
+                select case (node(2, n))
+                case (5)
                     do i = 1, 5
                         z(place + i) = g(origin + i - 1)
                     end do
-                else
+                case (2)
+                    z(place + 1) = g(origin)
+                    z(place + 2) = g(origin + 1)
+                case (3)
+                    do i = 1, 3
+                        z(place + i) = g(origin + i - 1)
+                    end do
+                case (1)
+                    z(place + 1) = g(origin)
+                case default
                     do i = 1, node(2, n)
                         z(place + i) = g(origin + i - 1)
                     end do
-                end if
+                end select
             end associate
         end do
     end subroutine scatter
