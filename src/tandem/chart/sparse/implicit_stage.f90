@@ -134,8 +134,8 @@ contains
         logical, intent(out) :: can
         !> A step of the grid differs from the next by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
-        !> Where M and C have changed so far that it leaves more of a system than this, those of the chart's origin take their place:
-        !> a factorisation saves the refinement of some ten corrections.
+        !> Where M and C have changed so far that it leaves more of a system than this, those of the chart's origin take their
+        !> place: a factorisation saves the refinement of some ten corrections.
         real(wp), parameter :: worst = 1.0e-2_wp
         integer :: stat
 
