@@ -8,12 +8,12 @@ module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
     use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
     use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
-    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_pose, only: gradient_of, pose_type, turned
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
     implicit none (type, external)
     private
 
-    public :: coordinate_type, measure, differentiate_coordinate
+    public :: coordinate_type, measure, differentiate_coordinate, find_slope
     public :: is_way, is_distance, is_angle, is_tilt
 
     !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
@@ -72,6 +72,53 @@ contains
         end select
         x = x - self%offset
     end subroutine measure
+
+    !> Value, rate and gradient, which is all that a force asks for: of an angle in space without the rates of its gradient and of
+    !> the directions that it is between. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
+    pure subroutine find_slope(self, pose, x, gradient)
+        type(coordinate_type), intent(inout) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        !> x and its rate.
+        real(wp), intent(out) :: x(0:1)
+        real(wp), intent(out) :: gradient(n_local)
+        real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), its(0:2), gradients(n_local, 0:2), c, s, over
+        logical :: is_plain
+
+        is_plain = self%kind == is_angle
+        if (is_plain) is_plain = .not. (is_planar(self, pose) .or. self%one%is_point .or. self%other%is_point .or. &
+            self%one%is_turning .or. self%other%is_turning)
+        if (.not. is_plain) then
+            call differentiate_coordinate(self, pose, 1, 0, its, gradients)
+            x = its(0:1)
+            gradient = gradients(:, 0)
+            return
+        end if
+        associate (first => pose(self%first), second => pose(self%second), one => self%one, other => self%other)
+            a_c = turned(first, 0, one%a)
+            a_s = turned(first, 0, other%a)
+            d_c = turned(second, 0, one%b)
+            d_s = turned(second, 0, other%b)
+            c = dot3(a_c, d_c)
+            s = dot3(a_s, d_s)
+            x(0) = atan2(s, c)
+            x(0) = x(0) + 2*pi*anint((self%last - x(0))/(2*pi))
+            self%last = x(0)
+            x(0) = x(0) - self%offset
+            x(1) = 0.0_wp
+            over = 1/(c**2 + s**2)
+            c = c*over
+            s = s*over
+            gradient = 0.0_wp
+            if (first%n_turn > 0) then
+                gradient(turn_1 + 1:turn_1 + 4) = gradient_of(first, 0, other%a, c*d_s) - gradient_of(first, 0, one%a, s*d_c)
+                x(1) = sum(gradient(turn_1 + 1:turn_1 + 4)*first%p(:, 1))
+            end if
+            if (second%n_turn > 0) then
+                gradient(turn_2 + 1:turn_2 + 4) = gradient_of(second, 0, other%b, c*a_s) - gradient_of(second, 0, one%b, s*a_c)
+                x(1) = x(1) + sum(gradient(turn_2 + 1:turn_2 + 4)*second%p(:, 1))
+            end if
+        end associate
+    end subroutine find_slope
 
     !> Whether an angle is the difference of two.
     pure logical function is_planar(self, pose)

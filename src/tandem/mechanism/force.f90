@@ -5,7 +5,7 @@
 !> force -f x_q.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
@@ -155,19 +155,19 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
         real(wp), intent(inout) :: force(:)
-        real(wp) :: x(0:2), gradient(n_local, 0:2), torque, g(0:2)
+        real(wp) :: x(0:1), gradient(n_local), torque, g(0:2)
         integer :: i
 
         do i = 1, size(torsions)
             associate (torsion => torsions(i))
-                call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+                call find_slope(torsion%coordinate, pose, x, gradient)
                 torque = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
                 if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
                 if (torsion%law > 0 .and. torsion%press%n == 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
                     torque = torque + g(0)
                 end if
-                call take_off(torsion%coordinate, pose, torque, gradient(:, 0), force)
+                call take_off(torsion%coordinate, pose, torque, gradient, force)
             end associate
         end do
     end subroutine add_torsions
@@ -180,7 +180,7 @@ contains
         type(law_item_type), intent(in) :: laws(:)
         !> Zero before.
         real(wp), intent(inout) :: directions(:, :)
-        real(wp) :: x(0:2), gradient(n_local, 0:2), g(0:2)
+        real(wp) :: x(0:1), gradient(n_local), g(0:2)
         integer :: i, k
 
         k = 0
@@ -188,9 +188,9 @@ contains
             if (torsions(i)%press%n == 0) cycle
             k = k + 1
             associate (torsion => torsions(i))
-                call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
+                call find_slope(torsion%coordinate, pose, x, gradient)
                 call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                call take_off(torsion%coordinate, pose, g(0), gradient(:, 0), directions(:, k))
+                call take_off(torsion%coordinate, pose, g(0), gradient, directions(:, k))
             end associate
         end do
     end subroutine add_press_directions

@@ -332,12 +332,22 @@ contains
                 if (self%mass_column(last + 1) == 1) exit
                 last = last + 1
             end do
-            y(first:last) = 0.0_wp
-            do j = first, last
+            if (last == first) then
+                y(first) = mass(first, 1)*x(first)
+            else if (last == first + 3) then
+                ! Euler parameters: a loop of known length.
                 do i = first, last
-                    y(i) = y(i) + mass(i, j - first + 1)*x(j)
+                    y(i) = (mass(i, 1)*x(first) + mass(i, 2)*x(first + 1)) + &
+                        (mass(i, 3)*x(first + 2) + mass(i, 4)*x(first + 3))
                 end do
-            end do
+            else
+                y(first:last) = 0.0_wp
+                do j = first, last
+                    do i = first, last
+                        y(i) = y(i) + mass(i, j - first + 1)*x(j)
+                    end do
+                end do
+            end if
         end do
     end subroutine multiply_mass
 

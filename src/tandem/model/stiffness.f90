@@ -162,23 +162,40 @@ contains
         class(stiffness_type), intent(in) :: self
         real(wp), intent(in) :: factor
         !> (n) each.
-        real(wp), intent(in) :: x(:)
-        real(wp), intent(inout) :: y(:)
-        integer :: a, b, i, j, k, l
+        real(wp), intent(in), contiguous :: x(:)
+        real(wp), intent(inout), contiguous :: y(:)
+        integer :: a, b, k
 
         do a = 1, size(self%first) - 1
             do k = self%start(a), self%start(a + 1) - 1
                 b = self%partner(k)
-                l = self%offset(k)
-                do j = self%first(b), self%first(b + 1) - 1
-                    do i = self%first(a), self%first(a + 1) - 1
-                        l = l + 1
-                        y(i) = y(i) + factor*self%by_q(l)*x(j)
-                    end do
-                end do
+                associate (rows => self%first(a + 1) - self%first(a), columns => self%first(b + 1) - self%first(b), &
+                    by_q => self%by_q(self%offset(k) + 1:), mine => y(self%first(a):), its => x(self%first(b):))
+                    if (rows == 7 .and. columns == 7) then
+                        call add_product(7, 7, factor, by_q, its, mine)
+                    else if (rows == 3 .and. columns == 3) then
+                        call add_product(3, 3, factor, by_q, its, mine)
+                    else
+                        call add_product(rows, columns, factor, by_q, its, mine)
+                    end if
+                end associate
             end do
         end do
     end subroutine multiply
+
+    !> y := y + factor a x for a (p, s); bodies in space and in the plane have loops of known length.
+    pure subroutine add_product(p, s, factor, a, x, y)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: factor, a(p, s), x(s)
+        real(wp), intent(inout) :: y(p)
+        integer :: i, j
+
+        do j = 1, s
+            do i = 1, p
+                y(i) = y(i) + a(i, j)*(factor*x(j))
+            end do
+        end do
+    end subroutine add_product
 
     !> The values.
     subroutine pack_state(self, pack)

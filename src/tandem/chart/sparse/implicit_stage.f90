@@ -38,6 +38,10 @@ module tandem_chart_sparse_implicit_stage
         real(wp) :: t_lambda = 0.0_wp, t_past(most_past) = 0.0_wp
         integer :: n_past = 0, newest = 1
         logical :: has_lambda = .false.
+        !> What the matrix leaves of a system with the M and C of the point, when it was last seen; more than 1 where that is not
+        !> known. What Newton's iteration may leave of the rates.
+        real(wp), private :: left = 2.0_wp
+        real(wp), private :: tolerance_of_rates = 0.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable, private :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
@@ -81,6 +85,8 @@ contains
         self%past = spread(self%lambda, 2, most_past)
         self%n_past = 0
         self%has_lambda = .false.
+        self%left = 2.0_wp
+        self%tolerance_of_rates = options%newton_tolerance()
         self%mu = self%lambda
         self%total_mu = self%lambda
         self%rows = self%lambda
@@ -114,6 +120,7 @@ contains
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
             call self%newton%factor(ha, stat)
+            self%left = 2.0_wp
             self%newton_segment = s%model%segment()
         end associate
         self%counts%newton_matrices = self%counts%newton_matrices + 1
@@ -127,11 +134,26 @@ contains
         logical, intent(out) :: can
         !> A step of the grid differs from the next by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
+        !> Where M and C have changed so far that it leaves more of a system than this, those of the chart's origin take their
+        !> place: a factorisation saves the refinement of some ten corrections.
+        real(wp), parameter :: worst = 1.0e-2_wp
         integer :: stat
 
         can = self%newton%ha > 0.0_wp .and. self%newton_segment == self%system%model%segment()
         if (can) can = self%newton%is_near(self%system%analysis, self%system%factor(self%system%base))
-        if (.not. can .or. abs(ha - self%newton%ha) <= rounding*self%newton%ha) return
+        if (.not. can) return
+        if (self%left > worst .and. self%left < 2.0_wp) then
+            associate (s => self%system)
+                call s%visit(self%t0, self%q0, self%counts, stat)
+                can = stat == status_ok
+                if (.not. can) return
+                call s%load()
+                call self%newton%form(s%factor(s%here), s%model%terms%mass)
+                self%left = 2.0_wp
+            end associate
+        else if (abs(ha - self%newton%ha) <= rounding*self%newton%ha) then
+            return
+        end if
         call self%newton%factor(ha, stat)
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
         can = stat == status_ok
@@ -245,6 +267,9 @@ contains
         !> that of the multipliers, which may have changed by more than the rates.
         integer, parameter :: most = 4
         real(wp), parameter :: negligible = 0.01_wp, slow = 0.5_wp
+        !> How much more may be left than was seen last, the part of the tolerance that is of no account, and how many tolerances
+        !> a solution must have for what is left of it to be no rounding.
+        real(wp), parameter :: distrust = 2.0_wp, part = 0.3_wp, large = 1000.0_wp
         real(wp) :: all_in_all, last_size, size
         integer :: j, pass
 
@@ -264,7 +289,12 @@ contains
                 end do
                 self%total_mu(:) = self%total_mu + self%mu
                 if (pass == most) exit
-                if (pass > 1 .and. size <= negligible*all_in_all) exit
+                if (pass == 1) then
+                    if (distrust*self%left*size <= part*self%tolerance_of_rates) exit
+                else
+                    if (pass == 2 .and. last_size > large*self%tolerance_of_rates) self%left = min(size/last_size, 1.9_wp)
+                    if (size <= negligible*all_in_all) exit
+                end if
                 if (pass > 2 .and. .not. size < slow*last_size) exit
                 last_size = size
                 ! What M and C then leave that they are now.
@@ -341,5 +371,6 @@ contains
         call pack%item(self%n_past)
         call pack%item(self%newest)
         call pack%item(self%has_lambda)
+        call pack%item(self%left)
     end subroutine pack_newton
 end module tandem_chart_sparse_implicit_stage

@@ -90,6 +90,10 @@ contains
         call self%place_blocks()
         call self%find_updates()
         call self%find_targets(base, stiffness, node_of, order)
+        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
+            [4, self%n_nodes])
+        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
+            k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
     end subroutine analyse_newton
 
     !> Number nodes in their order.

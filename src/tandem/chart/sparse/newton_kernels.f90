@@ -6,7 +6,10 @@ module tandem_chart_sparse_newton_kernels
     implicit none (type, external)
     private
 
-    public :: invert_pivoted, multiply, multiply_block, subtract, subtract_product, subtract_transposed
+    public :: invert_pivoted, multiply, multiply_block, subtract, subtract_product
+
+    !> The most unknowns of a node: a body's coordinates and the row that it owns. Work space of a fixed size stays in registers.
+    integer, parameter :: most = 13
 
 contains
 
@@ -62,28 +65,29 @@ contains
 
     !> y := a x for a (s, s).
     pure subroutine multiply(s, a, x, y)
-        integer, intent(in) :: s
+        integer, intent(in), value :: s
         real(wp), intent(in) :: a(s*s), x(s)
         real(wp), intent(out) :: y(s)
 
-        if (s == 8) then
+        select case (s)
+        case (8)
             call multiply_sized(8, a, x, y)
-        else if (s == 5) then
+        case (5)
             call multiply_sized(5, a, x, y)
-        else if (s == 3) then
+        case (3)
             call multiply_sized(3, a, x, y)
-        else if (s == 2) then
+        case (2)
             call multiply_sized(2, a, x, y)
-        else
+        case default
             call multiply_sized(s, a, x, y)
-        end if
+        end select
     end subroutine multiply
 
     pure subroutine multiply_sized(s, a, x, y)
         integer, intent(in), value :: s
         real(wp), intent(in) :: a(s, s), x(s)
         real(wp), intent(out) :: y(s)
-        real(wp) :: total(s)
+        real(wp) :: total(most)
         integer :: i, j
 
         do i = 1, s
@@ -101,36 +105,37 @@ contains
 
     !> y := y - a x for a (p, s).
     pure subroutine subtract(p, s, a, x, y)
-        integer, intent(in) :: p, s
+        integer, intent(in), value :: p, s
         real(wp), intent(in) :: a(p*s), x(s)
         real(wp), intent(inout) :: y(p)
 
-        if (p == 8 .and. s == 8) then
+        select case (16*p + s)
+        case (16*8 + 8)
             call subtract_sized(8, 8, a, x, y)
-        else if (p == 5 .and. s == 8) then
+        case (16*5 + 8)
             call subtract_sized(5, 8, a, x, y)
-        else if (p == 8 .and. s == 5) then
+        case (16*8 + 5)
             call subtract_sized(8, 5, a, x, y)
-        else if (p == 5 .and. s == 5) then
+        case (16*5 + 5)
             call subtract_sized(5, 5, a, x, y)
-        else if (p == 3 .and. s == 3) then
+        case (16*3 + 3)
             call subtract_sized(3, 3, a, x, y)
-        else if (p == 2 .and. s == 3) then
+        case (16*2 + 3)
             call subtract_sized(2, 3, a, x, y)
-        else if (p == 3 .and. s == 2) then
+        case (16*3 + 2)
             call subtract_sized(3, 2, a, x, y)
-        else if (p == 2 .and. s == 2) then
+        case (16*2 + 2)
             call subtract_sized(2, 2, a, x, y)
-        else
+        case default
             call subtract_sized(p, s, a, x, y)
-        end if
+        end select
     end subroutine subtract
 
     pure subroutine subtract_sized(p, s, a, x, y)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: a(p, s), x(s)
         real(wp), intent(inout) :: y(p)
-        real(wp) :: total(p)
+        real(wp) :: total(most)
         integer :: i, j
 
         do i = 1, p
@@ -146,118 +151,89 @@ contains
         end do
     end subroutine subtract_sized
 
-    !> y := y - a' x for a (p, s).
-    pure subroutine subtract_transposed(p, s, a, x, y)
-        integer, intent(in) :: p, s
-        real(wp), intent(in) :: a(p*s), x(p)
-        real(wp), intent(inout) :: y(s)
-
-        if (p == 8 .and. s == 8) then
-            call subtract_transposed_sized(8, 8, a, x, y)
-        else if (p == 5 .and. s == 8) then
-            call subtract_transposed_sized(5, 8, a, x, y)
-        else if (p == 8 .and. s == 5) then
-            call subtract_transposed_sized(8, 5, a, x, y)
-        else if (p == 5 .and. s == 5) then
-            call subtract_transposed_sized(5, 5, a, x, y)
-        else if (p == 3 .and. s == 3) then
-            call subtract_transposed_sized(3, 3, a, x, y)
-        else if (p == 2 .and. s == 3) then
-            call subtract_transposed_sized(2, 3, a, x, y)
-        else if (p == 3 .and. s == 2) then
-            call subtract_transposed_sized(3, 2, a, x, y)
-        else if (p == 2 .and. s == 2) then
-            call subtract_transposed_sized(2, 2, a, x, y)
-        else
-            call subtract_transposed_sized(p, s, a, x, y)
-        end if
-    end subroutine subtract_transposed
-
-    pure subroutine subtract_transposed_sized(p, s, a, x, y)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: a(p, s), x(p)
-        real(wp), intent(inout) :: y(s)
-        real(wp) :: total
-        integer :: i, j
-
-        do j = 1, s
-            total = 0.0_wp
-            do i = 1, p
-                total = total + a(i, j)*x(i)
-            end do
-            y(j) = y(j) - total
-        end do
-    end subroutine subtract_transposed_sized
-
     !> z := x y for x (p, s), y (s, s).
     pure subroutine multiply_block(p, s, x, y, z)
-        integer, intent(in) :: p, s
+        integer, intent(in), value :: p, s
         real(wp), intent(in) :: x(p*s), y(s*s)
         real(wp), intent(out) :: z(p*s)
 
-        if (p == 8 .and. s == 8) then
+        select case (16*p + s)
+        case (16*8 + 8)
             call multiply_block_sized(8, 8, x, y, z)
-        else if (p == 5 .and. s == 8) then
+        case (16*5 + 8)
             call multiply_block_sized(5, 8, x, y, z)
-        else if (p == 8 .and. s == 5) then
+        case (16*8 + 5)
             call multiply_block_sized(8, 5, x, y, z)
-        else if (p == 5 .and. s == 5) then
+        case (16*5 + 5)
             call multiply_block_sized(5, 5, x, y, z)
-        else if (p == 3 .and. s == 3) then
+        case (16*3 + 3)
             call multiply_block_sized(3, 3, x, y, z)
-        else if (p == 2 .and. s == 3) then
+        case (16*2 + 3)
             call multiply_block_sized(2, 3, x, y, z)
-        else if (p == 3 .and. s == 2) then
+        case (16*3 + 2)
             call multiply_block_sized(3, 2, x, y, z)
-        else if (p == 2 .and. s == 2) then
+        case (16*2 + 2)
             call multiply_block_sized(2, 2, x, y, z)
-        else
+        case default
             call multiply_block_sized(p, s, x, y, z)
-        end if
+        end select
     end subroutine multiply_block
 
     pure subroutine multiply_block_sized(p, s, x, y, z)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: x(p, s), y(s, s)
         real(wp), intent(out) :: z(p, s)
+        real(wp) :: column(most)
         integer :: i, j, k
 
         do j = 1, s
             do i = 1, p
-                z(i, j) = x(i, 1)*y(1, j)
+                column(i) = x(i, 1)*y(1, j)
             end do
             do k = 2, s
                 do i = 1, p
-                    z(i, j) = z(i, j) + x(i, k)*y(k, j)
+                    column(i) = column(i) + x(i, k)*y(k, j)
                 end do
+            end do
+            do i = 1, p
+                z(i, j) = column(i)
             end do
         end do
     end subroutine multiply_block_sized
 
-    !> x := x - a b' for a (p, s), b (q, s), x (p, q).
+    !> x := x - a b for a (p, s), b (s, q), x (p, q).
     pure subroutine subtract_product(p, q, s, a, b, x)
-        integer, intent(in) :: p, q, s
-        real(wp), intent(in) :: a(p*s), b(q*s)
+        integer, intent(in), value :: p, q, s
+        real(wp), intent(in) :: a(p*s), b(s*q)
         real(wp), intent(inout) :: x(p*q)
 
-        if (p == 8 .and. q == 8) then
-            call subtract_product_sized(8, 8, s, a, b, x)
-        else if (p == 5 .and. q == 8) then
-            call subtract_product_sized(5, 8, s, a, b, x)
-        else if (p == 8) then
-            call subtract_product_sized(8, q, s, a, b, x)
-        else if (p == 5) then
-            call subtract_product_sized(5, q, s, a, b, x)
-        else
+        select case (16*p + s)
+        case (16*8 + 8)
+            call subtract_product_sized(8, q, 8, a, b, x)
+        case (16*5 + 8)
+            call subtract_product_sized(5, q, 8, a, b, x)
+        case (16*8 + 5)
+            call subtract_product_sized(8, q, 5, a, b, x)
+        case (16*5 + 5)
+            call subtract_product_sized(5, q, 5, a, b, x)
+        case (16*3 + 3)
+            call subtract_product_sized(3, q, 3, a, b, x)
+        case (16*2 + 3)
+            call subtract_product_sized(2, q, 3, a, b, x)
+        case (16*3 + 2)
+            call subtract_product_sized(3, q, 2, a, b, x)
+        case (16*2 + 2)
+            call subtract_product_sized(2, q, 2, a, b, x)
+        case default
             call subtract_product_sized(p, q, s, a, b, x)
-        end if
+        end select
     end subroutine subtract_product
 
     pure subroutine subtract_product_sized(p, q, s, a, b, x)
         integer, intent(in), value :: p, q, s
-        real(wp), intent(in) :: a(p, s), b(q, s)
+        real(wp), intent(in) :: a(p, s), b(s, q)
         real(wp), intent(inout) :: x(p, q)
-        real(wp) :: column(p)
+        real(wp) :: column(most)
         integer :: i, j, k
 
         do j = 1, q
@@ -266,7 +242,7 @@ contains
             end do
             do k = 1, s
                 do i = 1, p
-                    column(i) = column(i) - a(i, k)*b(j, k)
+                    column(i) = column(i) - a(i, k)*b(k, j)
                 end do
             end do
             do i = 1, p

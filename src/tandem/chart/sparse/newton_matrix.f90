@@ -9,8 +9,7 @@ module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_rows
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
-    use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product, &
-        subtract_transposed
+    use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product
     use tandem_kinds, only: wp
     use tandem_model_stiffness, only: stiffness_type
     use tandem_pack, only: pack_type
@@ -33,7 +32,7 @@ module tandem_chart_sparse_newton_matrix
         logical, allocatable, private :: is_out(:)
         !> What C has changed by from there to the last point that was looked at.
         type(factor_type) :: turn
-        !> Blocks below the diagonal with inverse diagonal ones, and transposed ones above it.
+        !> Blocks below the diagonal, times the inverses of diagonal ones, and these inverses; the blocks above the diagonal.
         real(wp), allocatable, private :: lower(:), upper(:)
         !> ha of the last `factor`, 0 where there is none.
         real(wp) :: ha = 0.0_wp
@@ -104,7 +103,7 @@ contains
     subroutine fill(self, ha)
         class(newton_matrix_type), intent(inout) :: self
         real(wp), intent(in) :: ha
-        integer :: b, i, j, k, l, s, other, offset, entry, p
+        integer :: b, i, j, k, l, s, other, offset, entry
 
         self%lower = 0.0_wp
         self%upper = 0.0_wp
@@ -125,7 +124,6 @@ contains
                     other = k_%partner(k)
                     offset = a%force_target(k)
                     entry = k_%offset(k)
-                    p = a%height(a%node_of_body(other))
                     do j = 1, first(other + 1) - first(other)
                         do i = 1, first(b + 1) - first(b)
                             entry = entry + 1
@@ -135,7 +133,7 @@ contains
                                 else if (a%node_of_body(b) > a%node_of_body(other)) then
                                     self%lower(offset + (j - 1)*s + i) = value
                                 else
-                                    self%upper(offset + (i - 1)*p + j) = value
+                                    self%upper(offset + (j - 1)*s + i) = value
                                 end if
                             end associate
                         end do
@@ -158,7 +156,7 @@ contains
         !> The part of C of a link, above and below the diagonal.
         subroutine put_link(body, link, height)
             integer, intent(in) :: body, link, height
-            integer :: at, column, from, row, rows
+            integer :: across, along, column, from, row, rows
 
             associate (a => self%analysis, node => self%analysis%link_node(link))
                 rows = a%height(node)
@@ -166,13 +164,13 @@ contains
                 do column = 1, a%first(body + 1) - a%first(body)
                     do row = 1, rows
                         if (self%is_out(a%origin(node) + row - 1)) cycle
-                        if (a%is_row_later(link)) then
-                            at = a%link_target(link) + (column - 1)*rows + row
-                        else
-                            at = a%link_target(link) + (row - 1)*height + column
-                        end if
-                        self%lower(at) = self%c(from + (column - 1)*rows + row)
-                        self%upper(at) = self%lower(at)
+                        ! C and its transpose.
+                        along = a%link_target(link) + (column - 1)*rows + row
+                        across = a%link_target(link) + (row - 1)*height + column
+                        associate (value => self%c(from + (column - 1)*rows + row))
+                            self%lower(merge(along, across, a%is_row_later(link))) = value
+                            self%upper(merge(across, along, a%is_row_later(link))) = value
+                        end associate
                     end do
                 end do
             end associate
@@ -183,45 +181,34 @@ contains
     subroutine eliminate(self, stat)
         class(newton_matrix_type), intent(inout) :: self
         integer, intent(out) :: stat
-        real(wp) :: transposed(most*most), below(most*most), above(most*most)
+        real(wp) :: scaled(most*most)
         integer :: d, i, j, k, n, p, q, s, target
         logical :: is_regular
 
         stat = status_ok
-        associate (a => self%analysis)
+        associate (a => self%analysis, lower => self%lower, upper => self%upper, at => self%analysis%later_offset)
             do n = 1, a%n_nodes
                 s = a%height(n)
-                associate (inverse => self%lower(a%diagonal_offset(n) + 1:a%diagonal_offset(n) + s*s))
-                    call invert_pivoted(s, inverse, is_regular)
-                    if (.not. is_regular) then
-                        stat = status_newton_failed
-                        return
-                    end if
-                    do j = 1, s
-                        do i = 1, s
-                            transposed((i - 1)*s + j) = inverse((j - 1)*s + i)
-                        end do
+                call invert_pivoted(s, lower(a%diagonal_offset(n) + 1), is_regular)
+                if (.not. is_regular) then
+                    stat = status_newton_failed
+                    return
+                end if
+                d = a%update_start(n)
+                do j = a%later_start(n), a%later_start(n + 1) - 1
+                    p = a%height(a%later(j))
+                    call multiply_block(p, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
+                    do i = 1, p*s
+                        lower(at(j) + i) = scaled(i)
                     end do
-                    d = a%update_start(n)
-                    do j = a%later_start(n), a%later_start(n + 1) - 1
-                        p = a%height(a%later(j))
-                        associate (from => a%later_offset(j) + 1, to => a%later_offset(j) + p*s)
-                            call multiply_block(p, s, self%lower(from:to), inverse, below(:p*s))
-                            call multiply_block(p, s, self%upper(from:to), transposed(:s*s), above(:p*s))
-                        end associate
-                        do k = a%later_start(n), j
-                            d = d + 1
-                            q = a%height(a%later(k))
-                            target = a%update_target(d)
-                            associate (from => a%later_offset(k) + 1, to => a%later_offset(k) + q*s)
-                                call subtract_product(p, q, s, below(:p*s), self%upper(from:to), &
-                                    self%lower(target + 1:target + p*q))
-                                if (k < j) call subtract_product(p, q, s, above(:p*s), self%lower(from:to), &
-                                    self%upper(target + 1:target + p*q))
-                            end associate
-                        end do
+                    do k = a%later_start(n), j
+                        d = d + 1
+                        q = a%height(a%later(k))
+                        target = a%update_target(d)
+                        call subtract_product(p, q, s, scaled, upper(at(k) + 1), lower(target + 1))
+                        if (k < j) call subtract_product(q, p, s, lower(at(k) + 1), upper(at(j) + 1), upper(target + 1))
                     end do
-                end associate
+                end do
             end do
         end associate
     end subroutine eliminate
@@ -232,8 +219,7 @@ contains
         !> f and x (n), g and mu (m).
         real(wp), intent(in), contiguous :: f(:), g(:)
         real(wp), intent(out), contiguous :: x(:), mu(:)
-        real(wp) :: y(most)
-        integer :: b, i, j, n, p, s
+        integer :: b, i, n
 
         associate (a => self%analysis, z => self%z)
             do n = 1, a%n_nodes
@@ -251,29 +237,7 @@ contains
                     if (a%norm_row(b) > 0) z(place + nb + 1) = g(a%norm_row(b))
                 end associate
             end do
-            do n = 1, a%n_nodes
-                s = a%height(n)
-                associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                    call multiply(s, self%lower(diagonal + 1:diagonal + s*s), z(place + 1:place + s), y(:s))
-                    do j = a%later_start(n), a%later_start(n + 1) - 1
-                        p = a%height(a%later(j))
-                        call subtract(p, s, self%lower(a%later_offset(j) + 1:a%later_offset(j) + p*s), y(:s), &
-                            z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p))
-                    end do
-                end associate
-            end do
-            do n = a%n_nodes, 1, -1
-                s = a%height(n)
-                associate (place => a%place(n), diagonal => a%diagonal_offset(n))
-                    do j = a%later_start(n), a%later_start(n + 1) - 1
-                        p = a%height(a%later(j))
-                        call subtract_transposed(p, s, self%upper(a%later_offset(j) + 1:a%later_offset(j) + p*s), &
-                            z(a%place(a%later(j)) + 1:a%place(a%later(j)) + p), z(place + 1:place + s))
-                    end do
-                    y(:s) = z(place + 1:place + s)
-                    call multiply(s, self%lower(diagonal + 1:diagonal + s*s), y(:s), z(place + 1:place + s))
-                end associate
-            end do
+            call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%lower, self%upper, z)
             do n = 1, a%n_nodes
                 if (a%is_body(n)) cycle
                 do i = 1, a%height(n)
@@ -290,6 +254,34 @@ contains
             end do
         end associate
     end subroutine solve
+
+    !> Nodes forward and back, in place.
+    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, lower, upper, z)
+        integer, intent(in) :: n_nodes, n_behind, node(4, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
+        real(wp), intent(in) :: lower(*), upper(*)
+        real(wp), intent(inout) :: z(*)
+        real(wp) :: y(most)
+        integer :: i, k, n, place, s
+
+        do n = 1, n_nodes
+            place = node(1, n)
+            s = node(2, n)
+            do k = later_start(n), later_start(n + 1) - 1
+                call subtract(behind(2, k), s, lower(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
+            end do
+        end do
+        do n = n_nodes, 1, -1
+            place = node(1, n)
+            s = node(2, n)
+            do i = 1, s
+                y(i) = z(place + i)
+            end do
+            do k = later_start(n), later_start(n + 1) - 1
+                call subtract(s, behind(2, k), upper(behind(3, k) + 1), z(behind(1, k) + 1), y)
+            end do
+            call multiply(s, lower(node(3, n) + 1), y, z(place + 1))
+        end do
+    end subroutine solve_nodes
 
     !> Find what C has changed by.
     subroutine look_at(self, here)
