@@ -289,8 +289,8 @@ contains
         stat = status_newton_failed
     end subroutine iterate
 
-    !> The stages one after the other, each with a matrix of its own, over and over: what is stiff at the end of the step and soft at
-    !> its start has no matrix that serves all stages. With L in the place of A for the new rates and A - L for the old ones,
+    !> The stages one after the other, each with a matrix of its own, over and over: what is stiff at the end of the step and soft
+    !> at its start has no matrix that serves all stages. With L in the place of A for the new rates and A - L for the old ones,
     !> each sweep leaves 0.67 of an error or less, whatever each stage's Jacobian on the test equation in the left half-plane, 0.51
     !> where stiffness grows along the step, and 0.35 where it stays. Source: P. J. van der Houwen, J. J. B. de Swart,
     !> Triangularly implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors computed here.
