@@ -14,7 +14,7 @@ from .tables import brief, head, row
 
 # Colour, marker and line of the solvers that are not tandem's.
 OTHERS = {"index-1 LU": (RED, "x", "-"), "index-1 sweeps": (RED, "+", "--"), "index-1 LAPACK": (GREY, "x", "-"),
-          "IDA": ("black", "*", "-"), "minimal coordinates": (GREY, "", ":")}
+          "IDA": ("black", "*", "-"), "RADAU5": ("black", "P", "--"), "minimal coordinates": (GREY, "", ":")}
 EXPONENTS = (4, 6, 8, 10)
 
 
