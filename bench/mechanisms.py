@@ -1,271 +1,186 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Mechanisms beside Exudyn: the true error at the end against the processor time of the integration alone.
+"""Mechanisms beside Exudyn, MuJoCo and Pinocchio: the true error at the end against the processor time of the integration alone.
 
-Usage: bench/mechanisms.py [--repeats N] [NAME...]     a01_pendulum, a02_four_bars, a03_andrews; all without
+Usage: bench/mechanisms.py [--repeats N] [--figure PATH] [--table PATH] [--from FILE] [NAME...]      names of scenes; all without
 
-Installs exudyn, numpy and h5py from PyPI into build/exudyn. The program is build/tandem, or what TANDEM names. Exudyn integrates the same
-bodies, joints and forces with its generalised-alpha methods, index 2 and 3, of which the faster for its error counts; the pendulum also
-in minimal coordinates as a kinematic tree with its explicit DOPRI5. References are those of test/python/test_mechanisms.py. Times are the
-best of the repeats; prints a table, and for errors of 1e-3, 1e-6, 1e-9 the ratio of times, interpolated.
+Installs exudyn, mujoco, pin, scipy, h5py, matplotlib from PyPI into build/others. tandem runs in build/bench/motion, or what MOTION names
+(`tools/bench.sh mechanisms` builds it): start and steps, without a result file, as the others run. Exudyn integrates the same
+bodies, joints and forces with its generalised-alpha methods, index 2 and 3; the pendulum also in minimal coordinates as a kinematic tree
+with its explicit DOPRI5. MuJoCo has minimal coordinates, loops by equalities (mechanism_others.py), and its RK4; Pinocchio gives accelerations to
+SciPy's DOP853. Prints every point, what a solver cannot do, and for errors of 1e-3, 1e-6, 1e-9 the times, interpolated. Times are the best
+of the repeats. With --from nothing is measured: FILE has the points that were printed.
 """
 
 import argparse
-import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
-PLACE = ROOT / "build" / "exudyn"
+MOTION = os.environ.get("MOTION", str(ROOT / "build" / "bench" / "motion"))
+PLACE = Path(os.environ.get("OTHERS", ROOT / "build" / "others"))
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-GRAVITY = 9.81
 TARGETS = (1e-3, 1e-6, 1e-9)
-#: End, and what is compared there with the reference.
-CASES = {
-    "a01_pendulum": (10.0, ["mass/position"], [-0.27508746257611686, -0.96141920509912506]),
-    "a02_four_bars": (0.6, ["b0/position"], [0.884327595936854902, 0.466866900802083729]),
-    "a03_andrews": (0.03, ["beta/angle", "Theta/angle", "gamma/angle", "Phi/angle", "delta/angle", "Omega/angle", "epsilon/angle"],
-                    [15.810771195153707, -15.756371058411840, 0.040822240119645805, -0.53473011634207960, 0.52440996587995407,
-                     0.53473011634207960, 1.0480807410419379]),
-}
+STEPPERS = ("dopri5", "dop853", "radau5")
+#: A method that takes longer than this is not asked for less error (s); each next setting of Exudyn takes four times as long.
+LONGEST = 0.6
 
 
 def enter():
-    """Go on in an environment that has Exudyn."""
+    """Go on in an environment that has the others."""
     python = PLACE / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(PLACE)], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "-q", "exudyn", "numpy", "h5py"], check=True)
+        subprocess.run([str(python), "-m", "pip", "install", "-q", "exudyn", "mujoco", "pin", "scipy", "h5py", "matplotlib"], check=True)
     if Path(sys.prefix).resolve() != PLACE.resolve():
         os.execve(str(python), [str(python), __file__, *sys.argv[1:]], ENVIRONMENT)
 
 
-def run_tandem(name, settings, folder, repeats):
-    """Error and processor time of the integration; the file has a row at the end alone."""
-    import h5py
-    import numpy as np
+class State:
+    """Coordinates of tandem by name, with their rates: {"body.x": (q, qd)}."""
 
-    end, sensors, reference = CASES[name]
-    target, best, error = Path(folder) / "out.h5", math.inf, math.nan
-    words = [word for setting in (*settings, f"time.end={end}", f"output.interval={end}", 'output.fields=["q"]')
-             for word in ("--set", setting)]
-    for _ in range(repeats):
-        done = subprocess.run([TANDEM, "run", name, *words, "--output", str(target), "--force", "--quiet", "--no-error"],
-                              env=ENVIRONMENT, capture_output=True, text=True, cwd=ROOT)
-        if done.returncode:
-            return math.nan, math.inf
-        with h5py.File(target) as file:
-            found = np.concatenate([np.atleast_1d(file[f"sensors/{sensor}"][-1]) for sensor in sensors])[:len(reference)]
-            best = min(best, float(file["report"].attrs["cpu_seconds"]))
-            error = float(np.max(np.abs(found - reference)))
-    return error, best
+    def __init__(self, values, start=None):
+        self.values, self.start = values, start
 
+    def parameters(self, body, k):
+        return [self.values[f"{body}.e{i}"][k] for i in range(4)]
 
-def start_of(name, folder):
-    """The start as tandem draws it: {coordinate: (q, qd)}."""
-    import h5py
+    def rotation(self, body):
+        import numpy as np
 
-    target = Path(folder) / "start.h5"
-    subprocess.run([TANDEM, "run", name, "--set", "time.end=1e-9", "--output", str(target), "--force", "--quiet", "--no-error"],
-                   env=ENVIRONMENT, check=True, cwd=ROOT)
-    with h5py.File(target) as file:
-        names = [text.decode().strip() if isinstance(text, bytes) else text.strip() for text in file["trajectory/q"].attrs["names"]]
-        return dict(zip(names, zip(file["trajectory/q"][0], file["trajectory/qd"][0])))
+        if f"{body}.angle" in self.values:
+            angle = self.values[f"{body}.angle"][0]
+            return np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+        if f"{body}.e0" not in self.values:
+            return np.eye(3)
+        e0, e1, e2, e3 = self.parameters(body, 0)
+        return np.array([[e0*e0 + e1*e1 - e2*e2 - e3*e3, 2*(e1*e2 - e0*e3), 2*(e1*e3 + e0*e2)],
+                         [2*(e1*e2 + e0*e3), e0*e0 - e1*e1 + e2*e2 - e3*e3, 2*(e2*e3 - e0*e1)],
+                         [2*(e1*e3 - e0*e2), 2*(e2*e3 + e0*e1), e0*e0 - e1*e1 - e2*e2 + e3*e3]])
 
+    def point(self, body, place=(0, 0, 0)):
+        return [self.values.get(f"{body}.{c}", (0, 0))[0] for c in "xyz"] + self.rotation(body) @ place
 
-def add_body(mbs, mass, inertia, state):
-    """A rigid body in the plane; state is x, y, angle, each with its rate."""
-    from exudyn.itemInterface import NodeRigidBody2D, ObjectRigidBody2D
+    def spin(self, body):
+        import numpy as np
 
-    q, qd = zip(*state)
-    node = mbs.AddNode(NodeRigidBody2D(referenceCoordinates=list(q), initialVelocities=list(qd)))
-    return mbs.AddObject(ObjectRigidBody2D(physicsMass=mass, physicsInertia=inertia, nodeNumber=node)), node
+        e0, e1, e2, e3 = self.parameters(body, 0)
+        return 2*np.array([[-e1, e0, e3, -e2], [-e2, -e3, e0, e1], [-e3, e2, -e1, e0]]) @ self.parameters(body, 1)
+
+    def turned(self, body):
+        return self.values[f"{body}.angle"][0] - self.start[f"{body}.angle"][0]
 
 
-def point_of(body, place=(0.0, 0.0, 0.0)):
-    """What marks a point of a body."""
-    from exudyn.itemInterface import MarkerBodyPosition
-
-    return MarkerBodyPosition(bodyNumber=body, localPosition=list(place))
-
-
-def weigh(mbs, body, mass):
-    """Its weight."""
-    from exudyn.itemInterface import Force, MarkerBodyMass
-
-    mbs.AddLoad(Force(markerNumber=mbs.AddMarker(point_of(body)), loadVector=[0, -GRAVITY*mass, 0]))
+def integrate(scene, *settings):
+    """Processor time and the values at the end; infinite and none where the run ended with an error."""
+    done = subprocess.run([MOTION, scene, *settings], env=ENVIRONMENT, capture_output=True, text=True, cwd=ROOT, check=False)
+    if done.returncode:
+        return math.inf, {}
+    first, *lines = done.stdout.splitlines()
+    values = {name: (float(q), float(qd)) for name, q, qd in (line.split() for line in lines)}
+    return float(first.split()[0]), values
 
 
-def hinge(mbs, one, place_one, two, place_two):
-    """A revolute joint between points of two bodies."""
-    from exudyn.itemInterface import RevoluteJoint2D
+class Problem:
+    """A case with its scene and the start that tandem draws."""
 
-    markers = [mbs.AddMarker(point_of(body, (*place, 0.0))) for body, place in ((one, place_one), (two, place_two))]
-    mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
+    def __init__(self, name, folder):
+        from mechanism_cases import CASES, free_crank, parameters, scene_of
 
+        self.name, self.case = name, CASES[name]
+        self.scene = free_crank(folder) if name == "slider_crank" else name
+        _, self.start = integrate(self.scene, *self.case.settings, "time.end=1e-12")
+        if not self.start:
+            raise SystemExit(f"mechanisms.py: {MOTION} cannot run {name}; build it by tools/bench.sh mechanisms")
+        self.doubt = 0.0
+        if callable(self.case.reference):
+            self.case.reference = self.case.reference(self.case.end, parameters(scene_of(name))["speed"])
+        elif self.case.reference is None:
+            self.case.reference = self.measure(self.tandem("dop853", 1e-13)[1])
+            self.doubt = self.error(self.tandem("radau5", 1e-12)[1])
 
-def make_pendulum(mbs, ground, folder):
-    import exudyn
-    from exudyn.itemInterface import DistanceConstraint, Force, MassPoint2D, NodePoint2D
+    def tandem(self, stepper, tolerance):
+        projection = () if stepper == "radau5" else ('solver.projection="step_ends"',)
+        return integrate(self.scene, *self.case.settings, *projection, f"time.end={self.case.end}", f'solver.stepper="{stepper}"',
+                         f"solver.rtol={tolerance}", f"solver.atol={tolerance}", 'solver.chart="adaptive"')
 
-    node = mbs.AddNode(NodePoint2D(referenceCoordinates=[-1, 0]))
-    bob = mbs.AddObject(MassPoint2D(physicsMass=1, nodeNumber=node))
-    mbs.AddObject(DistanceConstraint(markerNumbers=[mbs.AddMarker(point_of(body)) for body in (ground, bob)], distance=1))
-    mbs.AddLoad(Force(markerNumber=mbs.AddMarker(point_of(bob)), loadVector=[0, -GRAVITY, 0]))
-    return lambda: list(mbs.GetNodeOutput(node, exudyn.OutputVariableType.Position)[:2])
+    def measure(self, values):
+        return [float(x) for x in self.case.measure(State(values, self.start))]
 
+    def error(self, values):
+        if not values:
+            return math.nan
+        return max(abs(x - y) for x, y in zip(self.measure(values), self.case.reference))
 
-def make_tree(mbs, ground, folder):
-    """The pendulum in minimal coordinates: one link that turns about z."""
-    import exudyn
-    import numpy as np
-    from exudyn.itemInterface import NodeGenericODE2, ObjectKinematicTree
+    def points(self, repeats):
+        """{solver: [(error, time)]}, printed one by one, and why others have none."""
+        import mechanism_exudyn as exudyn
+        import mechanism_others as others
 
-    node = mbs.AddNode(NodeGenericODE2(referenceCoordinates=[0.0], initialCoordinates=[0.0], initialCoordinates_t=[0.0],
-                                       numberOfODE2Coordinates=1))
-    mbs.AddObject(ObjectKinematicTree(
-        nodeNumber=node, jointTypes=[exudyn.JointType.RevoluteZ], linkParents=[-1],
-        jointTransformations=exudyn.Matrix3DList([np.eye(3)]), jointOffsets=exudyn.Vector3DList([[0, 0, 0]]),
-        linkInertiasCOM=exudyn.Matrix3DList([np.zeros((3, 3))]), linkCOMs=exudyn.Vector3DList([[-1.0, 0, 0]]), linkMasses=[1.0],
-        gravity=[0, -GRAVITY, 0]))
+        found, missing = {}, missing_of(self.name)
+        for stepper in STEPPERS:
+            def run(k, stepper=stepper):
+                taken, values = self.tandem(stepper, 10.0**-k)
+                return self.error(values), taken
+            self.try_all(found, f"tandem {stepper}", ((f"rtol 1e-{k}", lambda k=k, run=run: run(k)) for k in range(3, 13)))
+        if "Exudyn" not in missing:
+            for method in (3, 2):
+                self.try_all(found, f"Exudyn index {method}", ((f"{n} steps", lambda n=n, method=method: exudyn.run(
+                    self.name, method, n, self.start, repeats)) for n in (100*4**k for k in range(9))))
+        if self.name == "a01_pendulum":
+            self.try_all(found, "Exudyn tree", ((f"rtol 1e-{k}", lambda k=k: exudyn.run(
+                self.name, "tree", 10.0**-k, self.start, repeats)) for k in range(3, 13)))
+        if "MuJoCo" not in missing:
+            first = 6000 if self.name == "a05_governor" else 50
+            self.try_all(found, "MuJoCo", ((f"{n} steps", lambda n=n: others.run_mujoco(self.name, n, repeats))
+                                           for n in (first*2**k for k in range(14))))
+        if "Pinocchio" not in missing:
+            self.try_all(found, "Pinocchio", ((f"rtol 1e-{k}", lambda k=k: others.run_pinocchio(self.name, 10.0**-k, repeats))
+                                              for k in range(3, 13)))
+        return found, missing
 
-    def place():
-        angle = mbs.GetNodeOutput(node, exudyn.OutputVariableType.Coordinates)
-        angle = float(np.atleast_1d(angle)[0])
-        return [-math.cos(angle), -math.sin(angle)]
-    return place
-
-
-def make_four_bars(mbs, ground, folder):
-    import exudyn
-
-    start, bodies = start_of("a02_four_bars", folder), {}
-    for name in dict.fromkeys(key.split(".")[0] for key in start):
-        bodies[name], node = add_body(mbs, 1.0, 1/12, [start[f"{name}.{c}"] for c in ("x", "y", "angle")])
-        weigh(mbs, bodies[name], 1.0)
-        angle = start[f"{name}.angle"][0]
-        bodies[name] = (bodies[name], node, angle, start[f"{name}.x"][0], start[f"{name}.y"][0])
-
-    def local(name, x, y):
-        body, _, angle, bx, by = bodies[name]
-        c, s = math.cos(angle), math.sin(angle)
-        return body, (c*(x - bx) + s*(y - by), -s*(x - bx) + c*(y - by))
-
-    for k in range(3):
-        hinge(mbs, ground, (k, 0.0), *local(f"upright{k + 1}", k, 0.0))
-    for k in range(2):
-        hinge(mbs, *local(f"upright{k + 1}", k, 1.0), *local(f"coupler{k + 1}", k, 1.0))
-        hinge(mbs, *local(f"coupler{k + 1}", k + 1, 1.0), *local(f"upright{k + 2}", k + 1, 1.0))
-    body, place = local("upright1", 0.0, 1.0)
-    return lambda: list(mbs.GetObjectOutputBody(body, exudyn.OutputVariableType.Position, [*place, 0.0])[:2])
-
-
-def make_andrews(mbs, ground, folder):
-    import tomllib
-
-    import exudyn
-    from exudyn.itemInterface import MarkerBodyRigid, ObjectConnectorSpringDamper, Torque
-
-    scene = tomllib.loads((ROOT / "scenes" / "a03_andrews.toml").read_text())
-    start, bodies, angles = start_of("a03_andrews", folder), {}, {}
-    for name, keys in scene["body"].items():
-        bodies[name], angles[name] = add_body(mbs, keys["mass"], keys["inertia"], [start[f"{name}.{c}"] for c in ("x", "y", "angle")])
-
-    def local(name, x, y):
-        if name == "ground":
-            return ground, (x, y)
-        (bx, _), (by, _), (angle, _) = (start[f"{name}.{c}"] for c in ("x", "y", "angle"))
-        c, s = math.cos(angle), math.sin(angle)
-        return bodies[name], (c*(x - bx) + s*(y - by), -s*(x - bx) + c*(y - by))
-
-    values = {}
-    for key, value in scene["parameters"].items():
-        values[key] = value if not isinstance(value, str) else eval(value, {"cos": math.cos, "sin": math.sin}, values)
-    for keys in scene["joint"].values():
-        ends = keys["bodies"]
-        if "at" in keys:
-            x, y = (eval(str(entry), {}, values) for entry in keys["at"])
-            hinge(mbs, *local(ends[0], x, y), *local(ends[1], x, y))
-        else:
-            sides = [end.split(":") for end in ends]
-            hinge(mbs, *[part for name, place in sides for part in (bodies[name], tuple(json.loads(place)))])
-    coil = scene["force"]["coil"]
-    markers = [mbs.AddMarker(point_of(bodies.get(name, ground), (*json.loads(place), 0.0)))
-               for name, place in (end.split(":") for end in coil["between"])]
-    mbs.AddObject(ObjectConnectorSpringDamper(markerNumbers=markers, referenceLength=coil["length"], stiffness=coil["stiffness"],
-                                              damping=0))
-    mbs.AddLoad(Torque(markerNumber=mbs.AddMarker(MarkerBodyRigid(bodyNumber=bodies["k1"])), loadVector=[0, 0, 0.033]))
-
-    def measured():
-        turned = {name: float(mbs.GetNodeOutput(node, exudyn.OutputVariableType.Coordinates)[2]) for name, node in angles.items()}
-
-        def of(one, two, zero):
-            return turned[two] - (turned[one] if one else 0) + zero
-
-        return [of(None, "k1", values["beta"]), of("k1", "k2", 0), of(None, "k3", values["gamma"]), of("k5", "k4", values["phi"]),
-                of(None, "k5", values["delta"]), of("k7", "k6", values["omega"]), of(None, "k7", values["epsilon"])]
-    return measured
+    def try_all(self, found, label, settings):
+        """Runs of less and less error until they take long."""
+        found[label] = []
+        for setting, run in settings:
+            error, taken = run()
+            print(f"{self.name:22s} {label:16s} {setting:14s} {error:8.1e} {taken:9.5f}", flush=True)
+            if math.isfinite(taken) and math.isfinite(error):
+                found[label].append((max(error, 1e-16), taken))
+            if math.isfinite(taken) and taken > LONGEST:
+                break
 
 
-MAKERS = {"a01_pendulum": make_pendulum, "a02_four_bars": make_four_bars, "a03_andrews": make_andrews}
+def missing_of(name):
+    """{solver: why it has no points}."""
+    import mechanism_exudyn as exudyn
+    import mechanism_others as others
+
+    reasons = {"Exudyn": exudyn.CANNOT, "MuJoCo": others.MUJOCO_CANNOT, "Pinocchio": others.PINOCCHIO_CANNOT}
+    return {other: those[name] for other, those in reasons.items() if name in those}
 
 
-def run_exudyn(name, method, steps, folder, repeats):
-    """Error and processor time; method is index 2 or 3, or "tree"."""
-    import exudyn
-    import numpy as np
-    from exudyn.itemInterface import ObjectGround
-
-    end, _, reference = CASES[name]
-    best, error = math.inf, math.nan
-    for _ in range(repeats):
-        system = exudyn.SystemContainer()
-        mbs = system.AddSystem()
-        ground = mbs.AddObject(ObjectGround(referencePosition=[0, 0, 0]))
-        measured = (make_tree if method == "tree" else MAKERS[name])(mbs, ground, folder)
-        mbs.Assemble()
-        settings = exudyn.SimulationSettings()
-        settings.timeIntegration.endTime = end
-        settings.timeIntegration.verboseMode = 0
-        settings.solutionSettings.writeSolutionToFile = False
-        settings.solutionSettings.sensorsWritePeriod = end
-        settings.displayComputationTime = False
-        solver = exudyn.DynamicSolverType.GeneralizedAlpha
-        if method == "tree":
-            solver = exudyn.DynamicSolverType.DOPRI5
-            settings.timeIntegration.numberOfSteps = 1
-            settings.timeIntegration.automaticStepSize = True
-            settings.timeIntegration.relativeTolerance = settings.timeIntegration.absoluteTolerance = steps
-        else:
-            settings.timeIntegration.numberOfSteps = steps
-            alpha = settings.timeIntegration.generalizedAlpha
-            alpha.spectralRadius = 1.0 if method == 2 else 0.9
-            alpha.useIndex2Constraints = alpha.useNewmark = method == 2
-            settings.timeIntegration.newton.useModifiedNewton = True
-            settings.timeIntegration.newton.relativeTolerance = 1e-10
-            settings.timeIntegration.newton.absoluteTolerance = 1e-12
-        begun = time.process_time()
-        try:
-            mbs.SolveDynamic(settings, solverType=solver)
-        except Exception:
-            return math.nan, math.inf
-        best = min(best, time.process_time() - begun)
-        error = float(np.max(np.abs(np.array(measured()) - reference)))
-    return error, best
+def read_points(path):
+    """{mechanism: {solver: [(error, time)]}} as they were printed."""
+    results = {}
+    for line in Path(path).read_text().splitlines():
+        parts = re.fullmatch(r"(\w+) +((?:tandem|Exudyn|MuJoCo|Pinocchio)[\w ]*?) +(?:rtol \S+|\d+ steps) +(\S+) +(\S+)", line)
+        if parts:
+            error, taken = float(parts[3]), float(parts[4])
+            points = results.setdefault(parts[1], {}).setdefault(parts[2], [])
+            if math.isfinite(error) and math.isfinite(taken):
+                points.append((max(error, 1e-16), taken))
+    return results
 
 
 def time_at(points, target):
     """The least time with an error of at most the target, log-linear between neighbours; infinite where none gets there."""
-    good = [t for error, t in points if error <= target]
-    if not good:
-        return math.inf
-    best = min(good)
+    best = min((taken for error, taken in points if error <= target), default=math.inf)
     for (e1, t1), (e2, t2) in zip(points, points[1:]):
         if e1 > target >= e2 > 0 and t1 < t2:
             share = math.log(e1/target)/math.log(e1/e2)
@@ -273,43 +188,96 @@ def time_at(points, target):
     return best
 
 
+def best_of(found, start, target):
+    """Time and solver."""
+    return min(((time_at(points, target), label) for label, points in found.items() if label.startswith(start)), default=(math.inf, ""))
+
+
+def plain(value):
+    """Three digits without an exponent."""
+    return f"{value:.{max(0, 2 - math.floor(math.log10(value)))}f}"
+
+
+def table_of(results):
+    """The summary as Markdown, times in ms."""
+    lines = ["| mechanism | error | tandem [ms] | Exudyn [ms] | Exudyn / tandem | MuJoCo [ms] | Pinocchio [ms] |",
+             "| --- | --- | --- | --- | --- | --- | --- |"]
+    for name, (found, missing, _) in results.items():
+        for target in TARGETS:
+            ours, how = best_of(found, "tandem", target)
+            cells = [name if target == TARGETS[0] else "", f"{target:.0e}".replace("e-0", "e-"),
+                     f"{plain(1e3*ours)} ({how.split()[-1]})" if math.isfinite(ours) else "not reached"]
+            for other in ("Exudyn", "MuJoCo", "Pinocchio"):
+                theirs, their_way = best_of(found, other, target)
+                if other in missing:
+                    cells += ["-"] + ["-"]*(other == "Exudyn")
+                elif not math.isfinite(theirs):
+                    cells += ["not reached"] + [""]*(other == "Exudyn")
+                else:
+                    cells.append(plain(1e3*theirs) + (" (tree)" if their_way.endswith("tree") else ""))
+                    if other == "Exudyn":
+                        cells.append(f"{theirs/ours:.1f}" if theirs < 10*ours else f"{theirs/ours:.0f}")
+            lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def draw(results, path):
+    """One panel a mechanism."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as pyplot
+
+    colours = {"tandem dopri5": "#6baed6", "tandem dop853": "#08519c", "tandem radau5": "#41ab5d", "Exudyn index 3": "#e6550d",
+               "Exudyn index 2": "#fdae6b", "Exudyn tree": "#a50f15", "MuJoCo": "#756bb1", "Pinocchio": "#636363"}
+    rows = math.ceil(len(results)/3)
+    figure, panels = pyplot.subplots(rows, 3, figsize=(10, 2.6*rows + 0.6), squeeze=False, layout="constrained")
+    for panel in panels.flat[len(results):]:
+        panel.axis("off")
+    shown = {}
+    for panel, (name, (found, _, _)) in zip(panels.flat, results.items()):
+        for label, points in found.items():
+            if points:
+                errors, times = zip(*points)
+                shown[label], = panel.loglog(errors, times, "o-", ms=3, lw=1.2, color=colours[label])
+        panel.set_xlim(3e-1, 1e-12)
+        panel.set_title(name, fontsize=9)
+        panel.tick_params(labelsize=7)
+        panel.grid(alpha=0.3)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("CPU time [s]", fontsize=8)
+    for panel in panels[-1]:
+        panel.set_xlabel("true error at the end", fontsize=8)
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.savefig(path, dpi=110)
+
+
 def main(words):
+    from mechanism_cases import CASES
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--figure")
+    parser.add_argument("--table")
+    parser.add_argument("--from", dest="points")
     given = parser.parse_args(words)
-    print("| mechanism | solver | setting | true error | CPU time, s |\n|---|---|---|---|---|")
-    summary = []
+    results = {name: (found, missing_of(name), 0.0) for name, found in read_points(given.points).items()} if given.points else {}
     with tempfile.TemporaryDirectory() as folder:
-        for name in given.names or CASES:
-            times = {}
-            for stepper in ("dopri5", "dop853"):
-                points = []
-                for k in range(3, 13):
-                    settings = [f'solver.stepper="{stepper}"', f"solver.rtol=1e-{k}", f"solver.atol=1e-{k}", 'solver.projection="step_ends"',
-                                'solver.chart="adaptive"']
-                    points.append(run_tandem(name, settings, folder, given.repeats))
-                    print(f"| {name} | tandem {stepper} | rtol 1e-{k} | {points[-1][0]:.1e} | {points[-1][1]:.4f} |", flush=True)
-                times[stepper] = points
-            methods = {"exudyn, index 3": 3, "exudyn, index 2": 2} | ({"exudyn, tree, DOPRI5": "tree"} if name == "a01_pendulum" else {})
-            for label, method in methods.items():
-                points = []
-                for k in range(0, 8):
-                    steps = 10.0**-(k + 4) if method == "tree" else 100*4**k
-                    points.append(run_exudyn(name, method, steps, folder, given.repeats))
-                    setting = f"tolerance {steps:.0e}" if method == "tree" else f"{steps} steps"
-                    print(f"| {name} | {label} | {setting} | {points[-1][0]:.1e} | {points[-1][1]:.4f} |", flush=True)
-                    if points[-1][1] > 2:
-                        break
-                times[label] = points
-            for target in TARGETS:
-                ours = min(time_at(times[label], target) for label in ("dopri5", "dop853"))
-                theirs = min(time_at(times[label], target) for label in methods)
-                summary.append((name, target, ours, theirs))
-    print("\n| mechanism | error | tandem, s | Exudyn, s | Exudyn / tandem |\n|---|---|---|---|---|")
-    for name, target, ours, theirs in summary:
-        shown = f"{theirs:.4f} | {theirs/ours:.1f}" if math.isfinite(theirs) else "not reached | "
-        print(f"| {name} | {target:.0e} | {ours:.4f} | {shown} |")
+        for name in () if given.points else given.names or CASES:
+            problem = Problem(name, folder)
+            results[name] = (*problem.points(given.repeats), problem.doubt)
+    table = table_of(results)
+    print("\n" + table)
+    for name, (_, missing, doubt) in results.items():
+        for other, reason in missing.items():
+            print(f"{name}: {other}: {reason}")
+        if doubt:
+            print(f"{name}: the reference is a run of dop853 at 1e-13, {doubt:.1e} from one of radau5 at 1e-12")
+    if given.table:
+        Path(given.table).write_text(table)
+    if given.figure:
+        draw(results, given.figure)
     return 0
 
 

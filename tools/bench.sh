@@ -10,6 +10,7 @@
 #        tools/bench.sh profiles   measure only where the time of two runs goes
 #        tools/bench.sh sweep      what a sweep of ten thousand disks costs beside a bare loop of the library (doc/sweep.md)
 #        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    what a step of many bodies costs (doc/sparse.md)
+#        tools/bench.sh mechanisms [NAME...]    mechanisms beside Exudyn, MuJoCo and Pinocchio, from PyPI
 #        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
 #
 # Environment: ARCH  flags for the machine at hand (-march=native)
@@ -37,6 +38,7 @@ measure() {
         taskset -c "${CORE:-0}" "$out/$program" "$out"
     done
     profiles
+    tools/bench.sh mechanisms
 }
 
 profile() { # NAME SCENE [SETTING...]: leaves build/bench/profile_NAME.h5
@@ -68,6 +70,13 @@ count | record)
     build count "-fno-semantic-interposition -march=x86-64-v3"
     [ "$1" = count ] && exec python3 tools/bench_count.py "$out/count"
     exec python3 tools/bench_count.py "$out/count" record
+    ;;
+mechanisms)
+    build motion "$release"
+    shift
+    taskset -c "${CORE:-0}" bench/mechanisms.py "$@" | tee "$out/mechanisms.txt"
+    [ $# -gt 0 ] || bench/mechanisms.py --from "$out/mechanisms.txt" --figure doc/figures/mechanisms.png --table "$out/mechanisms.md"
+    exit
     ;;
 output)
     build output "$release"

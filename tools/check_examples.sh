@@ -72,7 +72,7 @@ is_short() { [ "$(wc -l <"$1")" -le "$2" ] || { echo "$1 has $(wc -l <"$1") line
 check readme-is-short is_short README.md 150
 check readme-quotes-the-skate quotes README.md example/skate.f90
 check scene-guide-quotes-the-examples parts_of doc/scene.md example/*.f90 example/dependent/*/*.f90 example/dependent/program/*/*.f90
-check linking-guide-quotes-an-example parts_of doc/linking.md example/f77/knife.f
+check linking-guide-quotes-an-example parts_of doc/linking.md example/f77/knife.f example/f77/swing.f
 
 # --- 2. the examples, each with a motion known in closed form ------------------------------------------------------
 

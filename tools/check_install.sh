@@ -124,6 +124,8 @@ run_example() ( cd "$tmp/empty" && "${@:2}" >"$tmp/$1.log" 2>&1 || { cat "$tmp/$
 check f77-example-compiles-without-warning build_example f77 warns_not make -s PREFIX="$prefix"
 check f77-example-runs run_example f77 "$tmp/example/f77/knife"
 check f77-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/f77.log" # rtol = 1e-10
+check f77-mechanism-runs run_example f77_mechanism "$tmp/example/f77/swing"
+check f77-mechanism-agrees-with-its-closed-form error_below 1e-8 "$tmp/f77_mechanism.log" # rtol = 1e-10
 check f77-example-links-neither-hdf5-nor-toml nothing_else_linked "$tmp/example/f77/knife"
 links_by_three_names() { grep -q -- ' -ltandem -llapack -lblas$' "$tmp/example/f77/Makefile"; }
 check f77-example-names-three-libraries links_by_three_names
@@ -229,7 +231,7 @@ sanitized() { # FOLDER PROGRAM: compile anew with the sanitizers, run, and let n
     ! grep -E 'AddressSanitizer|LeakSanitizer|runtime error' "$tmp/sanitized"
 }
 export PKG_CONFIG_PATH=$checked/lib/pkgconfig
-for program in linking/interface_c linking/interface_f77 linking/threads example/f77/knife example/c/pendulum example/cpp/skate; do
+for program in linking/interface_c linking/interface_f77 linking/threads linking/mechanism_f77 example/f77/knife example/f77/swing example/c/pendulum example/cpp/skate; do
     check "sanitizers-find-nothing-in-${program##*/}" sanitized "${program%/*}" "${program##*/}"
 done
 sanitized_cmake() (

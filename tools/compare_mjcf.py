@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
+TANDEM = os.path.abspath(os.environ.get("TANDEM", ROOT / "build" / "tandem"))
 PLACE = Path(os.environ.get("MUJOCO", ROOT / "build" / "mujoco"))
 BOUND = 1e-10
 SEED = 1
@@ -134,10 +134,12 @@ def main(wanted):
 
     sys.path.insert(0, str(ROOT / "python" / "src" / "tandem"))
     site = next(PLACE.glob("lib/python*/site-packages"))
-    files = [Path(word) for word in wanted] or sorted((site / "gymnasium/envs/mujoco/assets").glob("*.xml")) \
+    files = [Path(word).resolve() for word in wanted] or sorted((site / "gymnasium/envs/mujoco/assets").glob("*.xml")) \
         + sorted((site / "dm_control/suite").glob("*.xml"))
     worst, compared = 0.0, 0
     with tempfile.TemporaryDirectory() as folder:
+        # MuJoCo leaves its warnings in a file where it runs.
+        os.chdir(folder)
         for path in files:
             random = np.random.default_rng(SEED)
             try:

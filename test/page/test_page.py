@@ -26,6 +26,11 @@ from tandem.viewer.html import page
 ROOT = Path(__file__).resolve().parents[2]
 SEEN = ROOT / "build" / "verify" / "page"
 SCENES = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
+# Of the gallery: end of the run, and the part of it that is shown.
+GALLERY = (("a01_pendulum", 10, 0.13), ("a02_four_bars", 0.6, 0.7), ("a03_andrews", 0.03, 0.6), ("a04_bricard", 2, 0.55),
+           ("a05_governor", 2, 0.8), ("slider_crank", 2, 0.15), ("spatial_slider_crank", 2, 0.2), ("rattleback", 1, 0.9),
+           ("chaplygin_sphere", 10, 0.8), ("turntable", 10, 1.0), ("mechanism_disk", 10, 0.62), ("bicycle", 5, 0.9), ("trailers", 20, 0.95),
+           ("mechanism_vehicle", 6, 0.6), ("mechanism_motorcycle", 6, 0.5), ("mechanism_chopper", 6, 0.5))
 VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
 
 
@@ -206,6 +211,18 @@ class Pages(Browser):
                 tab, drawing = self.open(tandem.run_scene(scene, error=False), f"{scene}_page", size=(820, 470))
                 tab.evaluate("t => tandem.setTime(t)", float(drawing.times[round(part*(len(drawing.times) - 1))]))
                 self.not_blank(tab, f"{scene}_page")
+                self.quiet()
+
+    def test_pictures_of_the_gallery(self):
+        """What doc/figures/gallery_SCENE.png shows: every shipped mechanism, without the page's controls."""
+        for scene, end, part in GALLERY:
+            with self.subTest(scene):
+                self.assertTrue((ROOT / "doc" / "figures" / f"gallery_{scene}.png").exists())
+                one = tandem.run_scene(scene, {"time.end": end, "output.interval": end/200}, error=False)
+                tab, drawing = self.open(one, f"gallery_{scene}", size=(480, 300))
+                tab.evaluate("t => tandem.setTime(t)", float(drawing.times[round(part*(len(drawing.times) - 1))]))
+                tab.add_style_tag(content="header, figure, footer { display: none !important; }")
+                self.not_blank(tab, f"gallery_{scene}")
                 self.quiet()
 
     def test_as_with_a_graphics_card(self):

@@ -119,6 +119,59 @@ class Closed(Mechanism):
             self.near(file["joints/line/speed"][:], np.exp(-1.5*file["trajectory/time"][:]), 1e-9)
 
 
+def hanging(angle, more):
+    """The same rod, let go at an angle from where it hangs."""
+    across, down = 0.5*np.sin(angle), -0.5*np.cos(angle)
+    return pendulum(PLANE, more).replace("position = [0.5, 0]", f"position = [{across}, {down}]\nangle = {angle - np.pi/2}")
+
+
+class Sticks(Mechanism):
+    """A hinge that holds: m g l sin(angle) from where the rod hangs is below radius mu m g, that is sin(angle) < 0.12."""
+
+    SPEED = 0.01
+    MORE = f"dynamic = 0.3\nspeed = {SPEED}\nradius = 0.2\n"
+
+    def creep(self, angle):
+        """Where friction carries the weight: radius mu tanh(4 w/v) = l sin(angle). The inertia that this leaves out is J w' in m g l, below
+        2e-4 of the torque here."""
+        return -self.SPEED/4*np.arctanh(0.5*np.sin(angle)/(0.2*0.3))
+
+    def test_it_stays(self):
+        """Let go within the limit, it creeps as the law says and nothing else, and the joint tells the torque that holds it."""
+        for stepper, rtol in (("dop853", 1e-9), ("radau5", 1e-8), ("sdirk54", 1e-7)):
+            with self.subTest(stepper), self.went(self.scene(hanging(0.1, self.MORE)), f'solver.stepper="{stepper}"',
+                                                  f"solver.rtol={rtol}", "time.end=2", "output.interval=0.1") as file:
+                angle, w = 0.1 + file["joints/line/angle"][1:], file["joints/line/rate"][1:]
+                # The start is at rest; 0.1 s are seventy times of what it takes to come to the creep.
+                self.assertLess(np.max(np.abs(w/self.creep(angle) - 1)), 1e-3)
+                self.near(file["forces/rub/torque"][1:], -2*G*0.5*np.sin(angle), 1e-3)
+                self.assertGreater(np.min(angle), 0.09)
+
+    def test_it_comes_to_rest(self):
+        """Let go beyond the limit, it swings, and sticks off the vertical. Reference: the equation of the angle by RK4, with an
+        error of about 2e-9 as twice the step shows; afterwards the creep."""
+        expected = rk4(lambda y: pendulum_rate(y, 0.2, (0.3, 0.3, self.SPEED)), np.array([0.6 - np.pi/2, 0]), 1.25e-4, 24000, 2000)
+        for stepper, rtol, bound in (("dop853", 1e-9, 1e-7), ("radau5", 1e-8, 1e-6)):
+            with self.subTest(stepper), self.went(self.scene(hanging(0.6, self.MORE)), f'solver.stepper="{stepper}"',
+                                                  f"solver.rtol={rtol}", "time.end=3", "output.interval=0.25") as file:
+                angle, w = 0.6 + file["joints/line/angle"][:], file["joints/line/rate"][:]
+                self.near(angle - np.pi/2, expected[:, 0], bound)
+                self.near(w, expected[:, 1], 10*bound)
+                self.assertGreater(np.max(np.abs(w[:6])), 0.5)
+                # It rests where no pendulum without friction would.
+                self.assertGreater(abs(angle[-1]), 1e-3)
+                self.assertLess(abs(w[-1]/self.creep(angle[-1]) - 1), 1e-3)
+                residual, scale = energies(file)
+                self.assertLess(residual, 10*bound*scale)
+
+    def test_it_lets_go(self):
+        """Beyond the limit nothing holds it: it turns at once as m g l sin - radius mu N says."""
+        with self.went(self.scene(hanging(0.2, self.MORE)), "time.end=0.1", "output.interval=0.02") as file:
+            expected = rk4(lambda y: pendulum_rate(y, 0.2, (0.3, 0.3, self.SPEED)), np.array([0.2 - np.pi/2, 0]), 1e-4, 1000, 200)
+            self.near(file["joints/line/rate"][:], expected[:, 1], 1e-7)
+            self.assertGreater(abs(file["joints/line/rate"][-1]), 10*self.SPEED)
+
+
 class Converged(Mechanism):
     LAW = (0.2, 0.4, 0.05)
     MORE = "dynamic = 0.2\nstatic = 0.4\nspeed = 0.05\nradius = 0.3\n"

@@ -92,6 +92,21 @@ class Models(Mechanism):
             alpha = G*(1 + 1)/(2/3 + 1)*np.sin(0.3)
             self.near(file["bodies/right/acceleration"][0], [0.5*alpha*np.cos(0.3), -0.5*alpha*np.sin(0.3), 0], 1e-11)
 
+    def test_a_weld(self):
+        """A bar on a hinge with another one that is free, welded to its end, turns as one of both; by sites, a connection likewise."""
+        text = '<mujoco><option gravity="0 -9.81 0"/><worldbody>' + BAR.format("a", "0 0 0", "0.5 0 0", '<site name="one" pos="1 0 0"/>') \
+            + '<body name="b" pos="1 0 0"><freejoint/><inertial pos="0.5 0 0" mass="1" diaginertia="0.1 0.1 0.08333333333333333"/>' \
+            '<site name="two"/></body></worldbody><equality>{}</equality></mujoco>'
+        self.imported(text.format('<weld body1="a" body2="b"/>'))
+        with self.went("model.toml", 'results.bodies="all"', "time.end=0.001") as file:
+            # A bar of 2 m and 2 kg: alpha = (3/2) g/l.
+            self.near(file["bodies/b/acceleration"][0], [0, -1.5*1.5*G/2, 0], 1e-11)
+        self.imported(text.format('<connect site1="one" site2="two"/>'))
+        with self.went("model.toml", 'results.bodies="all"', "time.end=0.001") as file:
+            # Two bars from the horizontal: alpha = (9/7, -3/7) g/l.
+            self.near(file["bodies/a/acceleration"][0], [0, -0.5*9/7*G, 0], 1e-11)
+            self.near(file["bodies/b/acceleration"][0], [0, -(9/7 - 0.5*3/7)*G, 0], 1e-11)
+
     def test_a_coupling(self):
         """Two bars one of which turns twice as far, backwards."""
         two = '<mujoco><option gravity="0 -9.81 0"/><worldbody>' + BAR.format("a", "0 0 0", "0.5 0 0", "") + BAR.format("b", "3 0 0", "0.5 0 0", "") \
@@ -135,6 +150,16 @@ class Models(Mechanism):
         self.assertEqual(scene["body"]["b"]["mass"], 3)
         self.near(scene["body"]["b"]["position"], [-2, 1, 1], 1e-15)
         self.near(scene["body"]["b"]["inertia"], [3*0.4*0.04]*3, 1e-16)
+
+    def test_the_program(self):
+        """`tandem import mjcf` hands over to the package for Python, options, messages and exit code."""
+        environment = {"TANDEM_PYTHON": sys.executable, "PYTHONPATH": str(ROOT / "python" / "src")}
+        expected = self.imported(MODEL, "--at", "hinge=0.5")
+        done = self.tandem("import", "mjcf", "model.xml", "--at", "hinge=0.5", "--output", "again.toml", env=environment)
+        self.assertEqual(done.stdout.strip(), "again.toml")
+        self.assertIn("contacts are left out", done.stderr)
+        self.assertEqual((self.folder / "again.toml").read_text(), expected)
+        self.assertIn("--force", self.tandem("import", "mjcf", "model.xml", "--output", "again.toml", env=environment, code=2).stderr)
 
     def test_wrong_files(self):
         def body(text):

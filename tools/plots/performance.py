@@ -188,3 +188,7 @@ class Tables:
                                  str(2 * a["clock_pairs"]), f"{1e9 * a['clock_pair_seconds']:.0f}",
                                  f"{1e9 * a['clock_pair_seconds_in_loop']:.0f}"))
         return lines
+
+    def mechanisms(self):
+        """What bench/mechanisms.py has written."""
+        return (self.folder / "mechanisms.md").read_text().splitlines()

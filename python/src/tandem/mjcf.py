@@ -244,6 +244,11 @@ class Reader:
         joint = Joint(name, kind, numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos"),
                       unit(numbers(given.get("axis"), 3, (0, 0, 1), f"{where}, axis"), f"{where}, axis"), number("ref")*scale,
                       number("springref")*scale, float(given.get("stiffness", "0").split()[0]), float(given.get("damping", "0").split()[0]))
+        if given.get("springdamper", "0 0").split() != ["0", "0"]:
+            self.model.note(f"springdamper of joint {name} is left out: give stiffness and damping")
+        for key in ("stiffness", "damping"):
+            if any(float(x) for x in given.get(key, "0").split()[1:]):
+                self.model.note(f"of the {key} of joint {name} what is not linear is left out")
         limited = given.get("limited", "auto")
         if "range" in given and (limited == "true" or limited == "auto" and self.compiler.get("autolimits", "true") == "true"):
             joint.range = tuple(numbers(given["range"], 2, (), f"{where}, range")*scale)
