@@ -398,7 +398,8 @@ contains
         if (allocated(error)) return
         statistics = simulation%statistics()
         ! The start takes some of its own.
-        call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), 'factorizations')
+        call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), &
+            'factorizations')
         call check_below(error, real(statistics%position_corrections, wp), 4.1_wp*real(statistics%steps, wp), 'corrections')
     end subroutine test_work
 
