@@ -36,6 +36,7 @@ contains
             new_unittest('singular-four-bars', test_singular), &
             new_unittest('energy-of-a-chain', test_energy), &
             new_unittest('constraint-errors', test_constraint_errors), &
+            new_unittest('work-of-a-step', test_work), &
             new_unittest('multipliers', test_multipliers), &
             new_unittest('impulses', test_impulses), &
             new_unittest('change-of-the-rows', test_change), &
@@ -383,6 +384,24 @@ contains
         call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
             1.0e-12_wp, 'largest error')
     end subroutine test_constraint_errors
+
+    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the end
+    !> may need one more.
+    subroutine test_work(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+
+        call begin('spatial_chain', 30, options_type(chart_kind='sparse'), mechanism, simulation, error)
+        call go_on(simulation, 0.1_wp, error)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        ! The start takes some of its own.
+        call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), &
+            'factorizations')
+        call check_below(error, real(statistics%position_corrections, wp), 4.1_wp*real(statistics%steps, wp), 'corrections')
+    end subroutine test_work
 
     !> The multipliers of all rows, those of Euler parameters too, are those of the dense chart.
     subroutine test_multipliers(error)

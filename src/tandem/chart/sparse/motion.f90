@@ -128,8 +128,9 @@ contains
         self%tolerance = options%constraint_tolerance
         self%allowed = 0.25_wp*self%tolerance
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
-        ! What is left of C qd at the end of a step enters Phi times h, where it is restored.
-        self%velocity_tolerance = max(self%end_tolerance, self%allowed)
+        ! What is left of C qd at the end of a step enters Phi times h, where it is restored. A tenth: the scales of the rows at the
+        ! end, by which errors are judged, may be smaller than those here.
+        self%velocity_tolerance = max(self%end_tolerance, 0.1_wp*self%tolerance)
         ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start. It enters the
         ! motion times h once more.
         self%stage_tolerance = max(options%stage_tolerance(), of_stages*self%tolerance)
