@@ -74,7 +74,7 @@ contains
         b = matmul(b, weights)
         where (values > least*maxval(values))
             b = b/values
-        elsewhere
+        else where
             b = 0.0_wp
         end where
         step = matmul(family, matmul(weights, b))
