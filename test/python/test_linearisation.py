@@ -214,7 +214,9 @@ class Linearisation(Case):
         settings = ["--set", "parameters.push=0", "--set", f'initial.steady=["any", "world.turn_z={turn}"]']
         self.assertAlmostEqual(self.said("linearise", "bicycle", *settings)["steady"]["world.turn_z"], turn, places=12)
         self.tandem("run", "bicycle", *settings, "--set", "time.end=100", "--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-11",
-                    "--set", "output.interval=1", "--output", "turn.h5", "--quiet", "--no-error")
+                    "--set", "output.interval=1", "--output", "turn.h5", "--quiet", "--no-error",
+                    # 15 s of a debug build, and much more of one on a machine that does other things.
+                    timeout=600)
         with h5py.File(self.folder / "turn.h5") as file:
             t, q, qd, steer = (file[name][:] for name in ("trajectory/time", "trajectory/q", "trajectory/qd", "sensors/steer/angle"))
         place, velocity = q[:, 7] + 1j * q[:, 8], qd[:, 7] + 1j * qd[:, 8]
