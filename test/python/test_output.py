@@ -31,7 +31,7 @@ def run(*arguments, cwd, **kwargs):
     environment = {key: value for key, value in os.environ.items() if key != "TANDEM_SCENES"}
     environment |= STRICT | kwargs.pop("env", {})
     return subprocess.run([TANDEM, *arguments], cwd=cwd, env=environment, capture_output=True, text=True,
-                          errors="replace", timeout=60, **kwargs)
+                          errors="replace", **{"timeout": 60, **kwargs})
 
 
 class Case(unittest.TestCase):

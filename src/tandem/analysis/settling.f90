@@ -4,14 +4,16 @@
 !> A steady motion goes along fields X of symmetries at constant rates, an equilibrium along none. Unknowns are the coordinates, and
 !> rates where they are not held:
 !>
-!>   Phi(q) = 0,   C X q = nu,   W' (M L X q - S - Q_A) = 0.
+!>   Phi(q) = 0,   C X q = nu,   W' (M L X q - S - Q_A) = 0,   and rates of fields that are held at values.
 !>
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
 !> Where it ends nowhere, an equilibrium is sought by going along the forces, in steps over the absolute curvatures of the
 !> potential, which finds a stable one from afar; then Newton's iteration again. A steady motion is approached by least squares
-!> of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). All of it is bounded work.
+!> of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). From any steady motion steps along its family lead
+!> to the one nearest to the start. All of it is bounded work.
 module tandem_analysis_settling
+    use tandem_analysis_closeness, only: find_way_nearer, squared_distance
     use tandem_analysis_point, only: point_type
     use tandem_analysis_sparse_settling, only: settle_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
@@ -22,7 +24,7 @@ module tandem_analysis_settling
     use tandem_linalg_singular, only: decompose_symmetric, singular_type
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
-    use tandem_status, only: status_no_equilibrium, status_ok
+    use tandem_status, only: status_invalid_option, status_no_equilibrium, status_ok
     implicit none (type, external)
     private
 
@@ -38,26 +40,30 @@ module tandem_analysis_settling
         integer :: n_free = 0
         !> How far the coordinates have moved at most, in scaled coordinates.
         real(wp) :: moved = 0.0_wp
+        !> The fields whose rates are held, and the rates.
+        integer, allocatable, private :: held(:)
+        real(wp), allocatable, private :: held_at(:)
     contains
         procedure :: find_equilibrium
         procedure :: find_steady_motion
         procedure, private :: iterate
         procedure, private :: relax
         procedure, private :: approach
+        procedure, private :: go_nearer
+        procedure, private :: hold
         procedure, private :: form
         procedure, private :: look
         procedure, private :: refuse
     end type settling_type
 
-    !> From so many coordinates on the sparse form finds equilibria of models that have one.
-    integer, parameter :: large = 250
-    !> Full matrices of more take minutes and gigabytes.
-    integer, parameter :: most_full = 1000
+    !> From so many coordinates on the sparse form finds equilibria of models that have one; full matrices of more take minutes.
+    integer, parameter :: large = 250, most_full = 1000
     character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
-    !> Most iterations, and steps along the forces.
+    !> Most iterations, steps along the forces, and along a family.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
-    !> The longest step, in scaled coordinates.
-    real(wp), parameter :: longest = 0.5_wp
+    integer, parameter :: most_steps_nearer = 100
+    !> The longest step, in scaled coordinates, and one that is none.
+    real(wp), parameter :: longest = 0.5_wp, no_step = 1.0e-8_wp
     !> Forces are in balance where what is left is this of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
 
@@ -134,53 +140,61 @@ contains
         if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
     end function scale_of
 
-    !> The steady motion near (q, qd), along all symmetries or along fields that are named. Their rates stay those of qd, if that
-    !> can be; else they change too.
-    subroutine find_steady_motion(self, model, t, q, qd, error, names)
+    !> The steady motion near (q, qd), along all symmetries or along fields that are named. Where none is held, their rates stay
+    !> those of qd, if that can be; else they change too. Of a family it is the one nearest to (q, qd).
+    subroutine find_steady_motion(self, model, t, q, qd, error, names, held, held_at)
         class(settling_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in), optional :: names(:)
+        !> Single fields, and the rates at which they are held; the others are free. Both or neither.
+        character(len=*), intent(in), optional :: held(:)
+        real(wp), intent(in), optional :: held_at(:)
         type(point_type), allocatable :: point
-        real(wp), allocatable :: rates(:)
-        character(len=:), allocatable :: known
-        integer :: stat, k
+        real(wp), allocatable :: rates(:), found(:), found_rates(:)
+        real(wp) :: nearest, distance
+        integer :: stat, attempt, n_free
 
         call check_model(model, error)
         if (allocated(error)) return
-        allocate (point)
+        allocate (self%held(0), self%held_at(0), point)
         call point%initialize(model)
         call self%symmetry%find(point, t, q, qd, stat, names)
-        if (present(names)) then
-            do k = 1, size(names)
-                if (self%symmetry%knows(names(k))) cycle
-                call self%symmetry%list_names(point%model, known)
-                call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" cannot be moved along "'// &
-                    trim(names(k))//'"', 'name one of '//known)
-                return
-            end do
-        end if
-        if (stat == status_ok .and. .not. allocated(self%symmetry%rates_of_time)) then
-            call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" depends on the time in a way that no '// &
-                'symmetry makes up for', 'let its functions of time stand still')
-            return
-        end if
+        if (present(names)) call self%symmetry%check_names(model, names, error)
+        if (.not. allocated(error) .and. stat == status_ok .and. .not. allocated(self%symmetry%rates_of_time)) call set_error( &
+            error, status_no_equilibrium, 'the model "'//model%name//'" depends on the time in a way that no symmetry makes '// &
+            'up for', 'let its functions of time stand still')
+        if (.not. allocated(error) .and. stat == status_ok .and. present(held) .and. present(held_at)) call self%hold( &
+            model, held, held_at, error)
+        if (allocated(error)) return
+        nearest = huge(nearest)
         if (stat == status_ok) then
             call start_rates(self%symmetry, point, q, qd, rates)
-            self%q = q
-            self%rates = rates
-            call self%iterate(point, t, .false., stat)
-            if (stat == status_no_equilibrium) then
+            ! With the rates as they are; or these too, and from where the residual is small: there may be several families.
+            do attempt = merge(1, 2, size(self%held) == 0), 3
                 self%q = q
                 self%rates = rates
-                call self%iterate(point, t, .true., stat)
-            end if
-            if (stat == status_no_equilibrium) then
-                self%q = q
-                self%rates = rates
-                call self%approach(point, t, stat)
-                if (stat == status_ok) call self%iterate(point, t, .true., stat)
+                stat = status_ok
+                if (attempt == 3) call self%approach(point, t, stat)
+                if (stat == status_ok) call self%iterate(point, t, attempt > 1, stat)
+                if (stat == status_ok) call self%go_nearer(point, t, q, qd, attempt > 1, stat)
+                if (stat /= status_ok .and. stat /= status_no_equilibrium) exit
+                if (stat /= status_ok) cycle
+                distance = squared_distance(point, self%q, self%qd, q, qd)
+                if (distance < nearest) then
+                    nearest = distance
+                    found = self%q
+                    found_rates = self%rates
+                    n_free = self%n_free
+                end if
+                if (attempt == 1) exit
+            end do
+            if (nearest < huge(nearest)) then
+                self%q = found
+                self%rates = found_rates
+                self%n_free = n_free
+                call self%look(point, t, stat)
             end if
         end if
         if (stat /= status_ok) then
@@ -190,12 +204,83 @@ contains
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_steady_motion
 
+    !> Hold the rates of fields.
+    subroutine hold(self, model, names, values, error)
+        class(settling_type), intent(inout) :: self
+        class(model_type), intent(inout) :: model
+        character(len=*), intent(in) :: names(:)
+        real(wp), intent(in) :: values(:)
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: k, i, j
+
+        do k = 1, size(names)
+            j = 0
+            do i = 1, size(self%symmetry%motions)
+                if (self%symmetry%motions(i)%name == names(k)) j = i
+            end do
+            if (j == 0) then
+                call set_error(error, status_invalid_option, 'there is no rate of "'//trim(names(k))//'" to be held')
+                return
+            end if
+            if (.not. any(abs(self%symmetry%rates(j, :)) > 0.0_wp) .and. &
+                abs(self%symmetry%rates_of_time(j) - values(k)) > 1.0e-9_wp*max(1.0_wp, abs(values(k)))) then
+                call set_error(error, status_no_equilibrium, 'the rate of "'//trim(names(k))//'" cannot be held: it is part '// &
+                    'of no symmetry of the model "'//model%name//'"')
+                return
+            end if
+            self%held = [self%held, j]
+            self%held_at = [self%held_at, values(k)]
+        end do
+    end subroutine hold
+
+    !> Go along the family to the steady motion nearest to (q, qd).
+    subroutine go_nearer(self, point, t, q, qd, frees_rates, stat)
+        class(settling_type), intent(inout) :: self
+        type(point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:), qd(:)
+        logical, intent(in) :: frees_rates
+        integer, intent(out) :: stat
+        real(wp), allocatable :: residual(:), jacobian(:, :), step(:), old(:), rates(:)
+        real(wp) :: unit, left, distance, factor
+        integer :: i, k, tries
+
+        k = merge(size(self%symmetry%rates, 2), 0, frees_rates)
+        allocate (step(point%n + k))
+        do i = 1, most_steps_nearer
+            call self%look(point, t, stat)
+            if (stat == status_ok) call self%form(point, k, residual, jacobian, unit, left, stat)
+            if (stat /= status_ok) return
+            call find_way_nearer(point, self%symmetry, self%rates, k, jacobian, self%q, self%qd, q, qd, step)
+            if (maxval(abs(step)) <= no_step*(1 + maxval(abs(self%q/point%scale)))) return
+            self%relaxations = self%relaxations + 1
+            distance = squared_distance(point, self%q, self%qd, q, qd)
+            old = self%q
+            rates = self%rates
+            factor = min(1.0_wp, longest/maxval(abs(step)))
+            do tries = 1, 10
+                self%q = old + factor*point%scale*step(:point%n)
+                if (k > 0) self%rates = rates + factor*matmul(self%symmetry%rates, step(point%n + 1:))
+                call self%iterate(point, t, frees_rates, stat)
+                if (stat == status_ok) then
+                    if (squared_distance(point, self%q, self%qd, q, qd) < distance) exit
+                end if
+                factor = factor/2
+            end do
+            if (tries <= 10) cycle
+            ! As near as it gets within rounding, or to where the family ends.
+            self%q = old
+            self%rates = rates
+            call self%look(point, t, stat)
+            return
+        end do
+    end subroutine go_nearer
+
     !> No symmetries: nothing goes on.
     subroutine no_fields(self, n)
         class(settling_type), intent(inout) :: self
         integer, intent(in) :: n
 
-        allocate (self%symmetry%motions(0), self%symmetry%rates(0, 0))
+        allocate (self%symmetry%motions(0), self%symmetry%rates(0, 0), self%held(0), self%held_at(0))
         self%rates = [real(wp) ::]
         self%qd = spread(0.0_wp, 1, n)
     end subroutine no_fields
@@ -316,7 +401,8 @@ contains
             call lu%factor(matmul(transpose(point%w), w), stat)
             if (stat == 0) call lu%solve(forces)
         end if
-        residual = [point%phi, matmul(point%jacobian, self%qd/point%scale) - point%nu, forces]
+        residual = [point%phi, matmul(point%jacobian, self%qd/point%scale) - point%nu, forces, &
+            self%rates(self%held) - self%held_at]
     end subroutine residual_of
 
     !> The residual and its derivatives with respect to scaled coordinates and the rates of k symmetries.
@@ -330,7 +416,7 @@ contains
         integer, intent(out) :: stat
         real(wp), allocatable :: l(:, :), gradient(:, :)
         real(wp), dimension(point%n) :: x, y, sizes
-        integer :: i, n, nh, m
+        integer :: i, n, nh, m, last
 
         unit = 1.0_wp
         left = huge(left)
@@ -347,11 +433,11 @@ contains
         unit = max(norm2(matmul(transpose(point%w), gradient)), norm2(point%force), tiny(1.0_wp))
         call residual_of(self, point, unit, residual)
         if (allocated(jacobian)) deallocate (jacobian)
-        allocate (jacobian(nh + m + point%nw, n + k))
+        last = nh + m + point%nw
+        allocate (jacobian(last + size(self%held), n + k), source=0.0_wp)
         jacobian(:nh, :n) = point%jacobian(:nh, :)
-        jacobian(:nh, n + 1:) = 0.0_wp
         jacobian(nh + 1:nh + m, :n) = point%velocity_q + matmul(point%jacobian, l)
-        jacobian(nh + m + 1:, :n) = matmul(transpose(point%w), gradient)/unit
+        jacobian(nh + m + 1:last, :n) = matmul(transpose(point%w), gradient)/unit
         do i = 1, k
             associate (rates => self%symmetry%rates(:, i))
                 x = self%symmetry%field(rates, self%q)
@@ -359,13 +445,15 @@ contains
                 x = x/point%scale
             end associate
             jacobian(nh + 1:nh + m, n + i) = matmul(point%jacobian, x)
-            jacobian(nh + m + 1:, n + i) = matmul(transpose(point%w), matmul(point%dynamics_qd, x) + matmul(point%mass, y))/unit
+            jacobian(nh + m + 1:last, n + i) = matmul(transpose(point%w), matmul(point%dynamics_qd, x) + &
+                matmul(point%mass, y))/unit
+            jacobian(last + 1:, n + i) = self%symmetry%rates(self%held, i)
         end do
         ! Errors of the coordinates of 1e-9 would leave as much.
         sizes = abs(point%force) + matmul(abs(point%mass), abs(point%qdd/point%scale)) + &
             matmul(abs(gradient), spread(1.0_wp, 1, n))*(1 + maxval(abs(self%q/point%scale)))
-        left = maxval([0.0_wp, abs(residual(:nh + m)), &
-            abs(residual(nh + m + 1:))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
+        left = maxval([0.0_wp, abs(residual(:nh + m)), abs(residual(last + 1:)), &
+            abs(residual(nh + m + 1:last))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
     end subroutine form
 
     !> Go along the forces to a place where they are nearly in balance.

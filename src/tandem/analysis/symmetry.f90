@@ -12,12 +12,13 @@
 !> gradients are exact, so that the rank is clear.
 module tandem_analysis_symmetry
     use tandem_analysis_point, only: point_type
+    use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
     use tandem_linalg_singular, only: singular_type
     use tandem_model, only: model_type
     use tandem_model_affine_motion, only: affine_motion_type
-    use tandem_status, only: status_ok
+    use tandem_status, only: status_no_equilibrium, status_ok
     implicit none (type, external)
     private
 
@@ -38,6 +39,7 @@ module tandem_analysis_symmetry
         procedure :: matrix
         procedure :: name_of
         procedure :: knows
+        procedure :: check_names
         procedure, nopass :: list_names
         procedure, private :: add_rows
         procedure, private :: reduce
@@ -138,6 +140,24 @@ contains
             knows = knows .or. is_named(trim(self%motions(i)%name), [name])
         end do
     end function knows
+
+    !> Refuse a name that stands for none of the fields that were tried.
+    subroutine check_names(self, model, names, error)
+        class(symmetry_type), intent(in) :: self
+        class(model_type), intent(inout) :: model
+        character(len=*), intent(in) :: names(:)
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=:), allocatable :: known
+        integer :: k
+
+        do k = 1, size(names)
+            if (self%knows(names(k))) cycle
+            call list_names(model, known)
+            call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" cannot be moved along "'// &
+                trim(names(k))//'"', 'name one of '//known)
+            return
+        end do
+    end subroutine check_names
 
     !> The names of all fields of a model, with commas; of many the first.
     subroutine list_names(model, text)

@@ -209,7 +209,7 @@ module tandem_io_scene_reader
         end subroutine get_for_each
 
         !> Some of some texts, each once at most.
-        module subroutine get_strings(self, key, values, choices, help)
+        module subroutine get_strings(self, key, values, choices, help, may_have_values)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
@@ -218,6 +218,8 @@ module tandem_io_scene_reader
             !> What each may be.
             character(len=*), intent(in) :: choices(:)
             character(len=*), intent(in), optional :: help
+            !> Whether each may be NAME=NUMBER as well.
+            logical, intent(in), optional :: may_have_values
         end subroutine get_strings
     end interface
 

@@ -154,18 +154,25 @@ contains
     !> Some of some texts, each once at most.
     module procedure get_strings
         class(toml_value), pointer :: found
-        character(len=:), allocatable :: problem
+        character(len=:), allocatable :: problem, word
+        logical :: with_values
         integer :: source, i
 
+        with_values = .false.
+        if (present(may_have_values)) with_values = may_have_values
         call self%find(key, found, source)
         if (associated(found)) then
             call convert(self%sources(source), found, values, problem)
             do i = 1, size(values)
                 if (problem /= '') exit
-                if (.not. any(values(i) == choices)) then
-                    problem = '"'//trim(values(i))//'" is none of '//listed(choices)
-                    if (nearest_name(trim(values(i)), choices) /= '') then
-                        problem = problem//'; did you mean "'//nearest_name(trim(values(i)), choices)//'"?'
+                if (with_values) problem = value_problem(values(i))
+                if (problem /= '') exit
+                word = values(i)
+                if (with_values .and. index(word, '=') > 0) word = word(:index(word, '=') - 1)
+                if (.not. any(word == choices)) then
+                    problem = '"'//trim(word)//'" is none of '//listed(choices)
+                    if (nearest_name(trim(word), choices) /= '') then
+                        problem = problem//'; did you mean "'//nearest_name(trim(word), choices)//'"?'
                     end if
                 else if (count(values == values(i)) > 1) then
                     problem = 'has "'//trim(values(i))//'" more than once'
@@ -176,6 +183,24 @@ contains
         if (self%failed()) return
         if (.not. self%is_brief) call self%record(key, to_toml(values), source, help=help)
     end procedure get_strings
+
+    !> What is wrong with the number in NAME=NUMBER; nothing where there is none.
+    pure function value_problem(text) result(problem)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: problem
+        real(wp) :: number
+        integer :: at, stat
+
+        problem = ''
+        at = index(text, '=')
+        if (at == 0) return
+        stat = 1
+        number = 0.0_wp
+        if (text(at + 1:) /= '' .and. verify(trim(text(at + 1:)), '0123456789+-.eE') == 0) then
+            read (text(at + 1:), *, iostat=stat) number
+        end if
+        if (stat /= 0 .or. .not. abs(number) <= huge(number)) problem = 'has "'//trim(text)//'", whose value is no finite number'
+    end function value_problem
 
     !> What a number violates; nothing where it is as it must be.
     pure function violated(value, check) result(problem)

@@ -19,7 +19,8 @@ contains
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(inout) :: model
-        !> Whether the start is to be an equilibrium; the names of motions along which it is to go on, none for no steady motion.
+        !> Whether the start is to be an equilibrium; the motions along which it is to go on, NAME or NAME=RATE, none
+        !> for no steady motion.
         logical, intent(out) :: rests
         character(len=motion_name_length), allocatable, intent(out) :: steady(:)
         type(affine_motion_type), allocatable :: motions(:)
@@ -40,7 +41,14 @@ contains
             if (any(choices == motions(i)%name(:last))) cycle
             choices = [character(len=motion_name_length) :: choices, motions(i)%name(:last)]
         end do
-        call reader%get('steady', steady, choices, 'motions along which the nearest steady motion goes on; ["any"] for all')
+        call reader%get('steady', steady, choices, 'motions along which the nearest steady motion goes on; ["any"] for all; '// &
+            '"NAME=RATE" holds a rate', may_have_values=.true.)
+        do i = 1, size(steady)
+            last = index(steady(i), '=')
+            if (last == 0) cycle
+            if (all(motions%name /= steady(i)(:last - 1))) call reader%refuse('steady', 'has "'//trim(steady(i))// &
+                '": only the rate of a single motion can be held')
+        end do
         if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
     end subroutine read_settling
 
@@ -56,6 +64,9 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(assembly_type), intent(in), optional :: assembly
         type(assembly_type) :: request
+        character(len=motion_name_length), allocatable :: names(:), held(:)
+        real(wp), allocatable :: held_at(:)
+        integer :: i, k, last
 
         if (present(assembly)) then
             request = assembly
@@ -64,10 +75,24 @@ contains
         end if
         if (rests) then
             call settling%find_equilibrium(model, t, q, error)
-        else if (any(steady == any_motion)) then
-            call settling%find_steady_motion(model, t, q, qd, error)
         else
-            call settling%find_steady_motion(model, t, q, qd, error, steady)
+            allocate (names(size(steady)), held(count(index(steady, '=') > 0)))
+            allocate (held_at(size(held)))
+            k = 0
+            do i = 1, size(steady)
+                last = index(steady(i), '=')
+                names(i) = steady(i)
+                if (last == 0) cycle
+                names(i) = steady(i)(:last - 1)
+                k = k + 1
+                held(k) = names(i)
+                read (steady(i)(last + 1:), *) held_at(k)
+            end do
+            if (any(names == any_motion)) then
+                call settling%find_steady_motion(model, t, q, qd, error, held=held, held_at=held_at)
+            else
+                call settling%find_steady_motion(model, t, q, qd, error, names, held, held_at)
+            end if
         end if
         if (allocated(error)) return
         q = settling%q

@@ -1,0 +1,82 @@
+! SPDX-License-Identifier: MIT
+!> How far a steady motion is from a state, and which way along its family leads nearer.
+!>
+!> The distance is measured by the mass matrix M, in places and in velocities alike, with a second as the unit of time,
+!>
+!>   (q - q0)' M (q - q0) + (qd - qd0)' M (qd - qd0),   qd = X q,
+!>
+!> so that it does not depend on units of coordinates, and twice the kinetic energy is the distance of velocities.
+module tandem_analysis_closeness
+    use tandem_analysis_point, only: point_type
+    use tandem_analysis_symmetry, only: symmetry_type
+    use tandem_kinds, only: wp
+    use tandem_linalg_singular, only: decompose_symmetric, singular_type
+    implicit none (type, external)
+    private
+
+    public :: squared_distance, find_way_nearer
+
+contains
+
+    !> The square of the distance of a state (q, qd) from another one (q0, qd0).
+    real(wp) function squared_distance(point, q, qd, q0, qd0) result(square)
+        !> Its mass matrix is that of q.
+        type(point_type), intent(in) :: point
+        real(wp), intent(in) :: q(:), qd(:), q0(:), qd0(:)
+        real(wp), dimension(point%n) :: away, faster
+
+        away = (q - q0)/point%scale
+        faster = (qd - qd0)/point%scale
+        square = dot_product(away, matmul(point%mass, away)) + dot_product(faster, matmul(point%mass, faster))
+    end function squared_distance
+
+    !> The step along a family that makes the distance least, to first order: of scaled coordinates and of the rates of k
+    !> symmetries.
+    subroutine find_way_nearer(point, symmetry, rates, k, jacobian, q, qd, q0, qd0, step)
+        type(point_type), intent(in) :: point
+        type(symmetry_type), intent(in) :: symmetry
+        !> Rates of the fields.
+        real(wp), intent(in) :: rates(:)
+        integer, intent(in) :: k
+        !> Derivatives of all that must stay nothing along the family (any, n + k).
+        real(wp), intent(in) :: jacobian(:, :)
+        real(wp), intent(in) :: q(:), qd(:), q0(:), qd0(:)
+        !> (n + k)
+        real(wp), intent(out) :: step(:)
+        !> Directions that weigh less than this of the heaviest one, as those of massless bodies, are left as they are.
+        real(wp), parameter :: least = 1.0e-10_wp
+        type(singular_type) :: svd
+        real(wp), allocatable :: family(:, :), faster(:, :), weights(:, :), values(:), b(:)
+        integer :: i, n
+
+        n = point%n
+        step = 0.0_wp
+        call svd%allocate(size(jacobian, 1), n + k)
+        call svd%factor(jacobian)
+        call svd%get_null_basis(family)
+        if (size(family, 2) == 0) return
+        allocate (faster(n, n + k))
+        faster(:, :n) = symmetry%matrix(rates, n)
+        do i = 1, n
+            faster(:, i) = faster(:, i)*point%scale(i)/point%scale
+        end do
+        do i = 1, k
+            faster(:, n + i) = symmetry%field(symmetry%rates(:, i), q)/point%scale
+        end do
+        faster = matmul(faster, family)
+        b = -matmul(matmul(point%mass, (q - q0)/point%scale), family(:n, :)) - &
+            matmul(matmul(point%mass, (qd - qd0)/point%scale), faster)
+        weights = matmul(transpose(family(:n, :)), matmul(point%mass, family(:n, :))) + &
+            matmul(transpose(faster), matmul(point%mass, faster))
+        weights = (weights + transpose(weights))/2
+        values = b
+        call decompose_symmetric(weights, values)
+        b = matmul(b, weights)
+        where (values > least*maxval(values))
+            b = b/values
+        else where
+            b = 0.0_wp
+        end where
+        step = matmul(family, matmul(weights, b))
+    end subroutine find_way_nearer
+end module tandem_analysis_closeness
