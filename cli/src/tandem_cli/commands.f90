@@ -58,7 +58,7 @@ module tandem_cli_commands
         command_type('view', 'FILE', ' --output --names --frames ', &
         'a page that plays the motion in a browser, and a .glb, or .vtkhdf; needs that too'), &
         command_type('import', 'FILE...', ' --output --floating --at --force ', &
-        'import urdf FILE, import mjcf FILE: a scene from a robot in URDF, a model of MuJoCo; needs that too'), &
+        'import urdf|mjcf FILE: a scene from a robot, a MuJoCo model; needs that too'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
