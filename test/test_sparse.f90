@@ -385,8 +385,8 @@ contains
             1.0e-12_wp, 'largest error')
     end subroutine test_constraint_errors
 
-    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the end
-    !> may need one more.
+    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the
+    !> end may need one more.
     subroutine test_work(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism

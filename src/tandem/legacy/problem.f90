@@ -116,8 +116,8 @@ contains
     end subroutine step
 
     !> Up to `most` accepted steps that do not pass t_end, and rows of what they pass: at the times given, or one for each step.
-    !> Ends early where an event stops the run, and where there is no room for another row; without any it goes on to t_end. What a failure leaves behind
-    !> is what was reached until then.
+    !> Ends early where an event stops the run, and where there is no room for another row; without any it goes on to t_end. What a
+    !> failure leaves behind is what was reached until then.
     subroutine advance(self, t_end, most, at_steps, capacity, rows, times, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
