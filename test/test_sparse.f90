@@ -385,8 +385,8 @@ contains
             1.0e-12_wp, 'largest error')
     end subroutine test_constraint_errors
 
-    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the end
-    !> may need one more.
+    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the
+    !> end may need one more.
     subroutine test_work(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -398,7 +398,8 @@ contains
         if (allocated(error)) return
         statistics = simulation%statistics()
         ! The start takes some of its own.
-        call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), 'factorizations')
+        call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), &
+            'factorizations')
         call check_below(error, real(statistics%position_corrections, wp), 4.1_wp*real(statistics%steps, wp), 'corrections')
     end subroutine test_work
 

@@ -29,7 +29,8 @@ module tandem_chart_sparse_factor
         !> Inverse diagonal blocks D^-1 of the factor, and the others, B, as they were when their turn came. D^-1 B', without
         !> diagonal blocks.
         real(wp), allocatable :: blocks(:), above(:)
-        !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a kept body (n_bodies).
+        !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a
+        !> kept body (n_bodies).
         real(wp), allocatable :: alone(:), added(:)
         !> The smallest pivot of a row against that, and the row.
         real(wp) :: least = 1.0_wp
