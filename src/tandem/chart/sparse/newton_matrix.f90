@@ -7,6 +7,7 @@
 !> as with the C of the point, but for the third power of the angle.
 module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type, most_coordinates, most_rows
+    use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product
@@ -66,8 +67,8 @@ contains
         if (allocated(self%lower)) deallocate (self%lower, self%upper, self%mass, self%c, self%own, self%z, self%is_out, &
             self%turn%c, self%turn%own)
         allocate (self%lower(self%analysis%n_factor), self%upper(self%analysis%n_factor), self%mass(base%n, mass_width), &
-            self%c(base%n_entries), self%own(base%n), self%z(self%analysis%n_unknowns), self%turn%c(base%n_entries), &
-            self%turn%own(base%n), source=0.0_wp)
+            self%c(base%n_entries + read_behind), self%own(base%n), self%z(self%analysis%n_unknowns), &
+            self%turn%c(base%n_entries + read_behind), self%turn%own(base%n), source=0.0_wp)
         allocate (self%is_out(base%m), source=.false.)
         self%ha = 0.0_wp
     end subroutine initialize
