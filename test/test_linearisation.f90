@@ -259,17 +259,17 @@ contains
         call check_eigenvalues(it, [i*nu, -i*nu], 1.0e-10_wp, 'nutation where it settles', error)
         if (allocated(error)) return
         ! The spin held, the precession free: it is that of the tilt that was found.
-        settings(3) = 'initial.steady=["world.turn_z", "top.spin_z=30"]'
+        settings(3) = 'initial.steady=["world.turn_z", "top.spin_z=95"]'
         call linearise_text(text, settings, scene, it, error)
         if (allocated(error)) return
         r = scene%q(:3)/norm2(scene%q(:3))
         call check_count(error, size(scene%settling%rates), 2, 'motions')
         if (allocated(error)) return
-        associate (rates => scene%settling%rates)
-            call check_below(error, abs(maxval(rates) - 30.0_wp), 1.0e-12_wp, 'the spin that is held')
+        associate (rates => scene%settling%rates, spins => scene%settling%symmetry%motions%name == 'top.spin_z')
+            call check_below(error, abs(sum(rates, spins) - 95.0_wp), 1.0e-12_wp, 'the spin that is held')
             if (allocated(error)) return
-            associate (precession => minval(rates))
-                call check_below(error, abs(a*precession**2*r(3) - c*(30.0_wp + precession*r(3))*precession + m*g*l), 1.0e-11_wp, &
+            associate (precession => sum(rates, .not. spins))
+                call check_below(error, abs(a*precession**2*r(3) - c*(95.0_wp + precession*r(3))*precession + m*g*l), 1.0e-11_wp, &
                     'precession at a spin')
             end associate
         end associate
