@@ -56,7 +56,7 @@ module tandem_cli_commands
         command_type('plot', 'FILE...', ' --output --kind --names --plane --title ', &
         'draws result files: PNG, SVG or PDF; needs the package for Python'), &
         command_type('view', 'FILE', ' --output --names --frames ', &
-        'a page that plays the motion in a browser, and a .glb, or .vtkhdf; needs that too'), &
+        'a page that plays the motion in a browser, .glb or .vtkhdf; needs that too'), &
         command_type('import', 'FILE...', ' --output --floating --at --force ', &
         'import urdf|mjcf FILE: a scene from a robot, a MuJoCo model; needs that too'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
