@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem equilibrium: where a scene rests, and whether that is stable.
 module tandem_cli_equilibrium
-    use tandem, only: error_type, linearisation_type, most_linearised, stability_name, to_text, wp
+    use tandem, only: error_type, linearisation_type, stability_name, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
@@ -13,6 +13,8 @@ module tandem_cli_equilibrium
 
     !> Most coordinates that are printed; the object of --json has all.
     integer, parameter :: most_names = 60
+    !> Most coordinates of which stability is told: full matrices of more take longer than to find the equilibrium, up to minutes.
+    integer, parameter :: most_judged = 300
 
 contains
 
@@ -34,8 +36,7 @@ contains
             call complain(error%message)
             return
         end if
-        ! Of more coordinates nothing is said of stability.
-        if (scene%model%n <= most_linearised) call linearisation%make(scene%model, scene%t_start, scene%q, scene%qd, error)
+        if (scene%model%n <= most_judged) call linearisation%make(scene%model, scene%t_start, scene%q, scene%qd, error)
         if (allocated(error)) then
             call complain(error%message)
             code = run_failed
