@@ -66,6 +66,7 @@ contains
         end do
     end function listed
 
+    !> Give an element one more entry, by its number; `entries` must be allocated.
     pure subroutine add_to(element, entry)
         type(element_type), intent(inout) :: element
         integer, intent(in) :: entry
