@@ -88,14 +88,18 @@ subroutine tdkvec(h, key, n, x, ierr)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
     type(value_type) :: list
+    integer :: i, stat
 
     if (.not. found(h, problem, ierr)) return
-    if (n < 0) then
-        call problem%refuse('the list of '//trim(key)//' has a negative length', 'give how many numbers it has')
+    stat = 0
+    if (n >= 0) allocate (list%atoms(n), stat=stat)
+    if (n < 0 .or. stat /= 0) then
+        call problem%refuse('the list of '//trim(key)//' has a length that cannot be', 'give how many numbers it has')
     else
-        allocate (list%atoms(n))
         list%is_list = .true.
-        list%atoms%number = x(:n)
+        do i = 1, n
+            list%atoms(i)%number = x(i)
+        end do
         call set_value(problem, key, list)
     end if
     ierr = problem%stat

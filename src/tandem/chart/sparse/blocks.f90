@@ -13,8 +13,8 @@ module tandem_chart_sparse_blocks
 
     !> The most coordinates of a body, and so the most unknowns of a block.
     integer, parameter :: most_coordinates = 12
-    !> So many entries behind the last of a matrix are read, and go nowhere.
-    integer, parameter :: read_behind = 7
+    !> At most so many entries behind the last of a matrix are read, and go nowhere: columns of 5 rows are read as 8.
+    integer, parameter :: read_behind = 3
     !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
     integer, parameter :: of_single_blocks = 1, of_rigid_body = 2, of_any_blocks = 3
 
@@ -140,7 +140,7 @@ contains
         end do
     end subroutine invert_some
 
-    !> x := x - c y for c (s, n), y (n, p), x (s, p). Up to seven entries behind c are read.
+    !> x := x - c y for c (s, n), y (n, p), x (s, p). Up to `read_behind` entries behind c are read.
     pure subroutine subtract_product(s, p, n, c, y, x)
         integer, intent(in), value :: s, p, n
         real(wp), intent(in) :: c(*), y(n*p)
@@ -190,7 +190,7 @@ contains
         end do
     end subroutine subtract_product_sized
 
-    !> z := x y' for a symmetric x (s, s) and y (p, s), z (s, p). Up to three entries behind x are read.
+    !> z := x y' for a symmetric x (s, s) and y (p, s), z (s, p). Up to `read_behind` entries behind x are read.
     pure subroutine multiply_transposed(s, p, x, y, z)
         integer, intent(in), value :: s, p
         real(wp), intent(in) :: x(*), y(p*s)
@@ -298,7 +298,7 @@ contains
         end do
     end subroutine apply_any
 
-    !> z := x z for x (s, s), and a copy of it. Up to three entries behind x are read.
+    !> z := x z for x (s, s), and a copy of it. Up to `read_behind` entries behind x are read.
     pure subroutine multiply_inverse(s, x, z, y)
         integer, intent(in), value :: s
         real(wp), intent(in) :: x(*)
@@ -361,7 +361,7 @@ contains
         end if
     end subroutine set_owned
 
-    !> g := g - c x for c (s, n). Up to seven entries behind c are read.
+    !> g := g - c x for c (s, n). Up to `read_behind` entries behind c are read.
     pure subroutine subtract_rows(s, n, c, x, g)
         integer, intent(in), value :: s, n
         real(wp), intent(in) :: c(*), x(n)
