@@ -25,8 +25,11 @@ contains
             wants = self%switching%wants_explicit(self%state%t, tries, self%explicit_method%stages, &
                 self%explicit_method%stability_limit, cost)
         else
-            wants = self%switching%wants_implicit(self%state%t, self%control%is_free, self%stiffness%smoothness%needed, tries, &
-                self%method%stages, cost)
+            associate (smoothness => self%stiffness%smoothness, control => self%control)
+                wants = self%switching%wants_implicit(self%state%t, control%is_free, smoothness%needed, &
+                    smoothness%still_open(self%state, self%switching%t_from, control%weight_q, control%weight_qd), tries, &
+                    self%method%stages, cost)
+            end associate
         end if
         if (.not. wants) return
         call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)

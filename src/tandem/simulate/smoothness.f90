@@ -26,9 +26,14 @@ module tandem_simulate_smoothness
         procedure :: initialize
         procedure :: pause
         procedure :: observe
+        procedure :: still_open
         procedure :: restart
         procedure :: pack_state
     end type smoothness_type
+
+    !> The error of a step of radau5 over that of the polynomial in the middle: by its steps on pendulums and motorcycles. The power
+    !> of the step with which it goes.
+    real(wp), parameter :: factor = 2.0_wp, power = 4.0_wp
 
 contains
 
@@ -58,8 +63,6 @@ contains
         type(state_type), intent(in) :: state
         !> One over what is allowed of the errors of q and of qd (n).
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
-        !> The error of a step of radau5 over that of the polynomial in the middle: by its steps on pendulums and motorcycles.
-        real(wp), parameter :: factor = 2.0_wp, power = 4.0_wp
         real(wp) :: norm
 
         if (self%n_known == 2) then
@@ -79,6 +82,26 @@ contains
             self%n_known = 1
         end if
     end subroutine observe
+
+    !> How many steps the window that is open would take from a time on: it may have begun long before, while the motion was
+    !> smoother.
+    real(wp) function still_open(self, state, since, weight_q, weight_qd) result(steps)
+        class(smoothness_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: since
+        !> As of `observe`.
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        !> Near an end of the window the polynomial meets the middle for that reason alone.
+        real(wp), parameter :: least = 0.1_wp
+        real(wp) :: x, norm
+
+        steps = 0.0_wp
+        if (self%n_known < 2 .or. .not. state%t > self%middle%t) return
+        call bend(self%first, self%middle, state, self%error_q, self%error_qd)
+        x = (self%middle%t - self%first%t)/(state%t - self%first%t)
+        norm = factor*weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)/max(16*(x*(1 - x))**2, least)
+        steps = norm**(1.0_wp/power)*min(1.0_wp, (state%t - since)/(state%t - self%first%t))
+    end function still_open
 
     !> The motion bends or jumps here: no window reaches across.
     pure subroutine restart(self)

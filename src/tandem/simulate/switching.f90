@@ -23,7 +23,8 @@ module tandem_simulate_switching
         !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked
         !> at, and accepted steps at the last exchange.
         integer(long), private :: asked = -1, tries_from = 0, steps_from = 0
-        real(wp), private :: needed_from = 0.0_wp, t_from = 0.0_wp
+        real(wp), private :: needed_from = 0.0_wp
+        real(wp) :: t_from = 0.0_wp
         !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0
         !> where it is not known yet.
         real(wp), private :: rate = 0.0_wp, excess = 0.0_wp
@@ -104,7 +105,7 @@ contains
     end function is_asked
 
     !> Whether the implicit method would be cheaper than the explicit one at work.
-    logical function wants_implicit(self, t, is_free, needed, tries, stages, cost)
+    logical function wants_implicit(self, t, is_free, needed, open, tries, stages, cost)
         class(switching_type), intent(inout) :: self
         !> Where the run is, and whether nothing but errors and stability has limited the last step.
         real(wp), intent(in) :: t
@@ -112,6 +113,8 @@ contains
         !> Steps that the motion itself would have taken so far, and tries of steps that were made.
         real(wp), intent(in) :: needed
         integer(long), intent(in) :: tries
+        !> Those that the window of the motion takes, which is open, since `t_from`.
+        real(wp), intent(in) :: open
         !> Stages of a step, and what an implicit step costs.
         integer, intent(in) :: stages
         real(wp), intent(in) :: cost
@@ -121,8 +124,8 @@ contains
         ! Another method could not have left this one out.
         if (.not. is_free) self%tries_from = min(self%tries_from + 1, tries)
         if (tries - self%tries_from < int(window*self%patience, long)) return
-        ! The window of the motion that is open counts as a step.
-        part = (needed - self%needed_from + 1.0_wp)*cost/(real(tries - self%tries_from, wp)*real(stages, wp))
+        ! The window of the motion that is open counts as a step at least.
+        part = (needed - self%needed_from + max(1.0_wp, open))*cost/(real(tries - self%tries_from, wp)*real(stages, wp))
         wants_implicit = part < worth
         if (wants_implicit) then
             self%rate = real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
