@@ -4,7 +4,7 @@
 
 Usage: bench/large.py [--repeats N] [--seconds S] [SCENE [N...]]
 
-SCENE is planar_chain, spatial_chain or star, as test/large_mechanisms.f90 draws them, N even; all without. Installs exudyn, mujoco, pin, numpy
+SCENE is planar_chain, spatial_chain or star, as test/src/subjects/large_mechanisms.f90 draws them, N even; all without. Installs exudyn, mujoco, pin, numpy
 and h5py from PyPI into build/large. The program is build/tandem, or what TANDEM names: it takes rk4 with every stage on the manifold.
 Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that serves several steps; MuJoCo in
 joint coordinates by RK4; Pinocchio evaluates its articulated-body algorithm four times, without an integrator. These two need trees.

@@ -208,7 +208,8 @@ def valgrind():
 def fortran_tests():
     """The suites of the Fortran tests and the names of their tests."""
     for suite, name in re.findall(r"new_testsuite\('(\w+)', collect_(\w+)\)", (ROOT / "test" / "main.f90").read_text()):
-        yield suite, re.findall(r"new_unittest\('([^']+)'", (ROOT / "test" / f"test_{name}.f90").read_text())
+        (path,) = (ROOT / "test" / "src").glob(f"*/test_{name}.f90")
+        yield suite, re.findall(r"new_unittest\('([^']+)'", path.read_text())
 
 
 def suites(only=()):

@@ -166,7 +166,7 @@ link_other_fpm() { # where PyPI has no fpm for this machine, one on the PATH wil
 # --- 3. the git dependencies -----------------------------------------------------------------------------------------
 
 dependencies() { # prints "name address tag" for each git dependency in the manifests
-    sed -n 's/^\([a-z-]*\) *= *{ *git *= *"\([^"]*\)", *tag *= *"\([^"]*\)" *}.*/\1 \2 \3/p' fpm.toml io/fpm.toml
+    sed -n 's/^\([a-z-]*\) *= *{ *git *= *"\([^"]*\)", *tag *= *"\([^"]*\)" *}.*/\1 \2 \3/p' io/fpm.toml test/fpm.toml
 }
 
 is_source() { # FOLDER TAG: a repository with a commit (a clone that failed leaves one without), of this version

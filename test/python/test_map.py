@@ -13,7 +13,8 @@ class Map(unittest.TestCase):
         suites = re.findall(r"new_testsuite\('(\w+)', collect_(\w+)\)", (TEST / "main.f90").read_text())
         fortran = set()
         for suite, name in suites:
-            source = (TEST / f"test_{name}.f90").read_text()
+            (path,) = (TEST / "src").glob(f"*/test_{name}.f90")
+            source = path.read_text()
             fortran |= {f"{suite}/{test}" for test in re.findall(r"new_unittest\('([^']+)'", source)}
         python = {f"{path.name} {test}" for path in TEST.glob("p*/test_*.py")
                   for test in re.findall(r"def (test_\w+)\(self", path.read_text())}

@@ -86,9 +86,10 @@ class SetUp(unittest.TestCase):
         self.project = self.top / "project"
         self.fake = self.top / "fake"
         self.bin = self.fake / "bin"
-        for folder in (self.bin, self.fake / "hdf5" / "serial", self.project / "io", self.project / "tools"):
+        for folder in (self.bin, self.fake / "hdf5" / "serial", self.project / "io", self.project / "test",
+                       self.project / "tools"):
             folder.mkdir(parents=True)
-        for name in ("fpm.toml", "io/fpm.toml", "tools/setup.sh"):
+        for name in ("fpm.toml", "io/fpm.toml", "test/fpm.toml", "tools/setup.sh"):
             shutil.copy(ROOT / name, self.project / name)
         shutil.copytree(ROOT / "config", self.project / "config")
         for name in REAL:

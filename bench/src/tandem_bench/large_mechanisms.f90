@@ -1,1 +1,1 @@
-../../../test/large_mechanisms.f90
+../../../test/src/subjects/large_mechanisms.f90
