@@ -31,15 +31,6 @@ check() { # NAME COMMAND...: passes if the command succeeds; what it prints tell
     fi
 }
 
-quotes() { # DOCUMENT FILE: is the file, word for word, one of the document's Fortran blocks?
-    awk -v file="$2" '
-        BEGIN { while ((getline line < file) > 0) wanted = wanted line "\n" }
-        /^```fortran$/ { inside = 1; block = ""; next }
-        /^```$/ && inside { inside = 0; if (block == wanted) found = 1; next }
-        inside { block = block $0 "\n" }
-        END { exit !(found && wanted != "") }' "$1" || { echo "no Fortran block of $1 is the text of $2"; return 1; }
-}
-
 parts_of() { # DOCUMENT FILE...: is each of the document's Fortran blocks, word for word, a part of one of the files?
     local document=$1
     shift
@@ -70,7 +61,7 @@ error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
 
 is_short() { [ "$(wc -l <"$1")" -le "$2" ] || { echo "$1 has $(wc -l <"$1") lines, allowed $2"; return 1; }; }
 check readme-is-short is_short README.md 150
-check readme-quotes-the-skate quotes README.md example/skate.f90
+check readme-quotes-the-skate parts_of README.md example/skate.f90
 check scene-guide-quotes-the-examples parts_of doc/scene.md example/*.f90 example/dependent/*/*.f90 example/dependent/program/*/*.f90
 check linking-guide-quotes-an-example parts_of doc/linking.md example/f77/knife.f example/f77/swing.f
 

@@ -182,9 +182,11 @@ SPATIAL = ROD.format(planar="", z="0, ", inertia="[0.01, 0.2, 0.2]", zero=", 0",
 
 class Tutorial(Mechanism):
     def test_files_of_the_document(self):
-        """Every file of doc/mechanism.md is right and runs."""
-        files = [block for block in re.findall(r"```toml\n(.*?)```", (ROOT / "doc" / "mechanism.md").read_text(), re.S) if "[scene]" in block]
-        self.assertGreaterEqual(len(files), 6)
+        """Every file of README.md and doc/mechanism.md is right and runs."""
+        files = [block for name in ("README.md", "doc/mechanism.md")
+                 for block in re.findall(r"```toml\n(.*?)```", (ROOT / name).read_text(), re.S) if "[scene]" in block]
+        self.assertIn(files[0], (ROOT / "scenes" / "mechanism_disk.toml").read_text())
+        self.assertGreaterEqual(len(files), 7)
         for text in files:
             with self.subTest(text):
                 checked = json.loads(self.tandem("check", self.scene(text), "--json").stdout)
