@@ -127,10 +127,12 @@ contains
     end subroutine set_weights
 
     !> Choose the next step after an accepted one of size h with an error norm.
-    subroutine accept(self, h, was_cut, norm, stiffness)
+    subroutine accept(self, h, was_cut, norm, stiffness, longest)
         class(step_control_type), intent(inout) :: self
         !> The step, its error norm, and h |lambda| as the stepper estimates it.
         real(wp), intent(in) :: h, norm, stiffness
+        !> The longest step that pays next, as the stepper tells.
+        real(wp), intent(in) :: longest
         !> True where the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
         logical, intent(in) :: was_cut
         real(wp) :: factor, integral, wanted
@@ -154,6 +156,7 @@ contains
                 self%is_at_limit = self%is_at_limit .or. wanted < 2*h
             end if
         end if
+        wanted = min(wanted, max(longest, least_factor*h))
         if (was_cut) wanted = max(wanted, self%h)
         self%is_free = .not. was_cut .and. h < 0.9_wp*self%max_step
         self%h = self%limit(wanted)

@@ -296,7 +296,8 @@ contains
         call note_local_error(self, h, norm)
         ! In a sliver all differences are rounding.
         if (.not. is_sliver) then
-            call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next))
+            call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), &
+                self%stepper%longest_next())
         else if (is_first) then
             call self%control%begin()
         end if

@@ -32,11 +32,12 @@ module tandem_stepper_newton
         real(wp), allocatable, private :: theta(:), seen_change(:)
         integer, allocatable, private :: age(:), seen_steps(:)
         !> Steps that the matrix has served, what it and its corrections have cost, in corrections, and how many were counted before
-        !> this step; whether it was made in this step, and whether the next one should have another.
+        !> this step; whether it was made in this step, at a place ahead where the past expected the motion, and whether the next
+        !> step should have another.
         integer, private :: n_served = 0
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
-        logical :: is_fresh = .false., is_worn = .true.
+        logical :: is_fresh = .false., is_ahead = .false., is_worn = .true.
         type(prediction_type), private :: prediction
         real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
     contains
@@ -44,6 +45,7 @@ module tandem_stepper_newton
         procedure :: prepare
         procedure :: solve
         procedure :: renew
+        procedure :: renew_ahead
         procedure, private :: iterate
         procedure, private :: restore
         procedure :: finish
@@ -80,14 +82,15 @@ contains
         self%qd = self%rate_q
     end subroutine allocate_newton
 
-    !> Begin a step: keep the matrix of the steps before, or make one at the state at the start.
-    subroutine prepare(self, chart, state, ha, continues, stat)
+    !> Begin a step: keep the matrix of the steps before, or make one within the step, where the past expects it, or at its start.
+    subroutine prepare(self, chart, history, state, h, ha, continues, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
+        type(history_type), intent(in) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
-        !> h a_ii.
-        real(wp), intent(in) :: ha
+        !> The step, and h a_ii.
+        real(wp), intent(in) :: h, ha
         !> False where the past says nothing about this step.
         logical, intent(in) :: continues
         !> A status code.
@@ -97,14 +100,42 @@ contains
         stat = status_ok
         self%counted = chart%counts%newton_corrections
         self%is_fresh = .false.
+        self%is_ahead = .false.
         if (.not. continues) then
             call self%prediction%forget()
             self%theta = 1.0_wp
         end if
         keeps = continues .and. .not. self%is_worn
         if (keeps) call chart%reuse_stage(ha, keeps)
-        if (.not. keeps) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+        if (keeps) return
+        if (continues) call self%renew_ahead(chart, history, state, h, ha)
+        if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
     end subroutine prepare
+
+    !> Make a matrix amid the stages, where the past expects the motion: from the start of the step a body that turns has moved far at
+    !> its end, and the iteration contracts the worse.
+    subroutine renew_ahead(self, chart, history, state, h, ha)
+        class(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(history_type), intent(in) :: history
+        !> The state at the start of the step.
+        type(state_type), intent(in) :: state
+        !> The step, and h a_ii.
+        real(wp), intent(in) :: h, ha
+        !> The place, as a part of the step.
+        real(wp), parameter :: amid = 0.6_wp
+        real(wp) :: t
+        integer :: stat
+
+        t = state%t + amid*h
+        call history%extrapolate(t, self%rate_q, self%rate_qd)
+        self%dq = state%dq + (0.5_wp*amid*h)*(state%qd + self%rate_q)
+        self%dqd = state%dqd + (0.5_wp*amid*h)*(state%qdd + self%rate_qd)
+        call chart%restore_position(t, self%dq, self%q, stat)
+        if (stat == status_ok) call chart%restore_velocity(t, self%q, self%dqd, self%qd, stat)
+        if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
+        self%is_ahead = stat == status_ok
+    end subroutine renew_ahead
 
     !> Make a matrix at a point.
     subroutine renew(self, chart, t, q, qd, qdd, ha, stat)
@@ -117,23 +148,25 @@ contains
 
         call chart%factor_stage(t, q, qd, qdd, ha, stat)
         self%is_fresh = .true.
+        self%is_ahead = .false.
         self%is_worn = stat /= status_ok
         self%n_served = 0
         self%spent = chart%matrix_cost()
         self%seen_steps = 0
     end subroutine renew
 
-    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made at the start
-    !> of the step; if that fails, from the state there; if that fails too, with matrices made where the iteration stood.
-    subroutine solve(self, chart, history, state, stage, t, ha, stat)
+    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made amid the stages,
+    !> then at the start of the step; if that fails, from the state there; if that fails too, with matrices made where the iteration
+    !> stood.
+    subroutine solve(self, chart, history, state, stage, t, h, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(history_type), intent(inout) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
-        !> Number of the stage, its time, and h a_ii.
+        !> Number of the stage, its time, the step, and h a_ii.
         integer, intent(in) :: stage
-        real(wp), intent(in) :: t, ha
+        real(wp), intent(in) :: t, h, ha
         !> A status code.
         integer, intent(out) :: stat
         !> Matrices made for one stage before it is given up.
@@ -143,6 +176,13 @@ contains
         call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
         call self%iterate(chart, stage, t, ha, stat)
         if (stat /= status_ok .and. .not. self%is_fresh) then
+            call self%renew_ahead(chart, history, state, h, ha)
+            if (self%is_ahead) then
+                call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
+                call self%iterate(chart, stage, t, ha, stat)
+            end if
+        end if
+        if (stat /= status_ok .and. (self%is_ahead .or. .not. self%is_fresh)) then
             call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
             if (stat /= status_ok) return
             call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
@@ -287,6 +327,7 @@ contains
         call pack%item(self%counted)
         call pack%item(self%spent)
         call pack%item(self%is_fresh)
+        call pack%item(self%is_ahead)
         call pack%item(self%is_worn)
         call self%prediction%pack_state(pack)
     end subroutine pack_state

@@ -62,12 +62,15 @@ module tandem_stepper_radau5
         real(wp) :: remainder = 1.0_wp
         !> Whether the step before was not rejected, so that its error says what the next one's will be.
         logical :: is_settled = .false.
+        !> Steps beyond this have stages that are hard to solve for.
+        real(wp) :: easy = huge(1.0_wp)
     contains
         procedure, nopass :: properties
         procedure :: initialize
         procedure :: advance
         procedure :: estimate
         procedure :: interpolate
+        procedure :: longest_next
         procedure :: pack_state
     end type radau5_type
 
@@ -93,6 +96,7 @@ contains
         self%standstill = 1.0e3_wp*newton_tolerance
         self%remainder = 1.0_wp
         self%is_settled = .false.
+        self%easy = huge(1.0_wp)/2
         call self%newton%allocate(scale, newton_tolerance, [1.0_wp])
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
@@ -126,18 +130,29 @@ contains
         call chart%expect_pair(pair/diagonal)
         call self%history%continue_from(state, continues)
         if (.not. continues) self%is_settled = .false.
-        call self%newton%prepare(chart, state, diagonal*h, continues, stat)
+        call self%newton%prepare(chart, self%history, state, h, diagonal*h, continues, stat)
         if (stat /= status_ok) return
         call predict(self, h)
         call iterate(self, chart, h, next%t, few, stat)
         if (stat /= status_ok .and. .not. self%newton%is_fresh) then
+            call self%newton%renew_ahead(chart, self%history, state, h, diagonal*h)
+            if (self%newton%is_ahead) then
+                call predict(self, h)
+                call iterate(self, chart, h, next%t, few, stat)
+            end if
+        end if
+        if (stat /= status_ok .and. (self%newton%is_ahead .or. .not. self%newton%is_fresh)) then
             call self%newton%renew(chart, state%t, state%q, state%qd, state%qdd, diagonal*h, stat)
             if (stat == status_ok) then
                 call predict(self, h)
                 call iterate(self, chart, h, next%t, few, stat)
             end if
         end if
-        if (stat /= status_ok) call continue_from_short(self, chart, state, h, next%t, stat)
+        self%easy = min(1.1_wp*self%easy, huge(1.0_wp)/2)
+        if (stat /= status_ok) then
+            self%easy = 0.5_wp*h
+            call continue_from_short(self, chart, state, h, next%t, stat)
+        end if
         do k = 1, most_matrices
             if (stat /= status_newton_failed) exit
             ! Where the iteration stood, in the middle of the step, the motion may be nearer to what the stages need.
@@ -458,6 +473,13 @@ contains
         end do
     end subroutine interpolate
 
+    !> Stages of long steps that take many corrections cost more than those of several shorter steps.
+    pure real(wp) function longest_next(self)
+        class(radau5_type), intent(in) :: self
+
+        longest_next = self%easy
+    end function longest_next
+
     !> What the next steps start from, and the dense output of the last.
     subroutine pack_state(self, pack)
         class(radau5_type), intent(inout) :: self
@@ -469,5 +491,6 @@ contains
         call pack%item(self%rate_qd)
         call pack%item(self%remainder)
         call pack%item(self%is_settled)
+        call pack%item(self%easy)
     end subroutine pack_state
 end module tandem_stepper_radau5

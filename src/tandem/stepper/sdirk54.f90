@@ -91,7 +91,7 @@ contains
         self%start_q = state%qd
         self%start_qd = state%qdd
         call self%history%continue_from(state, continues)
-        call self%newton%prepare(chart, state, ha, continues, stat)
+        call self%newton%prepare(chart, self%history, state, h, ha, continues, stat)
         if (stat /= status_ok) return
         associate (newton => self%newton)
             do i = 1, 5
@@ -103,7 +103,7 @@ contains
                     newton%base_dq = newton%base_dq + (h*a(j, i))*self%rate_q(:, j)
                     newton%base_dqd = newton%base_dqd + (h*a(j, i))*self%rate_qd(:, j)
                 end do
-                call newton%solve(chart, self%history, state, i, t, ha, stat)
+                call newton%solve(chart, self%history, state, i, t, h, ha, stat)
                 if (stat /= status_ok) exit
                 self%rate_q(:, i) = newton%rate_q
                 self%rate_qd(:, i) = newton%rate_qd

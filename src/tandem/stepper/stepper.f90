@@ -48,6 +48,7 @@ module tandem_stepper
         procedure(pack_interface), deferred :: pack_state
         procedure :: interpolate
         procedure :: stiffness
+        procedure :: longest_next
     end type stepper_type
 
     abstract interface
@@ -169,6 +170,13 @@ contains
 
         stiffness = 0.0_wp
     end function stiffness
+
+    !> The longest step that pays after the last one, as the work on its stages tells.
+    pure real(wp) function longest_next(self)
+        class(stepper_type), intent(in) :: self
+
+        longest_next = huge(1.0_wp)
+    end function longest_next
 
     !> Root mean square of weighted errors of q and qd.
     pure real(wp) function weighted_norm(error_q, error_qd, weight_q, weight_qd)

@@ -67,11 +67,11 @@ contains
 
         ha = 0.5_wp*h
         call self%history%continue_from(state, continues)
-        call self%newton%prepare(chart, state, ha, continues, stat)
+        call self%newton%prepare(chart, self%history, state, h, ha, continues, stat)
         if (stat /= status_ok) return
         self%newton%base_dq = state%dq + ha*state%qd
         self%newton%base_dqd = state%dqd + ha*state%qdd
-        call self%newton%solve(chart, self%history, state, 1, next%t, ha, stat)
+        call self%newton%solve(chart, self%history, state, 1, next%t, h, ha, stat)
         if (stat == status_ok) call self%newton%finish(chart, ha, next, stat)
         if (stat == status_ok) then
             call self%history%push(next%t, next%qd, next%qdd)

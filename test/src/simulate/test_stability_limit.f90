@@ -71,17 +71,17 @@ contains
 
         do i = 1, 4
             call set_up(control)
-            call control%accept(h, .false., tiny_error, stiffness(i))
+            call control%accept(h, .false., tiny_error, stiffness(i), huge(1.0_wp))
             call check_between(error, control%h, 0.978_wp*expected(i), 1.0e-6_wp + expected(i), 'the next step')
             call check_true(error, control%is_at_limit .eqv. i > 2, 'at the limit')
             if (allocated(error)) return
         end do
         ! An error that wants a smaller step has it.
         call set_up(control)
-        call control%accept(h, .false., 0.9_wp, 5.0_wp)
+        call control%accept(h, .false., 0.9_wp, 5.0_wp, huge(1.0_wp))
         call check_true(error, control%h < h .and. .not. control%is_at_limit, 'the error decides')
         ! Beyond nine tenths error control settles by itself.
-        call control%accept(h, .false., 0.9_wp, 5.5_wp)
+        call control%accept(h, .false., 0.9_wp, 5.5_wp, huge(1.0_wp))
         call check_true(error, control%is_at_limit, 'nearly there')
     end subroutine test_limit
 
@@ -94,15 +94,15 @@ contains
 
         call set_up(control)
         h = 1.0_wp
-        call control%accept(h, .false., 1.0e-12_wp, 6.0_wp)
+        call control%accept(h, .false., 1.0e-12_wp, 6.0_wp, huge(1.0_wp))
         do i = 1, 5
-            call control%accept(h, .false., 1.0e-12_wp, 0.0_wp)
+            call control%accept(h, .false., 1.0e-12_wp, 0.0_wp, huge(1.0_wp))
             h = control%h
             call check_between(error, h, 0.978_wp*1.25_wp**i, 1.0e-6_wp + 1.25_wp**i, 'the step')
             if (allocated(error)) return
         end do
         call control%restart()
-        call control%accept(h, .false., 1.0e-12_wp, 0.0_wp)
+        call control%accept(h, .false., 1.0e-12_wp, 0.0_wp, huge(1.0_wp))
         call check_between(error, control%h/h, 5.86_wp, 6.0_wp, 'growth after a new start')
     end subroutine test_fading
 
@@ -152,7 +152,7 @@ contains
         do i = 1, 50
             do j = 1, 2
                 call set_up(control)
-                call control%accept(1.37_wp**i*(1 + j*1.0e-13_wp), .false., 0.011_wp*i*(1 + j*1.0e-8_wp), 0.0_wp)
+                call control%accept(1.37_wp**i*(1 + j*1.0e-13_wp), .false., 0.011_wp*i*(1 + j*1.0e-8_wp), 0.0_wp, huge(1.0_wp))
                 h(j) = control%h
                 call control%reject(h(j), 1.7_wp*i*(1 + j*1.0e-8_wp))
                 h(j) = h(j) + control%h
