@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1013
+#define TANDEM_INTERFACE_VERSION 1014
 
 /* Outcomes. */
 enum {
@@ -234,6 +234,11 @@ int tandem_linearise(tandem_problem *problem, double t, const double *q, const d
 
 /* Move q to the nearest equilibrium, stable or not; unchanged where none is found. A run does not notice. */
 int tandem_find_equilibrium(tandem_problem *problem, double t, double *q);
+
+/* Move q and qd to the nearest steady motion, along the motions that a text names with blanks or commas between them: one of a
+ * mechanism's symmetries, as "world.turn_z"; a group of them, as "world.turn"; "any", or NULL, for all; "world.turn_z=0.03" holds a rate
+ * (rad/s, m/s). q and qd are unchanged where none is found: doc/linearisation.md. A run does not notice. */
+int tandem_find_steady_motion(tandem_problem *problem, double t, double *q, double *qd, const char *motions);
 
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);

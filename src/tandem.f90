@@ -9,6 +9,7 @@ module tandem
     use tandem_analysis_spectrum, only: cause_name, is_asymptotically_stable, is_marginal, is_unstable, of_family, &
         of_motion, of_symmetry, spectrum_type, stability_name
     use tandem_analysis_settling, only: settling_type
+    use tandem_analysis_steady_words, only: any_motion, find_steady_from_words
     use tandem_analysis_symmetry, only: list_motions, symmetry_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -83,7 +84,7 @@ module tandem
     public :: nearest_type, most_nearest
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
-    public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, settling_type
+    public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, settling_type, any_motion, find_steady_from_words
     public :: properties_type, new_stepper, stepper_choices, stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: entries_type, value_type, atom_type, is_number, is_text, is_truth, build_mechanism, shown_type

@@ -50,6 +50,7 @@ program main
     use test_model_check, only: collect_model_check
     use test_models, only: collect_models
     use test_motorcycle, only: collect_motorcycle
+    use test_name_index, only: collect_name_index
     use test_options, only: collect_options
     use test_order, only: collect_order
     use test_profile, only: collect_profile
@@ -114,6 +115,7 @@ program main
         new_testsuite('expression', collect_expression), &
         new_testsuite('parameters', collect_parameters), &
         new_testsuite('table_function', collect_table_function), &
+        new_testsuite('name_index', collect_name_index), &
         new_testsuite('options', collect_options), &
         new_testsuite('model_check', collect_model_check), &
         new_testsuite('simulation', collect_simulation), &

@@ -5,7 +5,7 @@ import ast
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent.parent / "python" / "src" / "tandem"
-FILES = ["model.py", "solve.py", "simulation.py", "problem.py", "mechanism.py", "program.py", "result.py", "errors.py",
+FILES = ["model.py", "solve.py", "simulation.py", "problem.py", "mechanism.py", "program.py", "result.py", "table.py", "errors.py",
          "plot/pictures.py", "plot/style.py", "viewer/__init__.py", "viewer/drawing.py"]
 
 

@@ -1502,6 +1502,34 @@ static void test_mechanism(void)
     tandem_free(p);
 }
 
+/* A bob on a string of 1 m that turns about the vertical: g = w^2 h at the height h below the pivot. */
+static void test_steady_motion(void)
+{
+    tandem_problem *p = tandem_new_mechanism(NULL);
+    double q[3], qd[3], h = 9.81 / 16, r = sqrt(1 - h * h), w;
+
+    tandem_set_key(p, "gravity.vector", "[0, 0, -9.81]");
+    tandem_set_key(p, "body.bob.mass", "2.0");
+    tandem_set_key(p, "body.bob.position", "[0.6, 0, -0.8]");
+    tandem_set_key(p, "body.bob.velocity", "[0, 2.2, 0]");
+    tandem_set_key(p, "constraint.string.type", "\"distance\"");
+    tandem_set_key(p, "constraint.string.between", "[\"ground\", \"bob\"]");
+    expect("a-bob-on-a-string", p, tandem_define(p, 0, 0, 0, 10), TANDEM_OK, "ok");
+    tandem_get_drawing(p, q, qd);
+    expect("a-rate-is-held", p, tandem_find_steady_motion(p, 0, q, qd, "any, world.turn_z=4"), TANDEM_OK, "ok");
+    check("where-it-turns-so-fast", fabs(q[2] + h) < 1e-12 && fabs(hypot(q[0], q[1]) - r) < 1e-12, "elsewhere");
+    check("at-that-rate", fabs(q[0] * qd[1] - q[1] * qd[0] - 4 * r * r) < 1e-12 && fabs(qd[2]) < 1e-12, "at another");
+    tandem_get_drawing(p, q, qd);
+    expect("without-a-rate", p, tandem_find_steady_motion(p, 0, q, qd, NULL), TANDEM_OK, "ok");
+    w = (q[0] * qd[1] - q[1] * qd[0]) / (q[0] * q[0] + q[1] * q[1]);
+    check("its-rate-stays", fabs(w - 2.2 / 0.6) < 1e-9 && fabs(w * w * -q[2] - 9.81) < 1e-9, "they do not");
+    expect("a-motion-that-there-is-not", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn_q"), TANDEM_NO_EQUILIBRIUM, "turn_q");
+    expect("a-rate-that-is-none", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn_z=fast"), TANDEM_INVALID_OPTION, "no number");
+    expect("a-rate-of-a-group", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn=1"), TANDEM_INVALID_OPTION, "no rate of");
+    expect("no-state", p, tandem_find_steady_motion(p, 0, q, NULL, NULL), TANDEM_INVALID_OPTION, "NULL");
+    tandem_free(p);
+}
+
 static void test_misuse(void)
 {
     struct bowl b = new_bowl();
@@ -1520,8 +1548,9 @@ static void test_misuse(void)
                  tandem_get_energies(NULL, x, x) + tandem_get_statistic(NULL, "steps", x) + tandem_save_state(NULL, 0, NULL, NULL) +
                  tandem_restore_state(NULL, 0, NULL) + tandem_count_warnings(NULL, NULL) + tandem_get_warning(NULL, 0, 0, NULL) +
                  tandem_set_key(NULL, "body.a.mass", "1") + tandem_define(NULL, 1, 0, 0, 1) + tandem_get_sizes(NULL, NULL, NULL, NULL) +
-                 tandem_get_drawing(NULL, x, x) + tandem_get_name(NULL, "row", 0, 0, NULL);
-    check("null-is-refused-everywhere", status == 27 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
+                 tandem_get_drawing(NULL, x, x) + tandem_get_name(NULL, "row", 0, 0, NULL) +
+                 tandem_find_steady_motion(NULL, 0, x, x, NULL);
+    check("null-is-refused-everywhere", status == 28 * TANDEM_INVALID_OPTION && tandem_get_segment(NULL) == 0, "not by all");
 
     expect("no-step-before-the-start", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     expect("no-run-before-the-start", p, tandem_integrate(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
@@ -1622,6 +1651,7 @@ int main(void)
     test_advice();
     test_linearised();
     test_mechanism();
+    test_steady_motion();
     test_misuse();
     return failures > 0;
 }

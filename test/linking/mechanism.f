@@ -94,7 +94,45 @@ C     Keys are for mechanisms alone.
       CALL TOLD ('another-problem-takes-no-keys', IERR .EQ. TDEOPT .AND.
      &           INDEX (TEXT, 'make it by TDMECH') .GT. 0, NFAIL)
       CALL TDFREE (JH, IERR)
+      CALL STEADY (NFAIL)
       IF (NFAIL .GT. 0) STOP 1
+      END
+C
+C     A bob on a string of 1 m that turns about the vertical at 4 rad/s
+C     is 9.81/16 m below the pivot.
+      SUBROUTINE STEADY (NFAIL)
+      IMPLICIT DOUBLE PRECISION (A-H,O-Z)
+      INCLUDE 'tandem.inc'
+      DIMENSION IH(TDHLEN), Q(3), QD(3), G(3), RPAR(1), IPAR(1)
+      CHARACTER*200 TEXT
+      DATA G /0.0D0, 0.0D0, -9.81D0/
+      CALL TDMECH (IH, IERR)
+      CALL TDKVEC (IH, 'gravity.vector', 3, G, IERR)
+      CALL TDKNUM (IH, 'body.bob.mass', 1.0D0, IERR)
+      CALL TDKEY (IH, 'body.bob.position', '[0.6, 0, -0.8]', IERR)
+      CALL TDKEY (IH, 'body.bob.velocity', '[0, 1.8, 0]', IERR)
+      CALL TDKTXT (IH, 'constraint.string.type', 'distance', IERR)
+      CALL TDKEY (IH, 'constraint.string.between',
+     &            '["ground", "bob"]', IERR)
+      CALL TDDEFN (IH, 0, 0, 0.0D0, 10.0D0, IERR)
+      CALL TDDRAW (IH, Q, QD, IERR)
+      CALL TOLD ('a-bob-on-a-string', IERR .EQ. 0, NFAIL)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'any world.turn_z=4  ', RPAR,
+     &             IPAR, IERR)
+      CALL TOLD ('turns-at-a-rate-that-is-held', IERR .EQ. 0 .AND.
+     &           ABS(Q(3) + 9.81D0/16.0D0) .LT. 1.0D-12 .AND.
+     &           ABS(Q(1)*QD(2) - Q(2)*QD(1) - 4.0D0*(Q(1)**2 +
+     &           Q(2)**2)) .LT. 1.0D-12, NFAIL)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, ' ', RPAR, IPAR, IERR)
+      CALL TOLD ('and-stays-where-none-is-held', IERR .EQ. 0 .AND.
+     &           ABS(Q(3) + 9.81D0/16.0D0) .LT. 1.0D-9, NFAIL)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.turn', RPAR, IPAR, IERR)
+      CALL TOLD ('along-a-group', IERR .EQ. 0, NFAIL)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.turn_z=', RPAR, IPAR, IERR)
+      CALL TDTEXT (IH, TEXT)
+      CALL TOLD ('a-rate-that-is-none', IERR .EQ. TDEOPT .AND.
+     &           INDEX (TEXT, 'no number') .GT. 0, NFAIL)
+      CALL TDFREE (IH, IERR)
       END
 C
       SUBROUTINE TOLD (NAME, PASSED, NFAIL)

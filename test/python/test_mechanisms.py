@@ -568,6 +568,11 @@ class Wrong(Case):
         self.refused("check", self.scene(BASE), "--set", "body.rod.mass=-1", says=["--set:1", "body.rod.mass: is -1"])
         self.refused("check", self.scene(BASE), "--set", "body.rod.mas=1", says=["--set", 'did you mean "mass"?'])
         self.refused("check", "rolling_disk", "--set", "body.rod.mass=1", says=["unknown table", "mechanism"])
+        # The mark is under the value, a list or an inline table too.
+        for setting, places in (("body.rod.position=[1,2,3]", "19-25"), ('body.rod.points={ end = "x" }', "25-27"),
+                                ("parameters.l=[1, 2]", "14-19")):
+            with self.subTest(setting):
+                self.refused("check", self.scene(BASE), "--set", setting, says=f"--set:1:{places}")
 
 
 if __name__ == "__main__":

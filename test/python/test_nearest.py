@@ -137,6 +137,10 @@ class Nearest(Case):
                 self.assertIn(piece, self.tandem("linearise", "scene.toml", *words, code=2).stderr)
         self.assertIn("out of balance", self.tandem("linearise", "scene.toml", "--near", "0", "--set", "gravity.vector=[1, -9]",
                                                     code=1).stderr)
+        # Those at rest at the same place are no answer for a bicycle that rolls.
+        said = self.tandem("linearise", "bicycle", "--near", "0", code=2).stderr
+        self.assertIn('"bicycle" moves: the velocity of ', said)
+        self.assertIn("without --near has those of steady motions", said)
         # Full matrices of so many coordinates are not begun.
         self.assertIn("--near", self.tandem("linearise", "scene.toml", "--set", "parameters.n=400", code=1).stderr)
 

@@ -506,6 +506,17 @@ action = "stop"
             self.assertEqual(list(file["events/name"][:]), [b"a"])
 
 
+    def test_the_mark_is_under_the_value(self):
+        for setting, places in {"model.mass=-1": "12-13", "initial.omega=[1,2]": "15-19", "initial.omega= [1, 2]": "16-21",
+                                'solver.rtol=[1,"a"]': "13-19", "time.end={a=1}": "10-14", 'output.fields=["x"]': "15-19",
+                                "scene.model=[1]": "13-15", "model.mas=3": "7-9"}.items():
+            with self.subTest(setting):
+                self.refused("show", "rolling_disk", "--set", setting, says=f"--set:1:{places}")
+        # Of a list on several lines the bracket alone.
+        done = self.refused("show", self.disk(solver="rtol = [1,\n  2]\n"), says="rtol has 2 elements")
+        self.assertRegex(done.stderr, r"(?m)scene\.toml:6:8$")
+
+
 class Outcome(Case):
     def test_a_failed_run_keeps_its_rows(self):
         done = self.tandem("run", "rolling_disk", "--set", "solver.step=0.5", "--set", "output.every=1", code=1)

@@ -33,8 +33,7 @@ contains
         call read_shift(arguments%value_of('--near', ''), shift, error)
         if (.not. allocated(error)) call arguments%count_of('--modes', most_nearest/2, n_modes, error)
         if (.not. allocated(error)) call refuse_others(arguments, error)
-        if (.not. allocated(error) .and. size(scene%steady) > 0) call set_error(error, status_invalid_option, &
-            '--near cannot be combined with a steady motion', 'eigenvalues near a shift are those of an equilibrium')
+        if (.not. allocated(error)) call refuse_motion(scene, error)
         if (allocated(error)) then
             call complain(error%message)
             return
@@ -99,6 +98,23 @@ contains
             return
         end do
     end subroutine refuse_others
+
+    !> About a steady motion the matrices would be others; at rest at the same place they would be taken for its.
+    subroutine refuse_motion(scene, error)
+        type(scene_type), intent(in) :: scene
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: advice = 'tandem linearise without --near has those of steady motions, of up to '// &
+            '1000 coordinates; --equilibrium --near those of the place of rest'
+        integer :: i
+
+        if (size(scene%steady) > 0) then
+            call set_error(error, status_invalid_option, '--near cannot be combined with a steady motion', advice)
+        else if (any(abs(scene%qd) > 0.0_wp)) then
+            i = maxloc(abs(scene%qd), dim=1)
+            call set_error(error, status_invalid_option, '--near finds eigenvalues at rest, and "'//scene%name// &
+                '" moves: the velocity of '//scene%model%coordinate_label(i)//' is '//to_text(scene%qd(i)), advice)
+        end if
+    end subroutine refuse_motion
 
     !> As lines to read, one of each pair.
     subroutine print_nearest(scene, it)

@@ -18,6 +18,7 @@ from .program import equilibrium, linearise, program_path, run_program, run_scen
 from .result import Result, read
 from .simulation import Occurrence, RunError, Simulation, State
 from .solve import Solution, solve
+from .table import Table, read_table
 
 try:
     __version__ = _metadata.version("tandem")
@@ -26,8 +27,8 @@ except _metadata.PackageNotFoundError:
 
 __all__ = [
     "FORCE", "GAMMA", "JACOBIAN", "MASS", "NU", "PHI", "Event", "InvalidInput", "Mechanism", "Model", "NotEvaluable", "Occurrence",
-    "ProgramError", "Result", "RunError", "RunFailed", "Simulation", "Solution", "State", "TandemError", "assemble", "check",
-    "equilibrium", "linearise", "numba_signature", "plot", "program_path", "read", "run_program", "run_scene", "solve", "view",
+    "ProgramError", "Result", "RunError", "RunFailed", "Simulation", "Solution", "State", "Table", "TandemError", "assemble", "check",
+    "equilibrium", "linearise", "numba_signature", "plot", "program_path", "read", "read_table", "run_program", "run_scene", "solve", "view",
 ]
 
 

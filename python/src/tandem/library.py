@@ -27,6 +27,7 @@ FUNCTIONS = {
     "get_name": (c_char_p, c_int, c_int, c_char_p),
     "linearise": (c_double, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p),
     "find_equilibrium": (c_double, c_void_p),
+    "find_steady_motion": (c_double, c_void_p, c_void_p, c_char_p),
     "set_position_function": (c_char_p, c_void_p),
     "set_motion_function": (c_char_p, c_void_p),
     "set_direction_function": (c_char_p, c_void_p),

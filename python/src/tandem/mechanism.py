@@ -97,8 +97,6 @@ class Mechanism:
         scene, initial, time = (tables.get(name, {}) for name in ("scene", "initial", "time"))
         if scene.get("model", "mechanism") != "mechanism":
             raise ValueError(f"the model {scene['model']} is none of bodies and joints: `run()` lets the program run it")
-        if initial.get("steady"):
-            raise ValueError("a start in a steady motion ([initial] steady) is found by the program: `run()`")
         if t_span is None and "end" not in time:
             raise ValueError("the end of the run is not known: give t_span, or the key time.end")
         span = tuple(map(float, t_span if t_span is not None else (time.get("start", 0.0), time["end"])))

@@ -197,15 +197,17 @@ class Problem:
             qd = as_state("qd of [initial]", initial["qd"], self.n)
         if initial.get("equilibrium"):
             q, qd = self.find_equilibrium(q, t), np.zeros(self.n)
-        if not initial.get("assemble"):
-            return q, qd
-        for key, option in ASSEMBLY.items():
-            if key in initial:
-                value = initial[key]
-                if key.startswith("fixed"):
-                    value = [float(name in value) for name in self.model.coordinates]
-                self.set_option(option, value)
-        return self.assemble(q, qd, t)
+        if initial.get("assemble"):
+            for key, option in ASSEMBLY.items():
+                if key in initial:
+                    value = initial[key]
+                    if key.startswith("fixed"):
+                        value = [float(name in value) for name in self.model.coordinates]
+                    self.set_option(option, value)
+            q, qd = self.assemble(q, qd, t)
+        if initial.get("steady"):
+            q, qd = self.find_steady_motion(q, qd, initial["steady"], t)
+        return q, qd
 
     def _give_model(self) -> None:
         model, guard = self.model, self._guard
@@ -294,6 +296,14 @@ class Problem:
         with self.interruptible():
             self.call("find_equilibrium", float(t), pointer(q))
         return q
+
+    def find_steady_motion(self, q: Any, qd: Any, motions: Sequence[str] = ("any",), t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest steady motion along symmetries that are named; "NAME=RATE" holds a rate (rad/s, m/s)."""
+        q, qd = as_state("q", q, self.n), as_state("qd", qd, self.n)
+        words = [motions] if isinstance(motions, str) else motions
+        with self.interruptible():
+            self.call("find_steady_motion", float(t), pointer(q), pointer(qd), " ".join(words).encode())
+        return q, qd
 
     def linearise(self, q: Any, qd: Any, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues of small motions about a state (k), complex, 1/s, by their real parts; and the matrix (k, k)."""

@@ -270,6 +270,12 @@ class Simulation:
         """The place of rest that is nearest to q, or to where the run is now; stable or not. The run does not move."""
         return self.problem.find_equilibrium(self.state.q if q is None else q, self.t)
 
+    def find_steady_motion(self, motions: Sequence[str] = ("any",), q: Any = None, qd: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """q and qd of the steady motion that is nearest to them, or to the state of the run: along the symmetries that are named, all of
+        them with "any"; "world.turn_z=0.03" holds a rate. The run does not move."""
+        state = self.state
+        return self.problem.find_steady_motion(state.q if q is None else q, state.qd if qd is None else qd, motions, self.t)
+
     def check(self) -> None:
         """Compare the model's functions with differences of each other near the current state."""
         state = self.state

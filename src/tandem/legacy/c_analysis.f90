@@ -1,14 +1,15 @@
 ! SPDX-License-Identifier: MIT
 !> Functions of the C interface about equilibria and linearised systems, see `tandem_legacy_c`.
 module tandem_legacy_c_analysis
+    use tandem_legacy_c_text, only: text_of
     use tandem_legacy_handle, only: find => problem_of
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
-    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_ptr
+    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_int, c_ptr
     implicit none (type, external)
     private
 
-    public :: c_linearise, c_find_equilibrium
+    public :: c_linearise, c_find_equilibrium, c_find_steady_motion
 
 contains
 
@@ -53,4 +54,27 @@ contains
         end if
         c_find_equilibrium = problem%stat
     end function c_find_equilibrium
+
+    !> Move coordinates and velocities to the nearest steady motion.
+    integer(c_int) function c_find_steady_motion(handle, t, q, qd, motions) bind(C, name='tandem_find_steady_motion')
+        type(c_ptr), value :: handle
+        real(c_double), value :: t
+        !> Coordinates and velocities (n).
+        real(c_double), intent(inout), optional :: q(*), qd(*)
+        !> A text; NULL for all symmetries.
+        type(c_ptr), value :: motions
+        type(problem_type), pointer :: problem
+
+        c_find_steady_motion = status_invalid_option
+        call find(handle, problem)
+        if (.not. associated(problem)) return
+        if (.not. (present(q) .and. present(qd))) then
+            call problem%refuse('q or qd is NULL', 'give a state near the steady motion')
+        else if (c_associated(motions)) then
+            call problem%find_steady_motion(t, q, qd, text_of(motions))
+        else
+            call problem%find_steady_motion(t, q, qd, '')
+        end if
+        c_find_steady_motion = problem%stat
+    end function c_find_steady_motion
 end module tandem_legacy_c_analysis

@@ -4,6 +4,7 @@
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
     use tandem_analysis_settling, only: settling_type
+    use tandem_analysis_steady_words, only: find_steady_from_words, split_words
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -74,6 +75,7 @@ module tandem_legacy_description
         procedure :: check
         procedure :: linearise
         procedure :: find_equilibrium
+        procedure :: find_steady_motion
         procedure :: assemble => assemble_start
         procedure :: conclude
         procedure :: succeed
@@ -455,6 +457,34 @@ contains
         if (.not. allocated(error)) q(:self%model%n) = settling%q
         call self%conclude(error)
     end subroutine find_equilibrium
+
+    !> Move (q, qd) to the nearest steady motion at t. A run that is under way does not notice.
+    subroutine find_steady_motion(self, t, q, qd, motions)
+        class(description_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> Coordinates and velocities (n); unchanged where none is found.
+        real(wp), intent(inout) :: q(*), qd(*)
+        !> Along which motions: words of `find_steady_from_words`, with blanks or commas between them.
+        character(len=*), intent(in) :: motions
+        character(len=:), allocatable :: words(:)
+        type(settling_type), allocatable :: settling
+        type(error_type), allocatable :: error
+
+        if (.not. self%is_free()) return
+        call self%prepare(error)
+        if (.not. allocated(error)) then
+            self%busy = .true.
+            allocate (settling)
+            call split_words(motions, words)
+            call find_steady_from_words(settling, self%model, t, q(:self%model%n), qd(:self%model%n), words, error)
+            self%busy = .false.
+        end if
+        if (.not. allocated(error)) then
+            q(:self%model%n) = settling%q
+            qd(:self%model%n) = settling%qd
+        end if
+        call self%conclude(error)
+    end subroutine find_steady_motion
 
     !> Move (q, qd) to the nearest state at t that satisfies the constraints. A run that is under way does not notice.
     subroutine assemble_start(self, t, q, qd)

@@ -37,3 +37,22 @@ subroutine tdequi(h, t, q, rpar, ipar, ierr)
     call problem%find_equilibrium(t, q)
     ierr = problem%stat
 end subroutine tdequi
+
+!> Move Q(N), QD(N) to the nearest steady motion at T along MOTION: names with blanks or commas between them, NAME=RATE where a rate
+!> is held; a blank text for all symmetries.
+subroutine tdstdy(h, t, q, qd, motion, rpar, ipar, ierr)
+    use tandem_legacy_f77_model, only: found, problem_type, wp
+    implicit none (type, external)
+    integer, intent(in) :: h(4)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: q(*), qd(*)
+    character(len=*), intent(in) :: motion
+    real(wp), intent(inout) :: rpar(*)
+    integer, intent(inout) :: ipar(*)
+    integer, intent(out) :: ierr
+    type(problem_type), pointer :: problem
+
+    if (.not. found(h, problem, ierr, rpar, ipar)) return
+    call problem%find_steady_motion(t, q, qd, motion)
+    ierr = problem%stat
+end subroutine tdstdy

@@ -3,7 +3,7 @@
 !> not full rank. For starts and for failures, not for steps: these procedures allocate.
 module tandem_linalg_dependence
     use tandem_kinds, only: wp
-    use tandem_linalg_lapack, only: dgelsy
+    use tandem_linalg_lapack, only: dgelsy, dpotrf, dpotri, dsyrk
     use tandem_linalg_row_space, only: row_space_type
     implicit none (type, external)
     private
@@ -37,6 +37,10 @@ contains
         do k = 1, size(matrix, 1)
             kept = pack([(i, i=1, size(is_kept))], is_kept)
             rows = matrix(kept, :)
+            ! Singular vectors cost many times this look, and who asks suspects the rows that are there at first.
+            if (k > 1) then
+                if (are_clearly_independent(rows, scale, tolerance)) exit
+            end if
             allocate (share(size(kept)))
             call space%forget()
             call space%find_weakest(size(rows, 1), size(rows, 2), rows, scale, share, smallest)
@@ -55,6 +59,40 @@ contains
             call solve_least_norm(rows, share, combination(i, :))
         end do
     end subroutine split_rows
+
+    !> Whether rows of unit length are so independent that no closer look is needed: of their Gram matrix G the smallest eigenvalue,
+    !> the square of the smallest singular value, is at least 1/trace(G^-1), which rounding changes by 1e-14.
+    logical function are_clearly_independent(matrix, scale, tolerance) result(are)
+        !> Rows (m, n) and the scales of their unknowns (n).
+        real(wp), intent(in) :: matrix(:, :), scale(:)
+        !> The smallest singular value is to be clearly above this.
+        real(wp), intent(in) :: tolerance
+        real(wp), parameter :: clearly = 1.0e-4_wp
+        real(wp), allocatable :: rows(:, :), gram(:, :)
+        real(wp) :: length, trace
+        integer :: i, info, m, n
+
+        m = size(matrix, 1)
+        n = size(matrix, 2)
+        are = .false.
+        if (m == 0 .or. m > n) return
+        allocate (rows(n, m), gram(m, m))
+        do i = 1, m
+            rows(:, i) = matrix(i, :)*scale
+            length = norm2(rows(:, i))
+            if (.not. (length > 0.0_wp .and. length <= huge(1.0_wp))) return
+            rows(:, i) = rows(:, i)/length
+        end do
+        call dsyrk('L', 'T', m, n, 1.0_wp, rows, n, 0.0_wp, gram, m)
+        call dpotrf('L', m, gram, m, info)
+        if (info == 0) call dpotri('L', m, gram, m, info)
+        if (info /= 0) return
+        trace = 0.0_wp
+        do i = 1, m
+            trace = trace + gram(i, i)
+        end do
+        are = 1.0_wp > trace*max(clearly, 10*tolerance)**2
+    end function are_clearly_independent
 
     !> The solution of least length of the least-squares problem A x = b; A may have any rank.
     subroutine solve_least_norm(a, b, x)

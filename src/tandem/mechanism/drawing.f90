@@ -24,6 +24,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
     use tandem_model, only: label_length, model_type
+    use tandem_name_index, only: name_index_type
     implicit none (type, external)
     private
 
@@ -79,8 +80,10 @@ module tandem_mechanism_drawing
         integer :: n_held = 0
         character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
             rolling_unit(:)
-        !> The names of all elements.
+        !> The names of all elements, the first `n_names`; where they are, and where `body.point` is among the points.
         character(len=name_length), allocatable, private :: names(:)
+        integer, private :: n_names = 0
+        type(name_index_type), private :: name_index, point_index
         !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable, private :: types(:), numbers(:)
     contains
@@ -644,9 +647,11 @@ contains
         allocate (self%held_name(16), self%held_unit(16))
         self%rolling_name = [character(len=label_length) ::]
         self%rolling_unit = [character(len=label_length) ::]
-        self%names = [character(len=name_length) ::]
-        self%types = [integer ::]
-        self%numbers = [integer ::]
+        if (allocated(self%names)) deallocate (self%names, self%types, self%numbers)
+        allocate (self%names(16), self%types(16), self%numbers(16))
+        self%n_names = 0
+        call self%name_index%clear()
+        call self%point_index%clear()
     end subroutine clear
 
     !> Remember a name.
@@ -656,22 +661,28 @@ contains
         !> What it is, and its number among those.
         integer, intent(in) :: type_of, number
 
-        self%names = [character(len=name_length) :: self%names, name]
-        self%types = [self%types, type_of]
-        self%numbers = [self%numbers, number]
+        if (self%n_names == size(self%names)) then
+            self%names = [self%names, self%names]
+            self%types = [self%types, self%types]
+            self%numbers = [self%numbers, self%numbers]
+        end if
+        self%n_names = self%n_names + 1
+        self%names(self%n_names) = name
+        self%types(self%n_names) = type_of
+        self%numbers(self%n_names) = number
+        call self%name_index%put(name, self%n_names)
     end subroutine keep_name
 
     !> The index of a body, 0 for the ground, -1 for none.
     pure integer function find_body(self, name)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: name
-        integer :: i
+        integer :: k
 
         find_body = merge(0, -1, name == 'ground')
-        if (.not. allocated(self%bodies)) return
-        do i = 1, size(self%bodies)
-            if (self%bodies(i)%name == name) find_body = i
-        end do
+        k = self%name_index%get(name)
+        if (k == 0) return
+        if (self%types(k) == 0) find_body = self%numbers(k)
     end function find_body
 
     !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
@@ -683,7 +694,7 @@ contains
 
         type_of = -1
         number = 0
-        k = findloc(self%names, name, dim=1)
+        k = self%name_index%get(name)
         if (k == 0) return
         type_of = self%types(k)
         number = self%numbers(k)

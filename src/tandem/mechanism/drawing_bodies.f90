@@ -57,7 +57,6 @@ contains
     !> A named point of a body or of the ground.
     module procedure add_point
         type(point_type) :: point
-        integer :: i
 
         point%name = name
         point%body = self%find_body(body)
@@ -69,13 +68,14 @@ contains
                 ' characters without a dot', error)
             return
         end if
-        do i = 1, size(self%points)
-            if (self%points(i)%body /= point%body .or. self%points(i)%name /= name) cycle
+        if (self%point_index%get(trim(body)//'.'//name) > 0) then
             call refuse('point '//trim(body)//'.'//trim(name)//' is there already', 'take another name', error)
             return
-        end do
+        end if
         call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
-        if (.not. allocated(error)) self%points = [self%points, point]
+        if (allocated(error)) return
+        self%points = [self%points, point]
+        call self%point_index%put(trim(body)//'.'//name, size(self%points))
     end procedure add_point
 
     !> A name that no other element has.
@@ -85,7 +85,7 @@ contains
             index(trim(name), ' ') > 0) then
             call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
                 ' characters without dots and blanks', error)
-        else if (name == 'ground' .or. any(self%names == name)) then
+        else if (name == 'ground' .or. self%name_index%get(name) > 0) then
             call refuse(label//': there is another "'//trim(name)//'" already, '//trim(kind_of(self, name)), &
                 'take another name: bodies, joints, constraints, wheels and forces share them', error)
         end if
@@ -93,7 +93,7 @@ contains
 
     !> A body and a point of it from `body` or `body.point`.
     module procedure take_point
-        integer :: dot, i
+        integer :: dot, k
 
         place = 0.0_wp
         dot = index(text, '.')
@@ -105,11 +105,11 @@ contains
             return
         end if
         if (.not. is_point) return
-        do i = 1, size(self%points)
-            if (self%points(i)%body /= body .or. self%points(i)%name /= text(dot + 1:)) cycle
-            place = self%points(i)%place
+        k = self%point_index%get(trim(text(:dot - 1))//text(dot:))
+        if (k > 0) then
+            place = self%points(k)%place
             return
-        end do
+        end if
         call refuse(label//': the body '//text(:dot - 1)//' has no point '//trim(text(dot + 1:)), &
             'add it before, or correct the name', error)
     end procedure take_point

@@ -126,7 +126,7 @@ contains
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        k = findloc(self%names, element, dim=1)
+        k = self%name_index%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is no joint, wheel or constraint'// &
@@ -203,7 +203,7 @@ contains
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        k = findloc(self%names, element, dim=1)
+        k = self%name_index%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is no force'// &
@@ -252,7 +252,7 @@ contains
             if (names(1) == 'all') list = names_of(self, types)
         end if
         do i = 1, size(list)
-            k = findloc(self%names, list(i), dim=1)
+            k = self%name_index%get(list(i))
             if (k > 0) then
                 if (.not. any(self%types(k) == types)) k = 0
             end if
@@ -316,7 +316,7 @@ contains
         character(len=name_length), allocatable :: list(:)
         integer :: i
 
-        list = pack(self%names, [(any(self%types(i) == types), i=1, size(self%names))])
+        list = pack(self%names(:self%n_names), [(any(self%types(i) == types), i=1, self%n_names)])
     end function names_of
 
     !> A name that can be one of a file's groups and that no other sensor has.

@@ -6,12 +6,13 @@
 module tandem_mechanism_key_reader
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
-    use tandem_mechanism_element_keys, only: add_to, element_type, key_length, key_of, listed, path_of, up_to_dot
+    use tandem_mechanism_element_keys, only: add_to, element_type, joined, key_length, key_of, listed, path_of, up_to_dot
     use tandem_mechanism_entries, only: atom_type, entries_type, is_text, value_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_law, only: law_type
     use tandem_mechanism_table_function, only: table_type
+    use tandem_name_index, only: name_index_type
     use tandem_names, only: question
     implicit none (type, external)
     private
@@ -46,6 +47,9 @@ module tandem_mechanism_key_reader
         type(entries_type), private :: entries
         type(element_type), allocatable, private :: elements(:)
         integer, private :: n_elements = 0, current = 0
+        !> Elements by kind and name, and the number in its kind of the one that was opened last.
+        type(name_index_type), private :: by_name
+        integer, private :: opened = 0
         logical, allocatable, private :: used(:)
         character(len=key_length), allocatable, private :: known(:)
         !> Tables that functions and laws may name.
@@ -347,9 +351,9 @@ contains
         integer, intent(out) :: k
         type(element_type), allocatable :: longer(:)
 
-        do k = 1, self%n_elements
-            if (self%elements(k)%kind == kind .and. self%elements(k)%name == name) return
-        end do
+        k = self%by_name%get(joined(kind, name))
+        if (k > 0) return
+        k = self%n_elements + 1
         if (k > size(self%elements)) then
             allocate (longer(2*size(self%elements)))
             longer(:size(self%elements)) = self%elements
@@ -359,6 +363,7 @@ contains
         self%elements(k)%kind = kind
         self%elements(k)%name = name
         allocate (self%elements(k)%entries(8))
+        call self%by_name%put(joined(kind, name), k)
     end subroutine find_element
 
     !> How many elements of a kind there are.
@@ -378,13 +383,22 @@ contains
         integer :: k, n
 
         if (self%failed()) return
+        ! From the last one on where it is of the same kind: all of a kind are opened one after the other.
         n = 0
-        do k = 1, self%n_elements
+        k = 1
+        if (self%current > 0 .and. self%opened < number) then
+            if (self%elements(self%current)%kind == kind) then
+                n = self%opened
+                k = self%current + 1
+            end if
+        end if
+        do k = k, self%n_elements
             if (self%elements(k)%kind == kind) n = n + 1
             if (n == number) exit
         end do
         if (k > self%n_elements) call find_element(self, kind, '', k)
         self%current = k
+        self%opened = number
         self%name = trim(self%elements(self%current)%name)
         self%known = [character(len=key_length) ::]
     end subroutine open

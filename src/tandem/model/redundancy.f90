@@ -71,7 +71,8 @@ contains
         self%failed_level = 0
         self%q = q
         call self%evaluator%initialize(model)
-        call self%differences%initialize(model, scale)
+        ! They take the memory of a model, which most do not need here.
+        if (iand(self%evaluator%has, need_gamma) == 0) call self%differences%initialize(model, scale)
         call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
         if (stat /= status_ok) return
         self%error = 0.0_wp

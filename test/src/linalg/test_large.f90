@@ -5,6 +5,7 @@ module test_large
     use differences, only: random_vector
     use model_copies, only: copies_type
     use model_moving_pivot, only: moving_pivot_type
+    use model_redundant, only: redundant_type
     use model_skates, only: skates_type
     use runs, only: run
     use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
@@ -35,7 +36,8 @@ contains
             new_unittest('bad-matrices-are-refused-and-leave-nothing-behind', test_bad), &
             new_unittest('seventy-pendulums-move-as-one-and-one', test_copies), &
             new_unittest('a-run-of-seventy-goes-on-where-it-was-saved', test_checkpoint), &
-            new_unittest('the-start-of-two-hundred-skates-is-bounded-work', test_skates)]
+            new_unittest('the-start-of-two-hundred-skates-is-bounded-work', test_skates), &
+            new_unittest('of-two-hundred-skates-a-row-that-repeats-two-others-is-left-out', test_redundant_skates)]
     end subroutine collect_large
 
     !> A random matrix of the given size, well enough away from the loss of rank.
@@ -412,4 +414,33 @@ contains
             end if
         end do
     end subroutine test_skates
+
+    !> It alone is found and left out among many, and the others move as without it.
+    subroutine test_redundant_skates(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skates_type), target :: model
+        type(redundant_type), target :: whole
+        type(simulation_type) :: simulation, plain
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        model%skates = 200
+        call model%define()
+        allocate (q(model%n), qd(model%n))
+        call model%start(q, qd)
+        options%step = 0.01_wp
+        call run(plain, model, options, 0.0_wp, q, qd, 0.02_wp, failure)
+        call check_no_failure(error, failure)
+        call whole%wrap(model, [17, 90], [0.5_wp, -2.0_wp], 'sum')
+        call run(simulation, whole, options, 0.0_wp, q, qd, 0.02_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_count(error, simulation%n_redundant, 1, 'rows that are left out')
+        call check_true(error, allocated(simulation%warnings), 'a warning')
+        if (allocated(error)) return
+        ! Of rows of unit length it has the largest part in 0.5 a - 2 b - sum = 0.
+        call check_text(error, simulation%warnings(1)%text, '"sum" repeats "nonholonomic 17", "nonholonomic 90"')
+        call check_below(error, maxval(abs(simulation%state%q - plain%state%q)), 1.0e-12_wp, 'difference to the run without it')
+    end subroutine test_redundant_skates
 end module test_large

@@ -41,7 +41,7 @@ contains
             type is (toml_table)
                 call add_table(source, number, names(i)%key, found, entries, places, error)
             class default
-                call set_input_error(error, source%describe('"'//names(i)%key//'" is a table', place_of(found), &
+                call set_input_error(error, source%describe('"'//names(i)%key//'" is a table', place_of(source, found), &
                     'write ['//names(i)%key//'] or ['//names(i)%key//'.NAME] on a line of its own'))
             end select
             if (allocated(error)) return
@@ -68,7 +68,7 @@ contains
         do i = 1, size(names)
             call table%get(names(i)%key, found)
             if (has_dot(names(i)%key) .or. len(names(i)%key) == 0) then
-                call set_input_error(error, source%describe('"'//names(i)%key//'" is no name', place_of(found), &
+                call set_input_error(error, source%describe('"'//names(i)%key//'" is no name', found%origin, &
                     'names have letters and no dots'))
                 return
             end if
@@ -76,7 +76,7 @@ contains
             type is (toml_table)
                 call found%get_keys(below)
                 if (size(below) == 0) then
-                    call set_input_error(error, source%describe(path//'.'//names(i)%key//' is empty', place_of(found), &
+                    call set_input_error(error, source%describe(path//'.'//names(i)%key//' is empty', place_of(source, found), &
                         'give it keys, or leave it out'))
                     return
                 end if
@@ -84,11 +84,11 @@ contains
             class default
                 call convert_value(source, found, value, problem)
                 if (problem /= '') then
-                    call set_input_error(error, source%describe(path//'.'//names(i)%key//' '//problem, place_of(found), &
+                    call set_input_error(error, source%describe(path//'.'//names(i)%key//' '//problem, place_of(source, found), &
                         'of '//path))
                     return
                 end if
-                call add_place(place_type(number, place_of(found)), places)
+                call add_place(place_type(number, place_of(source, found)), places)
                 call entries%set(path//'.'//names(i)%key, value, size(places))
             end select
             if (allocated(error)) return

@@ -583,7 +583,7 @@ contains
         integer, intent(in) :: source
         character(len=*), intent(in) :: problem
 
-        call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(found), &
+        call set_input_error(self%error, self%sources(source)%describe(key//' '//problem, place_of(self%sources(source), found), &
             'in '//heading(self%table, self%element)))
     end subroutine refuse_value
 

@@ -1,16 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Reads what [initial] says of where the start settles: at an equilibrium, or in a steady motion; and takes it there.
 module tandem_io_scene_settling
-    use tandem, only: affine_motion_type, assemble, assembly_type, error_type, list_motions, model_type, motion_name_length, &
-        settling_type, wp
+    use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, list_motions, &
+        model_type, motion_name_length, settling_type, wp
     use tandem_io_scene_reader, only: reader_type
     implicit none (type, external)
     private
 
     public :: read_settling, settle, any_motion
-
-    !> In the place of names: all symmetries.
-    character(len=*), parameter :: any_motion = 'any'
 
 contains
 
@@ -64,9 +61,6 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(assembly_type), intent(in), optional :: assembly
         type(assembly_type) :: request
-        character(len=motion_name_length), allocatable :: names(:), held(:)
-        real(wp), allocatable :: held_at(:)
-        integer :: i, k, last
 
         if (present(assembly)) then
             request = assembly
@@ -76,23 +70,7 @@ contains
         if (rests) then
             call settling%find_equilibrium(model, t, q, error)
         else
-            allocate (names(size(steady)), held(count(index(steady, '=') > 0)))
-            allocate (held_at(size(held)))
-            k = 0
-            do i = 1, size(steady)
-                last = index(steady(i), '=')
-                names(i) = steady(i)
-                if (last == 0) cycle
-                names(i) = steady(i)(:last - 1)
-                k = k + 1
-                held(k) = names(i)
-                read (steady(i)(last + 1:), *) held_at(k)
-            end do
-            if (any(names == any_motion)) then
-                call settling%find_steady_motion(model, t, q, qd, error, held=held, held_at=held_at)
-            else
-                call settling%find_steady_motion(model, t, q, qd, error, names, held, held_at)
-            end if
+            call find_steady_from_words(settling, model, t, q, qd, steady, error)
         end if
         if (allocated(error)) return
         q = settling%q

@@ -10,6 +10,9 @@ module tandem_io_scene_source
     use tomlf, only: toml_context, toml_error, toml_parser_config, toml_table
     use tomlf_de_lexer, only: new_lexer_from_string, toml_token
     use tomlf_de_parser, only: parse
+    use tomlf_de_token, only: token_kind
+    use tomlf_diagnostic, only: render, toml_diagnostic, toml_label, toml_level
+    use tomlf_terminal, only: toml_terminal
     implicit none (type, external)
     private
 
@@ -38,6 +41,8 @@ module tandem_io_scene_source
         procedure :: load_text
         procedure :: load_argument
         procedure :: describe
+        procedure :: value_of
+        procedure, private :: end_of
     end type source_type
 
 contains
@@ -132,11 +137,54 @@ contains
         character(len=:), allocatable :: text
 
         if (origin > 0 .and. origin <= self%context%top) then
-            text = without_level(self%context%report(message, origin, remark))
+            associate (tokens => self%context%token)
+                text = without_level(render(toml_diagnostic(toml_level%error, message, self%context%filename, &
+                    [toml_label(toml_level%error, tokens(origin)%first, tokens(self%end_of(origin))%last, remark, .true.)]), &
+                    self%context%source, toml_terminal(.false.)))
+            end associate
         else
             text = message//new_line('a')//' --> '//self%context%filename
         end if
     end function describe
+
+    !> The place of a list or an inline table whose key is at a place; that of the key where no such value follows it.
+    pure integer function value_of(self, origin)
+        class(source_type), intent(in) :: self
+        integer, intent(in) :: origin
+        integer :: i
+        logical :: has_equal
+
+        value_of = origin
+        if (origin < 1) return
+        has_equal = .false.
+        do i = origin + 1, self%context%top
+            associate (kind => self%context%token(i)%kind)
+                if (kind == token_kind%whitespace) cycle
+                if (has_equal .and. (kind == token_kind%lbracket .or. kind == token_kind%lbrace)) value_of = i
+                if (has_equal .or. kind /= token_kind%equal) return
+                has_equal = .true.
+            end associate
+        end do
+    end function value_of
+
+    !> The last part of what begins at a place: of a list or an inline table the bracket that closes it, if that is on its line.
+    pure integer function end_of(self, origin)
+        class(source_type), intent(in) :: self
+        integer, intent(in) :: origin
+        integer :: depth, i
+
+        end_of = origin
+        depth = 0
+        do i = origin, self%context%top
+            associate (kind => self%context%token(i)%kind)
+                if (kind == token_kind%newline) return
+                if (kind == token_kind%lbracket .or. kind == token_kind%lbrace) depth = depth + 1
+                if (kind == token_kind%rbracket .or. kind == token_kind%rbrace) depth = depth - 1
+            end associate
+            if (depth <= 0) exit
+        end do
+        if (depth <= 0) end_of = min(i, self%context%top)
+    end function end_of
 
     !> An error of the input.
     subroutine set_input_error(error, message)
@@ -326,7 +374,7 @@ contains
         ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
         call new_lexer_from_string(lexer%toml_lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
-        call parse(lexer, source%root, toml_parser_config(color=.false.), source%context, parse_error)
+        call parse(lexer, source%root, toml_parser_config(color=.false., context_detail=1), source%context, parse_error)
         if (.not. allocated(parse_error)) return
         if (lexer%nested > 0) then
             place%filename = name

@@ -28,13 +28,17 @@ module tandem_io_scene_values
 contains
 
     !> Where a value stands in its source.
-    integer function place_of(found)
+    integer function place_of(source, found)
+        class(source_type), intent(in) :: source
         class(toml_value), intent(in) :: found
 
         place_of = found%origin
         select type (found)
         type is (toml_keyval)
             if (found%origin_value > 0) place_of = found%origin_value
+        class default
+            ! Of lists and inline tables the parser tells the key alone.
+            place_of = source%value_of(found%origin)
         end select
     end function place_of
 

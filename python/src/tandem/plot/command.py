@@ -24,10 +24,11 @@ def add_arguments(parser) -> None:
 
 
 def run(given) -> int:
+    from ..table import is_table
     from .data import motions_of
     from .pictures import KINDS
     from .style import save
-    from .tables import TABLE_KINDS, is_table
+    from .tables import TABLE_KINDS
 
     of_table = is_table(given.files[0])
     if of_table and len(given.files) > 1:

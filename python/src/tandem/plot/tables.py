@@ -4,66 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from ..result import opened
+from ..table import Column, Table, read_table
 from .data import listed
 from .style import BLUE, COLOURS, GREY, RED, in_style, label, new_figure, shown
-
-
-@dataclass
-class Column:
-    """A column of a table: values (cases), or (cases, times) with the times."""
-
-    values: np.ndarray
-    unit: str = ""
-    times: np.ndarray | None = None
-    #: The texts that the values stand for, from 1.
-    labels: list[str] = field(default_factory=list)
-
-
-@dataclass
-class Table:
-    """A table of cases."""
-
-    name: str
-    inputs: dict[str, Column]
-    outputs: dict[str, Column]
-    #: 0 where a case is done.
-    status: np.ndarray
-
-    def column(self, name: str) -> Column:
-        """An input or an output by its name."""
-        for columns in (self.outputs, self.inputs):
-            if name in columns:
-                return columns[name]
-        raise KeyError(f"there is no column {name!r}; there are {', '.join([*self.inputs, *self.outputs])}")
-
-
-def is_table(path: str | Path) -> bool:
-    """Whether a file is the table of a sweep."""
-    with opened(path) as file:
-        return "inputs" in file and "outputs" in file and "status" in file
-
-
-def read_table(given) -> Table:
-    """A table: itself, or read from its file."""
-    if isinstance(given, Table):
-        return given
-    with opened(given) as file:
-        inputs = {name: Column(item[()].astype(float), item.attrs.get("unit", ""),
-                               labels=[str(one) for one in item.attrs.get("labels", [])]) for name, item in file["inputs"].items()}
-        outputs = {}
-        for name, item in file["outputs"].items():
-            # The times of NAME stand beside it as NAME.times.
-            if name.endswith(".times") and name.removesuffix(".times") in file["outputs"]:
-                continue
-            times = file["outputs"].get(f"{name}.times")
-            outputs[name] = Column(item[()], item.attrs.get("unit", ""), times[()] if times is not None else None)
-        return Table(Path(given).stem, inputs, outputs, file["status"][()])
 
 
 def chosen(table: Table, columns: dict[str, Column], names: Sequence[str] | None, most: int) -> list[str]:

@@ -1,0 +1,81 @@
+! SPDX-License-Identifier: MIT
+!> Steady motions by words: `NAME` for a motion along which it goes on, or all of a group, `NAME=RATE` where the rate is held, `any`
+!> for all symmetries. Thus scenes, C, Fortran 77 and Python say the same.
+module tandem_analysis_steady_words
+    use tandem_analysis_settling, only: settling_type
+    use tandem_error, only: error_type, set_error
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_affine_motion, only: motion_name_length
+    use tandem_status, only: status_invalid_option
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    implicit none (type, external)
+    private
+
+    public :: any_motion, find_steady_from_words, split_words
+
+    !> In the place of names: all symmetries.
+    character(len=*), parameter :: any_motion = 'any'
+
+contains
+
+    !> The steady motion near (q, qd); see `find_steady_motion` of `settling_type`. Errors: those, and a rate that is no number.
+    subroutine find_steady_from_words(settling, model, t, q, qd, words, error)
+        type(settling_type), intent(out) :: settling
+        class(model_type), intent(inout), target :: model
+        !> Time (s), coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> None of them is the same as `any` alone.
+        character(len=*), intent(in) :: words(:)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=motion_name_length) :: names(size(words)), held(count(index(words, '=') > 0))
+        real(wp) :: held_at(count(index(words, '=') > 0))
+        integer :: i, k, last, stat
+
+        k = 0
+        do i = 1, size(words)
+            last = index(words(i), '=')
+            if (last == 0) last = len(words) + 1
+            names(i) = adjustl(words(i)(:last - 1))
+            if (last > len(words)) cycle
+            k = k + 1
+            held(k) = names(i)
+            ! A list-directed read would take a blank, a comma or a slash for the end of nothing.
+            stat = 1
+            if (len_trim(words(i)(last + 1:)) > 0 .and. scan(trim(adjustl(words(i)(last + 1:))), ' ,;/*"''') == 0) then
+                read (words(i)(last + 1:), *, iostat=stat) held_at(k)
+            end if
+            if (stat == 0) then
+                if (ieee_is_finite(held_at(k))) cycle
+            end if
+            call set_error(error, status_invalid_option, 'the rate in "'//trim(words(i))//'" is no number', &
+                'write NAME=RATE with a rate in 1/s, or in m/s')
+            return
+        end do
+        if (size(words) == 0 .or. any(names == any_motion)) then
+            call settling%find_steady_motion(model, t, q, qd, error, held=held, held_at=held_at)
+        else
+            call settling%find_steady_motion(model, t, q, qd, error, names, held, held_at)
+        end if
+    end subroutine find_steady_from_words
+
+    !> The words of a text, with blanks or commas between them.
+    subroutine split_words(text, words)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable, intent(out) :: words(:)
+        integer :: from, to
+
+        allocate (character(len=len(text)) :: words(0))
+        from = 1
+        do
+            to = verify(text(from:), ' ,')
+            if (to == 0) return
+            from = from + to - 1
+            to = scan(text(from:), ' ,')
+            if (to == 0) to = len(text) - from + 2
+            words = [character(len=len(text)) :: words, text(from:from + to - 2)]
+            from = from + to - 1
+            if (from > len(text)) return
+        end do
+    end subroutine split_words
+end module tandem_analysis_steady_words

@@ -1,0 +1,119 @@
+! SPDX-License-Identifier: MIT
+!> Numbers by names, found at once however many names there are: a hash table with open addressing.
+!>
+!> Source: D. E. Knuth, The Art of Computer Programming, volume 3, 1998, section 6.4, algorithm L; the hash is that of G. Fowler,
+!> L. C. Noll and K.-P. Vo (FNV-1a, 32 bits).
+module tandem_name_index
+    use tandem_kinds, only: long
+    implicit none (type, external)
+    private
+
+    public :: name_index_type
+
+    !> Longer names are not kept. Two parts of a key fit, with what joins them.
+    integer, parameter :: longest = 160
+
+    !> Names and their numbers.
+    type :: name_index_type
+        private
+        !> In the order in which they came, the first `n`.
+        character(len=longest), allocatable :: names(:)
+        integer, allocatable :: numbers(:)
+        integer :: n = 0
+        !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
+        integer, allocatable :: slots(:)
+    contains
+        procedure :: put
+        procedure :: get
+        procedure :: clear
+        procedure, private :: slot_of
+        procedure, private :: grow
+    end type name_index_type
+
+contains
+
+    !> Forget all names.
+    pure subroutine clear(self)
+        class(name_index_type), intent(inout) :: self
+
+        self%n = 0
+        if (allocated(self%slots)) self%slots = 0
+    end subroutine clear
+
+    !> Keep a name, unless it is there.
+    pure subroutine put(self, name, number)
+        class(name_index_type), intent(inout) :: self
+        !> Blanks at its end do not count.
+        character(len=*), intent(in) :: name
+        !> What it stands for, > 0.
+        integer, intent(in) :: number
+        integer :: k
+
+        if (len_trim(name) > longest) return
+        call self%grow()
+        k = self%slot_of(name)
+        if (self%slots(k) > 0) return
+        self%n = self%n + 1
+        self%names(self%n) = name
+        self%numbers(self%n) = number
+        self%slots(k) = self%n
+    end subroutine put
+
+    !> The number of a name, 0 where it is not there.
+    pure integer function get(self, name) result(number)
+        class(name_index_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: k
+
+        number = 0
+        if (self%n == 0 .or. len_trim(name) > longest) return
+        k = self%slots(self%slot_of(name))
+        if (k > 0) number = self%numbers(k)
+    end function get
+
+    !> Where a name is, or the free slot that it would take.
+    pure integer function slot_of(self, name) result(k)
+        class(name_index_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer(long), parameter :: begin = 2166136261_long, factor = 16777619_long, mask = 4294967295_long
+        integer(long) :: hash
+        integer :: i
+
+        hash = begin
+        do i = 1, len_trim(name)
+            hash = iand(ieor(hash, int(iachar(name(i:i)), long))*factor, mask)
+        end do
+        k = int(iand(hash, int(size(self%slots) - 1, long))) + 1
+        do while (self%slots(k) > 0)
+            if (self%names(self%slots(k)) == name) return
+            k = iand(k, size(self%slots) - 1) + 1
+        end do
+    end function slot_of
+
+    !> Room for one name more: twice as much as there was where there is none, so that a name does not cost a copy of all before.
+    pure subroutine grow(self)
+        class(name_index_type), intent(inout) :: self
+        character(len=longest), allocatable :: names(:)
+        integer, allocatable :: numbers(:)
+        integer :: i, room
+
+        if (.not. allocated(self%slots)) then
+            room = 32
+            allocate (self%names(room), self%numbers(room))
+        else
+            room = size(self%names)
+            if (self%n < room) return
+            allocate (names(2*room), numbers(2*room))
+            names(:room) = self%names
+            numbers(:room) = self%numbers
+            call move_alloc(names, self%names)
+            call move_alloc(numbers, self%numbers)
+            room = 2*room
+            deallocate (self%slots)
+        end if
+        allocate (self%slots(2*room), source=0)
+        do i = 1, self%n
+            self%slots(self%slot_of(self%names(i))) = i
+        end do
+    end subroutine grow
+end module tandem_name_index
