@@ -123,7 +123,7 @@ contains
         self%start_dqd = state%dqd
         self%start_q = state%qd
         self%start_qd = state%qdd
-        call chart%expect_pair(pair/diagonal)
+        call chart%expect_pairs([pair/diagonal])
         call self%history%continue_from(state, continues)
         if (.not. continues) self%is_settled = .false.
         call self%newton%prepare(chart, state, diagonal*h, continues, stat)
@@ -250,7 +250,7 @@ contains
                 if (stat /= status_ok) return
                 ! What a stage's rates have that the chart ignores is changed below all stages only.
                 self%residual(:, i) = 0.0_wp
-                call chart%find_residual(t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
+                call chart%find_residual(i, t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
                     self%residual(:, i), stat)
                 if (stat /= status_ok) return
             end do
@@ -258,12 +258,13 @@ contains
                 self%transformed(:, j) = t_inverse(j, 1)*self%residual(:, 1) + t_inverse(j, 2)*self%residual(:, 2) + &
                     t_inverse(j, 3)*self%residual(:, 3)
             end do
-            call chart%solve_stages(self%transformed(:, 1), self%transformed(:, 2), self%transformed(:, 3))
+            call chart%solve_real(self%transformed(:, 1))
+            call chart%solve_pair(1, self%transformed(:, 2), self%transformed(:, 3))
             change = 0.0_wp
             do i = 1, 3
                 self%residual(:, i) = t_matrix(i, 1)*self%transformed(:, 1) + t_matrix(i, 2)*self%transformed(:, 2) + &
                     t_matrix(i, 3)*self%transformed(:, 3)
-                call chart%move_rates(self%q(:, i), self%qd(:, i), diagonal*h, self%residual(:, i), self%rate_q(:, i), &
+                call chart%move_rates(i, self%q(:, i), self%qd(:, i), diagonal*h, self%residual(:, i), self%rate_q(:, i), &
                     self%rate_qd(:, i), stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)
