@@ -32,6 +32,8 @@ module tandem_chart
     type, abstract :: chart_type
         !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
         integer :: n = 0
+        !> Numbers that a stage's residual has, of stages that are solved together: at most 3 n.
+        integer :: n_residual = 0
         !> What the chart has done.
         type(counts_type) :: counts
         !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
@@ -326,7 +328,7 @@ module tandem_chart
             !> The restored coordinates and velocities (n), the stage's rates (n).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> (2 n), of which the chart uses as many as it has coordinates.
+            !> (3 n), of which the first n_residual are set.
             real(wp), intent(inout), contiguous :: residual(:)
             integer, intent(out) :: stat
         end subroutine find_residual_interface
@@ -336,7 +338,7 @@ module tandem_chart
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> (2 n)
+            !> (n_residual)
             real(wp), intent(inout), contiguous :: x(:)
         end subroutine solve_real_interface
 
@@ -347,7 +349,7 @@ module tandem_chart
             class(chart_type), intent(inout) :: self
             !> The number of the pair in `expect_pairs`.
             integer, intent(in) :: k
-            !> (2 n) each.
+            !> (n_residual) each.
             real(wp), intent(inout), contiguous :: x(:), y(:)
         end subroutine solve_pair_interface
 
@@ -358,7 +360,7 @@ module tandem_chart
             class(chart_type), intent(inout) :: self
             !> As of `find_residual`.
             integer, intent(in) :: stage
-            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (2 n).
+            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (n_residual).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
