@@ -122,9 +122,9 @@ class Profile(Case):
     def test_nothing_is_forgotten(self):
         """What a chart can be asked for is timed, or known to be of no account; so is every procedure of a model."""
         # The parts of `restore_motion` are timed one by one; `keep_tangent` is some products behind `restore_near`, which is timed;
-        # `expect_pair` is called once a run.
+        # `expect_pairs` is called once a run.
         untimed = {"restore_motion", "initialize", "remainder", "start_step", "retry_step", "forget", "forget_model", "hold", "release",
-                   "matrix_cost", "pack_state", "relative_change", "keep_tangent", "expect_pair"}
+                   "matrix_cost", "pack_state", "relative_change", "keep_tangent", "expect_pairs"}
         source = ROOT / "src" / "tandem"
         asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "chart" / "chart.f90").read_text()))
         timed = set(re.findall(r"call self%profile%enter.*\n.*self%dense_chart_type%(\w+)",

@@ -32,6 +32,8 @@ module tandem_chart
     type, abstract :: chart_type
         !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
         integer :: n = 0
+        !> Numbers that a stage's residual has, of stages that are solved together: at most 3 n.
+        integer :: n_residual = 0
         !> What the chart has done.
         type(counts_type) :: counts
         !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
@@ -83,9 +85,10 @@ module tandem_chart
         procedure(reuse_stage_interface), deferred :: reuse_stage
         procedure(matrix_cost_interface), deferred :: matrix_cost
         procedure(correct_stage_interface), deferred :: correct_stage
-        procedure(expect_pair_interface), deferred :: expect_pair
+        procedure(expect_pairs_interface), deferred :: expect_pairs
         procedure(find_residual_interface), deferred :: find_residual
-        procedure(solve_stages_interface), deferred :: solve_stages
+        procedure(solve_real_interface), deferred :: solve_real
+        procedure(solve_pair_interface), deferred :: solve_pair
         procedure(move_rates_interface), deferred :: move_rates
         procedure(filter_error_interface), deferred :: filter_error
         procedure(multipliers_interface), deferred :: multipliers
@@ -302,46 +305,62 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine correct_stage_interface
 
-        !> For a method whose stages are solved together: from now on `factor_stage` and `reuse_stage` make the matrix of a complex
-        !> pair of systems too, once a run.
-        subroutine expect_pair_interface(self, ratio)
+        !> For a method whose stages are solved together, 2 size(ratios) + 1 of them: from now on `factor_stage` and `reuse_stage`
+        !> make the matrices of complex pairs of systems too. A method may call it with other ratios at the start of a later step,
+        !> where its number of stages changes; the same ones again cost nothing.
+        subroutine expect_pairs_interface(self, ratios)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The pair's ha over the real one.
-            complex(wp), intent(in) :: ratio
-        end subroutine expect_pair_interface
+            !> Each pair's ha over the real one.
+            complex(wp), intent(in), contiguous :: ratios(:)
+        end subroutine expect_pairs_interface
 
         !> The first half of `correct_stage`: a stage's residual, in coordinates of the chart, and the parts of its rates that the
         !> chart ignores.
-        subroutine find_residual_interface(self, t, q, qd, rate_q, rate_qd, residual, stat)
+        subroutine find_residual_interface(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
+            !> The number of the stage, by which a chart may keep what belongs to it until the next step.
+            integer, intent(in) :: stage
             real(wp), intent(in) :: t
             !> The restored coordinates and velocities (n), the stage's rates (n).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> (2 n), of which the chart uses as many as it has coordinates.
+            !> (3 n), of which the first n_residual are set.
             real(wp), intent(inout), contiguous :: residual(:)
             integer, intent(out) :: stat
         end subroutine find_residual_interface
 
-        !> Corrections for residuals, in place: `real_part` with the real system, x + i y with that of the pair.
-        subroutine solve_stages_interface(self, real_part, x, y)
+        !> The correction for a residual of the real system, in place.
+        subroutine solve_real_interface(self, x)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> (2 n) each.
-            real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
-        end subroutine solve_stages_interface
+            !> (n_residual)
+            real(wp), intent(inout), contiguous :: x(:)
+        end subroutine solve_real_interface
+
+        !> The correction x + i y for a residual of one of the pairs of systems, in place.
+        subroutine solve_pair_interface(self, k, x, y)
+            import :: chart_type, wp
+            implicit none (type, external)
+            class(chart_type), intent(inout) :: self
+            !> The number of the pair in `expect_pairs`.
+            integer, intent(in) :: k
+            !> (n_residual) each.
+            real(wp), intent(inout), contiguous :: x(:), y(:)
+        end subroutine solve_pair_interface
 
         !> The second half of `correct_stage`: add a correction to a stage's rates.
-        subroutine move_rates_interface(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        subroutine move_rates_interface(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (2 n).
+            !> As of `find_residual`.
+            integer, intent(in) :: stage
+            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (n_residual).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)

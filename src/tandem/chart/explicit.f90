@@ -17,9 +17,10 @@ module tandem_chart_explicit
         procedure :: reuse_stage
         procedure :: matrix_cost
         procedure :: correct_stage
-        procedure :: expect_pair
+        procedure :: expect_pairs
         procedure :: find_residual
-        procedure :: solve_stages
+        procedure :: solve_real
+        procedure :: solve_pair
         procedure :: move_rates
         procedure :: filter_error
     end type explicit_chart_type
@@ -66,15 +67,16 @@ contains
         stat = status_newton_failed
     end subroutine correct_stage
 
-    !> Nobody solves for a pair.
-    subroutine expect_pair(self, ratio)
+    !> Nobody solves for pairs.
+    subroutine expect_pairs(self, ratios)
         class(explicit_chart_type), intent(inout) :: self
-        complex(wp), intent(in) :: ratio
-    end subroutine expect_pair
+        complex(wp), intent(in), contiguous :: ratios(:)
+    end subroutine expect_pairs
 
     !> No stage has a residual.
-    subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
         class(explicit_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
@@ -85,18 +87,27 @@ contains
     end subroutine find_residual
 
     !> Corrections that nobody has asked for are zero.
-    subroutine solve_stages(self, real_part, x, y)
+    subroutine solve_real(self, x)
         class(explicit_chart_type), intent(inout) :: self
-        real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+        real(wp), intent(inout), contiguous :: x(:)
 
-        real_part = 0.0_wp
+        x = 0.0_wp
+    end subroutine solve_real
+
+    !> Nor are there any of pairs.
+    subroutine solve_pair(self, k, x, y)
+        class(explicit_chart_type), intent(inout) :: self
+        integer, intent(in) :: k
+        real(wp), intent(inout), contiguous :: x(:), y(:)
+
         x = 0.0_wp
         y = 0.0_wp
-    end subroutine solve_stages
+    end subroutine solve_pair
 
     !> No stage moves.
-    subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
         class(explicit_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(in) :: ha
         real(wp), intent(in), contiguous :: correction(:)

@@ -33,7 +33,8 @@ module tandem_profile_chart
         procedure :: reuse_stage
         procedure :: correct_stage
         procedure :: find_residual
-        procedure :: solve_stages
+        procedure :: solve_real
+        procedure :: solve_pair
         procedure :: move_rates
         procedure :: filter_error
         procedure :: multipliers
@@ -176,8 +177,9 @@ contains
         call self%profile%leave(mark)
     end subroutine correct_stage
 
-    subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
         class(profiled_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
@@ -186,22 +188,34 @@ contains
         type(mark_type) :: mark
 
         call self%profile%enter(part_coupled, mark)
-        call self%dense_chart_type%find_residual(t, q, qd, rate_q, rate_qd, residual, stat)
+        call self%dense_chart_type%find_residual(stage, t, q, qd, rate_q, rate_qd, residual, stat)
         call self%profile%leave(mark)
     end subroutine find_residual
 
-    subroutine solve_stages(self, real_part, x, y)
+    subroutine solve_real(self, x)
         class(profiled_chart_type), intent(inout) :: self
-        real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
+        real(wp), intent(inout), contiguous :: x(:)
         type(mark_type) :: mark
 
         call self%profile%enter(part_coupled, mark)
-        call self%dense_chart_type%solve_stages(real_part, x, y)
+        call self%dense_chart_type%solve_real(x)
         call self%profile%leave(mark)
-    end subroutine solve_stages
+    end subroutine solve_real
 
-    subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine solve_pair(self, k, x, y)
         class(profiled_chart_type), intent(inout) :: self
+        integer, intent(in) :: k
+        real(wp), intent(inout), contiguous :: x(:), y(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%dense_chart_type%solve_pair(k, x, y)
+        call self%profile%leave(mark)
+    end subroutine solve_pair
+
+    subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        class(profiled_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(in) :: ha
         real(wp), intent(in), contiguous :: correction(:)
@@ -211,7 +225,7 @@ contains
         type(mark_type) :: mark
 
         call self%profile%enter(part_correction, mark)
-        call self%dense_chart_type%move_rates(q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        call self%dense_chart_type%move_rates(stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
         call self%profile%leave(mark)
     end subroutine move_rates
 

@@ -3,7 +3,7 @@
 module tandem_profile_sparse_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
-    use tandem_profile_parts, only: part_acceleration, part_correction, part_energy, part_errors, part_filter, &
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_coupled, part_energy, part_errors, part_filter, &
         part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
         part_velocity
     use tandem_chart_sparse, only: sparse_chart_type
@@ -25,6 +25,10 @@ module tandem_profile_sparse_chart
         procedure :: factor_stage
         procedure :: reuse_stage
         procedure :: correct_stage
+        procedure :: find_residual
+        procedure :: solve_real
+        procedure :: solve_pair
+        procedure :: move_rates
         procedure :: filter_error
         procedure :: restore_near
         procedure :: multipliers
@@ -139,6 +143,58 @@ contains
         call self%sparse_chart_type%correct_stage(t, q, qd, ha, rate_q, rate_qd, change, stat)
         call self%profile%leave(mark)
     end subroutine correct_stage
+
+    subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: residual(:)
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%sparse_chart_type%find_residual(stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        call self%profile%leave(mark)
+    end subroutine find_residual
+
+    subroutine solve_real(self, x)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: x(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%sparse_chart_type%solve_real(x)
+        call self%profile%leave(mark)
+    end subroutine solve_real
+
+    subroutine solve_pair(self, k, x, y)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        integer, intent(in) :: k
+        real(wp), intent(inout), contiguous :: x(:), y(:)
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_coupled, mark)
+        call self%sparse_chart_type%solve_pair(k, x, y)
+        call self%profile%leave(mark)
+    end subroutine solve_pair
+
+    subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        class(profiled_sparse_chart_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(in), contiguous :: correction(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        type(mark_type) :: mark
+
+        call self%profile%enter(part_correction, mark)
+        call self%sparse_chart_type%move_rates(stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        call self%profile%leave(mark)
+    end subroutine move_rates
 
     subroutine filter_error(self, error_q, error_qd)
         class(profiled_sparse_chart_type), intent(inout) :: self

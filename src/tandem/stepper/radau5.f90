@@ -53,7 +53,7 @@ module tandem_stepper_radau5
         private
         type(newton_type) :: newton
         type(history_type) :: history
-        !> Rates of the stages and where they lie (n, 3), residuals and corrections (2 n, 3), those transformed.
+        !> Rates of the stages and where they lie (n, 3), residuals and corrections (3 n, 3), those transformed.
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :), residual(:, :), transformed(:, :)
         !> Increments and rates at the start of the step, errors (n).
         real(wp), allocatable :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), dqd(:)
@@ -101,8 +101,8 @@ contains
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
             self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)
-        allocate (self%rate_q(n, 3), self%rate_qd(n, 3), self%q(n, 3), self%qd(n, 3), self%residual(2*n, 3), &
-            self%transformed(2*n, 3), self%start_dq(n), self%start_dqd(n), self%start_q(n), self%start_qd(n), self%error_q(n), &
+        allocate (self%rate_q(n, 3), self%rate_qd(n, 3), self%q(n, 3), self%qd(n, 3), self%residual(3*n, 3), &
+            self%transformed(3*n, 3), self%start_dq(n), self%start_dqd(n), self%start_q(n), self%start_qd(n), self%error_q(n), &
             self%error_qd(n), self%dq(n), self%dqd(n), source=0.0_wp)
     end subroutine initialize
 
@@ -127,7 +127,7 @@ contains
         self%start_dqd = state%dqd
         self%start_q = state%qd
         self%start_qd = state%qdd
-        call chart%expect_pair(pair/diagonal)
+        call chart%expect_pairs([pair/diagonal])
         call self%history%continue_from(state, continues)
         if (.not. continues) self%is_settled = .false.
         call self%newton%prepare(chart, self%history, state, h, diagonal*h, continues, stat)
@@ -250,8 +250,9 @@ contains
         !> By how much the second correction may exceed the first.
         real(wp), parameter :: coupling = 10.0_wp
         real(wp) :: change, last_change, stage_change, t, theta
-        integer :: i, j, k
+        integer :: i, j, k, m
 
+        m = chart%n_residual
         last_change = 1.0_wp
         chart%counts%implicit_stages = chart%counts%implicit_stages + 3
         do k = 1, most_corrections
@@ -264,21 +265,22 @@ contains
                 if (stat == status_ok) call chart%restore_velocity(t, self%q(:, i), self%dqd, self%qd(:, i), stat)
                 if (stat /= status_ok) return
                 ! What a stage's rates have that the chart ignores is changed below all stages only.
-                self%residual(:, i) = 0.0_wp
-                call chart%find_residual(t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
-                    self%residual(:, i), stat)
+                self%residual(:m, i) = 0.0_wp
+                call chart%find_residual(i, t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
+                    self%residual(:m, i), stat)
                 if (stat /= status_ok) return
             end do
             do j = 1, 3
-                self%transformed(:, j) = t_inverse(j, 1)*self%residual(:, 1) + t_inverse(j, 2)*self%residual(:, 2) + &
-                    t_inverse(j, 3)*self%residual(:, 3)
+                self%transformed(:m, j) = t_inverse(j, 1)*self%residual(:m, 1) + t_inverse(j, 2)*self%residual(:m, 2) + &
+                    t_inverse(j, 3)*self%residual(:m, 3)
             end do
-            call chart%solve_stages(self%transformed(:, 1), self%transformed(:, 2), self%transformed(:, 3))
+            call chart%solve_real(self%transformed(:m, 1))
+            call chart%solve_pair(1, self%transformed(:m, 2), self%transformed(:m, 3))
             change = 0.0_wp
             do i = 1, 3
-                self%residual(:, i) = t_matrix(i, 1)*self%transformed(:, 1) + t_matrix(i, 2)*self%transformed(:, 2) + &
-                    t_matrix(i, 3)*self%transformed(:, 3)
-                call chart%move_rates(self%q(:, i), self%qd(:, i), diagonal*h, self%residual(:, i), self%rate_q(:, i), &
+                self%residual(:m, i) = t_matrix(i, 1)*self%transformed(:m, 1) + t_matrix(i, 2)*self%transformed(:m, 2) + &
+                    t_matrix(i, 3)*self%transformed(:m, 3)
+                call chart%move_rates(i, self%q(:, i), self%qd(:, i), diagonal*h, self%residual(:m, i), self%rate_q(:, i), &
                     self%rate_qd(:, i), stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)
@@ -325,7 +327,7 @@ contains
         chart%counts%implicit_stages = chart%counts%implicit_stages + 3
         do k = 1, most_sweeps
             self%residual(:n, :) = self%rate_q
-            self%residual(n + 1:, :) = self%rate_qd
+            self%residual(n + 1:2*n, :) = self%rate_qd
             change = 0.0_wp
             do i = 1, 3
                 call solve_alone(self, chart, i, h, t_end, stage_change, stat)
@@ -374,7 +376,7 @@ contains
             base_qd = self%start_dqd
             do j = 1, 3
                 base_q = base_q + h*(a(j, i) - l(j, i))*self%residual(:n, j)
-                base_qd = base_qd + h*(a(j, i) - l(j, i))*self%residual(n + 1:, j)
+                base_qd = base_qd + h*(a(j, i) - l(j, i))*self%residual(n + 1:2*n, j)
             end do
             do j = 1, i - 1
                 base_q = base_q + h*l(j, i)*self%rate_q(:, j)

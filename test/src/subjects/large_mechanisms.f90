@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Mechanisms of any number of bodies: chains in the plane and in space, four-bars side by side, a star, a net, a train, and sprung
-!> chains with stiff springs and dampers along their hinges.
+!> chains with stiff springs and dampers along their hinges, and a chain of sliders on stiff springs.
 module large_mechanisms
     use tandem, only: error_type, mechanism_type, wp
     implicit none (type, external)
@@ -8,19 +8,22 @@ module large_mechanisms
 
     public :: make_large, large_names
 
-    character(len=14), parameter :: large_names(8) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'star', &
-        'net', 'trailers', 'sprung_chain', 'sprung_plane']
+    character(len=14), parameter :: large_names(9) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'star', &
+        'net', 'trailers', 'sprung_chain', 'sprung_plane', 'sliders']
 
 contains
 
     !> Draw one of them with about n bodies, and define it.
-    subroutine make_large(name, n, mechanism, error)
+    subroutine make_large(name, n, mechanism, error, ratio)
         character(len=*), intent(in) :: name
         integer, intent(in) :: n
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
+        !> Of sliders: the frequency of their springs over that of a pendulum, 100 where absent.
+        real(wp), intent(in), optional :: ratio
 
-        mechanism%planar = any(name == [character(len=14) :: 'planar_chain', 'four_bars', 'trailers', 'sprung_plane'])
+        mechanism%planar = any(name == [character(len=14) :: 'planar_chain', 'four_bars', 'trailers', 'sprung_plane', &
+            'sliders'])
         mechanism%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
         if (mechanism%planar) mechanism%gravity = [0.0_wp, -9.81_wp, 0.0_wp]
         select case (name)
@@ -35,6 +38,12 @@ contains
             call draw_star(n - 1, mechanism, error)
         case ('net')
             call draw_net(nint(sqrt(real(n, wp))), mechanism, error)
+        case ('sliders')
+            if (present(ratio)) then
+                call draw_sliders(n/2, ratio, mechanism, error)
+            else
+                call draw_sliders(n/2, 100.0_wp, mechanism, error)
+            end if
         case default
             mechanism%gravity = 0.0_wp
             call draw_trailers(n, mechanism, error)
@@ -93,6 +102,34 @@ contains
             if (allocated(error)) return
         end do
     end subroutine add_springs
+
+    !> Sliders of 1 kg in the plane, each on a spring with half the critical damping along a light arm of 1 m that turns at the
+    !> slider before, horizontal at the start: pendulums on stiff springs. Where the springs are stiff the motion does not show it.
+    subroutine draw_sliders(n, ratio, mechanism, error)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: ratio
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: mass = 1.0_wp, gravity = 9.81_wp, x(2) = [1.0_wp, 0.0_wp]
+        character(len=16) :: last
+        real(wp) :: stiffness
+        integer :: i
+
+        stiffness = ratio**2*mass*gravity
+        last = 'ground'
+        do i = 1, n
+            call mechanism%add_body(numbered('a', i), 0.01_wp, (i - 0.5_wp)*x, error, inertia=[0.001_wp])
+            if (.not. allocated(error)) call mechanism%add_body(numbered('s', i), mass, i*x, error, inertia=[0.01_wp])
+            if (.not. allocated(error)) call mechanism%add_joint(numbered('h', i), 'revolute', trim(last), numbered('a', i), &
+                error, at=(i - 1)*x)
+            if (.not. allocated(error)) call mechanism%add_joint(numbered('r', i), 'prismatic', numbered('a', i), &
+                numbered('s', i), error, at=i*x, axis=x)
+            if (.not. allocated(error)) call mechanism%add_torsion(numbered('k', i), numbered('r', i), error, &
+                stiffness=stiffness, damping=sqrt(stiffness*mass))
+            if (allocated(error)) return
+            last = numbered('s', i)
+        end do
+    end subroutine draw_sliders
 
     !> The problem A02 of the benchmarks of the IFToMM: n four-bars in a row.
     subroutine draw_four_bars(n, mechanism, error)

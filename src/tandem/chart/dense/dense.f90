@@ -133,9 +133,10 @@ module tandem_chart_dense
         procedure :: reuse_stage
         procedure :: matrix_cost
         procedure :: correct_stage
-        procedure :: expect_pair
+        procedure :: expect_pairs
         procedure :: find_residual
-        procedure :: solve_stages
+        procedure :: solve_real
+        procedure :: solve_pair
         procedure :: move_rates
         procedure :: filter_error
         procedure :: multipliers
@@ -390,17 +391,18 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine correct_stage
 
-        !> From now on a complex pair of systems is factored too.
-        module subroutine expect_pair(self, ratio)
+        !> From now on complex pairs of systems are factored too.
+        module subroutine expect_pairs(self, ratios)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            complex(wp), intent(in) :: ratio
-        end subroutine expect_pair
+            complex(wp), intent(in), contiguous :: ratios(:)
+        end subroutine expect_pairs
 
         !> The residual of a stage.
-        module subroutine find_residual(self, t, q, qd, rate_q, rate_qd, residual, stat)
+        module subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
+            integer, intent(in) :: stage
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
@@ -408,17 +410,26 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine find_residual
 
-        !> Corrections of stages that are solved together.
-        module subroutine solve_stages(self, real_part, x, y)
+        !> The correction of the real system of stages that are solved together.
+        module subroutine solve_real(self, x)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(inout), contiguous :: real_part(:), x(:), y(:)
-        end subroutine solve_stages
+            real(wp), intent(inout), contiguous :: x(:)
+        end subroutine solve_real
+
+        !> The correction of one of their pairs of systems.
+        module subroutine solve_pair(self, k, x, y)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(in) :: k
+            real(wp), intent(inout), contiguous :: x(:), y(:)
+        end subroutine solve_pair
 
         !> Add a correction to a stage's rates.
-        module subroutine move_rates(self, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        module subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
+            integer, intent(in) :: stage
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)

@@ -104,12 +104,12 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine judge_correction
 
-    !> Factor the matrix of a complex pair of systems too.
-    module procedure expect_pair
-        call self%stage%expect_pair(ratio)
-    end procedure expect_pair
+    !> Factor the matrices of complex pairs of systems too.
+    module procedure expect_pairs
+        call self%stage%expect_pairs(ratios)
+    end procedure expect_pairs
 
-    !> The residual of a stage at the restored point.
+    !> The residual of a stage at the restored point. Nothing is kept by the number of the stage here.
     module procedure find_residual
         self%failed_row = 0
         self%may_lean = .false.
@@ -121,10 +121,15 @@ contains
         call self%stage%get_residual(residual)
     end procedure find_residual
 
-    !> Corrections of stages that are solved together.
-    module procedure solve_stages
-        call self%stage%solve_for(self%v_basis, self%v_dual, self%w_basis, self%w_dual, real_part, x, y)
-    end procedure solve_stages
+    !> The correction of the real system of stages that are solved together.
+    module procedure solve_real
+        call self%stage%solve_real(self%v_basis, self%v_dual, self%w_basis, self%w_dual, x)
+    end procedure solve_real
+
+    !> The correction of one of their pairs of systems.
+    module procedure solve_pair
+        call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
+    end procedure solve_pair
 
     !> Add a correction to a stage's rates.
     module procedure move_rates

@@ -35,6 +35,9 @@ module tandem_chart_dense_newton_matrix
 
     public :: stage_type
 
+    !> Pairs of systems of the methods that there are: seven stages.
+    integer, parameter :: most_pairs = 3
+
     type :: stage_type
         !> The blocks of (76), (77): R1_v (nv, nv), R1_w (nv, nw), R2_v (n, nv), R2_w (n, nw).
         real(wp), allocatable :: r1_v(:, :), r1_w(:, :), r2_v(:, :), r2_w(:, :)
@@ -55,10 +58,13 @@ module tandem_chart_dense_newton_matrix
         real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
         real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
         type(lu_type), private :: lu
-        !> ha of a complex pair of systems over that of the real one, 0 for none, and their matrix.
-        complex(wp), private :: pair = (0.0_wp, 0.0_wp)
+        !> How many complex pairs of systems there are, ha of each over that of the real one, work space for one of their matrices.
+        integer, private :: n_pairs = 0
+        complex(wp), private :: pairs(most_pairs) = (0.0_wp, 0.0_wp)
         complex(wp), allocatable, private :: pair_matrix(:, :)
-        type(complex_lu_type), private :: pair_lu
+        type(complex_lu_type), private :: pair_lu(most_pairs)
+        !> Whether the factors are of other pairs.
+        logical, private :: is_outdated = .false.
     contains
         procedure :: allocate => allocate_stage
         procedure :: form
@@ -66,9 +72,10 @@ module tandem_chart_dense_newton_matrix
         procedure :: adapt
         procedure :: enter_chart
         procedure :: correct
-        procedure :: expect_pair
+        procedure :: expect_pairs
         procedure :: find_residual
-        procedure :: solve_for
+        procedure :: solve_real
+        procedure :: solve_pair
         procedure :: get_residual
         procedure :: move_rates
         procedure :: filter
@@ -107,21 +114,31 @@ contains
             self%formed_w_basis(n, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
         call self%lu%allocate(nv + nw)
         self%ha = 0.0_wp
-        self%pair = (0.0_wp, 0.0_wp)
+        self%n_pairs = 0
+        self%is_outdated = .false.
         if (allocated(self%pair_matrix)) deallocate (self%pair_matrix)
     end subroutine allocate_stage
 
-    !> From now on factor the matrix of a complex pair of systems too, whose ha is `ratio` times that of the real one.
-    subroutine expect_pair(self, ratio)
+    !> From now on factor the matrices of complex pairs of systems too, whose ha are `ratios` times that of the real one. The blocks
+    !> serve them as they are.
+    subroutine expect_pairs(self, ratios)
         class(stage_type), intent(inout) :: self
-        complex(wp), intent(in) :: ratio
+        !> At most three.
+        complex(wp), intent(in), contiguous :: ratios(:)
+        integer :: k
 
-        if (allocated(self%pair_matrix)) return
-        self%pair = ratio
-        allocate (self%pair_matrix(self%nv + self%nw, self%nv + self%nw), source=(0.0_wp, 0.0_wp))
-        call self%pair_lu%allocate(self%nv + self%nw)
-        self%ha = 0.0_wp
-    end subroutine expect_pair
+        if (self%n_pairs == size(ratios)) then
+            if (all(abs(self%pairs(:self%n_pairs) - ratios) <= 0.0_wp)) return
+        end if
+        if (.not. allocated(self%pair_matrix)) allocate (self%pair_matrix(self%nv + self%nw, self%nv + self%nw), &
+            source=(0.0_wp, 0.0_wp))
+        do k = self%n_pairs + 1, size(ratios)
+            call self%pair_lu(k)%allocate(self%nv + self%nw)
+        end do
+        self%n_pairs = size(ratios)
+        self%pairs(:self%n_pairs) = ratios
+        self%is_outdated = .true.
+    end subroutine expect_pairs
 
     !> Form the blocks at the current point.
     subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, left_basis, &
@@ -202,20 +219,25 @@ contains
             end do
         end associate
         call self%lu%factor(self%matrix, stat)
-        if (stat == 0 .and. allocated(self%pair_matrix)) call factor_pair(self, ha, stat)
+        do i = 1, self%n_pairs
+            if (stat == 0) call factor_pair(self, i, ha, stat)
+        end do
         self%ha = merge(ha, 0.0_wp, stat == 0)
+        self%is_outdated = .false.
         stat = merge(status_ok, status_newton_failed, stat == 0)
     end subroutine factor
 
-    !> Factor the matrix of the pair, ha that of the real system.
-    subroutine factor_pair(self, ha, stat)
+    !> Factor the matrix of a pair, ha that of the real system.
+    subroutine factor_pair(self, k, ha, stat)
         class(stage_type), intent(inout) :: self
+        !> The number of the pair.
+        integer, intent(in) :: k
         real(wp), intent(in) :: ha
         integer, intent(out) :: stat
         complex(wp) :: of_pair
         integer :: i, j
 
-        of_pair = self%pair*ha
+        of_pair = self%pairs(k)*ha
         associate (nv => self%nv, nw => self%nw, a => self%pair_matrix)
             do j = 1, nv
                 do i = 1, nv
@@ -235,7 +257,7 @@ contains
                 end do
             end do
         end associate
-        call self%pair_lu%factor(self%pair_matrix, stat)
+        call self%pair_lu(k)%factor(self%pair_matrix, stat)
     end subroutine factor_pair
 
     !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
@@ -254,7 +276,7 @@ contains
 
         can = self%ha > 0.0_wp
         if (can) can = self%is_near(v_basis, v_dual, w_basis, w_dual)
-        if (.not. can .or. abs(ha - self%ha) <= rounding*self%ha) return
+        if (.not. can .or. (abs(ha - self%ha) <= rounding*self%ha .and. .not. self%is_outdated)) return
         call self%factor(ha, stat)
         factorizations = factorizations + 1
         can = stat == status_ok
@@ -283,27 +305,41 @@ contains
         call self%bring_back(self%rhs)
     end subroutine solve
 
-    !> Solve for three right sides in the current chart's coordinates, in place: with the matrix, and with that of the pair for
-    !> x + i y.
-    subroutine solve_for(self, v_basis, v_dual, w_basis, w_dual, rhs, x, y)
+    !> Solve for a right side of stages that are solved together, in the current chart's coordinates, in place.
+    subroutine solve_real(self, v_basis, v_dual, w_basis, w_dual, x)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
-        !> Their first nv + nw entries.
-        real(wp), intent(inout), contiguous :: rhs(:), x(:), y(:)
+        !> Its first nv + nw entries.
+        real(wp), intent(inout), contiguous :: x(:)
 
         if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
-        associate (k => self%nv + self%nw)
-            call self%take_there(rhs(:k))
-            call self%lu%solve(rhs(:k))
-            call self%bring_back(rhs(:k))
-            call self%take_there(x(:k))
-            call self%take_there(y(:k))
-            call self%pair_lu%solve(x(:k), y(:k))
-            call self%bring_back(x(:k))
-            call self%bring_back(y(:k))
+        associate (n => self%nv + self%nw)
+            call self%take_there(x(:n))
+            call self%lu%solve(x(:n))
+            call self%bring_back(x(:n))
         end associate
-    end subroutine solve_for
+    end subroutine solve_real
+
+    !> The same with the matrix of one of the pairs, for x + i y.
+    subroutine solve_pair(self, v_basis, v_dual, w_basis, w_dual, k, x, y)
+        class(stage_type), intent(inout) :: self
+        !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        !> The number of the pair.
+        integer, intent(in) :: k
+        !> Their first nv + nw entries.
+        real(wp), intent(inout), contiguous :: x(:), y(:)
+
+        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        associate (n => self%nv + self%nw)
+            call self%take_there(x(:n))
+            call self%take_there(y(:n))
+            call self%pair_lu(k)%solve(x(:n), y(:n))
+            call self%bring_back(x(:n))
+            call self%bring_back(y(:n))
+        end associate
+    end subroutine solve_pair
 
     !> A right side of the current chart in the coordinates of the chart where the matrix was formed.
     subroutine take_there(self, rhs)
@@ -522,12 +558,18 @@ contains
     subroutine pack_state(self, pack)
         class(stage_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        real(wp) :: ratio(2)
+        real(wp) :: ratios(most_pairs, 2)
+        integer :: k, n_pairs
 
-        ! A chart that is restored does not know yet whether its stepper wants a pair.
-        ratio = [real(self%pair, wp), aimag(self%pair)]
-        call pack%fixed(ratio)
-        if (any(abs(ratio) > 0.0_wp)) call self%expect_pair(cmplx(ratio(1), ratio(2), wp))
+        ! A chart that is restored does not know yet which pairs its stepper wants.
+        n_pairs = self%n_pairs
+        ratios(:, 1) = real(self%pairs, wp)
+        ratios(:, 2) = aimag(self%pairs)
+        call pack%item(n_pairs)
+        call pack%fixed(ratios(:, 1))
+        call pack%fixed(ratios(:, 2))
+        if (n_pairs > 0) call self%expect_pairs(cmplx(ratios(:n_pairs, 1), ratios(:n_pairs, 2), wp))
+        call pack%item(self%is_outdated)
         call pack%item(self%r1_v)
         call pack%item(self%r1_w)
         call pack%item(self%block_wv)
@@ -547,6 +589,8 @@ contains
         call pack%item(self%formed_v_basis)
         call pack%item(self%formed_w_basis)
         call self%lu%pack_state(pack)
-        if (allocated(self%pair_matrix)) call self%pair_lu%pack_state(pack)
+        do k = 1, self%n_pairs
+            call self%pair_lu(k)%pack_state(pack)
+        end do
     end subroutine pack_state
 end module tandem_chart_dense_newton_matrix

@@ -81,6 +81,7 @@ contains
                 self%watch%secants .or. present(kept))
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
+                self%n_residual = 2*n - nh - m
                 call self%metric%allocate(n, nh, m, options%relative_tolerance())
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0

@@ -21,7 +21,7 @@ module tandem_chart_sparse_implicit_stage
     implicit none (type, external)
     private
 
-    public :: sparse_implicit_type
+    public :: initialize, sparse_implicit_type
 
     !> Stages whose multipliers give those that the next one starts from.
     integer, parameter :: most_past = 3
@@ -43,7 +43,7 @@ module tandem_chart_sparse_implicit_stage
         real(wp), private :: left = 2.0_wp
         real(wp), private :: tolerance_of_rates = 0.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
-        real(wp), allocatable, private :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
+        real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
         procedure :: initialize
         procedure :: factor_stage
@@ -113,7 +113,7 @@ contains
             call self%begin_multipliers(t)
             call s%find_multipliers(self%part, self%lambda)
             self%has_lambda = .true.
-            call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%stiffness, self%counts, stat)
+            call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
                 return
@@ -134,15 +134,28 @@ contains
         logical, intent(out) :: can
         !> A step of the grid differs from the next by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
+        !> Squared change of C against its squared length at any joint, an angle of some 13 degrees, up to which a matrix may serve.
+        real(wp), parameter :: farthest = 0.05_wp
         !> Where M and C have changed so far that it leaves more of a system than this, those of the chart's origin take their
         !> place: a factorisation saves the refinement of some ten corrections.
         real(wp), parameter :: worst = 1.0e-2_wp
+        real(wp) :: turned
+        logical :: has_new_ha, is_worn
         integer :: stat
 
         can = self%newton%ha > 0.0_wp .and. self%newton_segment == self%system%model%segment()
-        if (can) can = self%newton%is_near(self%system%analysis, self%system%factor(self%system%base))
         if (.not. can) return
-        if (self%left > worst .and. self%left < 2.0_wp) then
+        turned = self%newton%turned(self%system%analysis, self%system%factor(self%system%base))
+        can = turned <= farthest
+        if (.not. can) return
+        has_new_ha = abs(ha - self%newton%ha) > rounding*self%newton%ha
+        if (size(self%newton%pairs) == 0) then
+            is_worn = self%left > worst .and. self%left < 2.0_wp
+        else
+            ! All stages share their corrections' sizes: what is factored anyway is factored of the origin's terms.
+            is_worn = has_new_ha .or. turned > worst**2
+        end if
+        if (is_worn) then
             associate (s => self%system)
                 call s%visit(self%t0, self%q0, self%counts, stat)
                 can = stat == status_ok
@@ -151,7 +164,7 @@ contains
                 call self%newton%form(s%factor(s%here), s%model%terms%mass)
                 self%left = 2.0_wp
             end associate
-        else if (abs(ha - self%newton%ha) <= rounding*self%newton%ha) then
+        else if (.not. has_new_ha) then
             return
         end if
         call self%newton%factor(ha, stat)
@@ -194,7 +207,7 @@ contains
                 self%force(:) = terms%force - self%force
                 call here%add_reactions(s%analysis, self%lambda, self%force)
                 self%part(:) = qd - rate_q
-                call self%newton%stiffness%multiply(-ha, self%part, self%force)
+                call self%newton%terms%stiffness%multiply(-ha, self%part, self%force)
                 self%rows(:) = -terms%gamma
                 call here%multiply(s%analysis, rate_qd, self%rows)
                 call self%find_correction(qd, ha)
@@ -305,7 +318,7 @@ contains
                 call newton%turn%add_reactions(s%analysis, self%mu, self%force)
                 self%force(:) = -self%force
                 if (s%model%constant_mass()) cycle
-                call add_mass(self, 1.0_wp, newton%mass)
+                call add_mass(self, 1.0_wp, newton%terms%mass)
                 call add_mass(self, -1.0_wp, s%model%terms%mass)
             end do
         end associate
@@ -328,8 +341,8 @@ contains
         associate (s => self%system, newton => self%newton)
             call self%make_tangent(.true., s%nh, error_q)
             call self%make_tangent(.true., s%m, error_qd)
-            call s%pattern%multiply_mass(newton%mass, error_qd, self%force)
-            call newton%stiffness%multiply(-newton%ha, error_q, self%force)
+            call s%pattern%multiply_mass(newton%terms%mass, error_qd, self%force)
+            call newton%terms%stiffness%multiply(-newton%ha, error_q, self%force)
             self%rows(:) = 0.0_wp
             call newton%solve(self%force, self%rows, self%part, self%mu)
             error_qd(:) = self%part

@@ -95,8 +95,6 @@ contains
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
         else if (model%n_frictions > 0) then
             obstacle = 'friction on reactions needs the dense chart'
-        else if (implicit .and. options%stepper == 'radau5') then
-            obstacle = 'radau5 needs the dense chart'
         else if (implicit .and. .not. associated(model%evaluate_stiffness)) then
             obstacle = 'the model gives no derivatives by bodies (evaluate_stiffness), which implicit steppers need'
         else if (options%chart /= 'every_step') then

@@ -4,7 +4,7 @@
 module tandem_chart_sparse
     use tandem_chart, only: health_type
     use tandem_chart_sparse_factor, only: least_pivot
-    use tandem_chart_sparse_implicit_stage, only: sparse_implicit_type
+    use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle, largest
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_kinds, only: wp
@@ -17,7 +17,7 @@ module tandem_chart_sparse
     public :: sparse_chart_type, find_obstacle
 
     !> The chart by blocks of a factor.
-    type, extends(sparse_implicit_type) :: sparse_chart_type
+    type, extends(sparse_coupled_type) :: sparse_chart_type
     contains
         procedure :: restore_near
         procedure :: keep_tangent
@@ -355,5 +355,6 @@ contains
         call pack%item(self%position%ageing)
         call pack%item(self%velocity%ageing)
         call self%pack_newton(pack)
+        call self%pack_coupled(pack)
     end subroutine pack_state
 end module tandem_chart_sparse

@@ -1,0 +1,263 @@
+! SPDX-License-Identifier: MIT
+!> What methods whose stages are solved together ask of the sparse chart. A stage's residual has three parts,
+!>
+!>   r = qd - rate_q,   e = S + Q_A - M qdd - C' lambda,   g = -gamma - C qdd,
+!>
+!> and the method's transformation parts the systems of all stages into [H, C'; C, 0] [b; mu] = [e - ha K r; g] with
+!> H = M + ha D + ha^2 K, for the real system and with complex ha for pairs; b moves qdd, r + ha b moves rate_q, mu moves lambda.
+!> Each stage keeps multipliers of its own.
+module tandem_chart_sparse_coupled_stages
+    use tandem_chart_sparse_implicit_stage, only: initialize_implicit => initialize, sparse_implicit_type
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_options, only: options_type
+    use tandem_pack, only: pack_type
+    use tandem_status, only: status_not_finite, status_ok
+    implicit none (type, external)
+    private
+
+    public :: sparse_coupled_type
+
+    !> The chart with stages that are solved together.
+    type, abstract, extends(sparse_implicit_type) :: sparse_coupled_type
+        !> Multipliers of the stages (m, stages) and their times, and those of the step before.
+        real(wp), allocatable, private :: lambda_of(:, :), t_of(:), lambda_before(:, :), t_before(:)
+        !> How many of the stages have multipliers, and whether the step before had all.
+        integer, private :: n_known = 0
+        logical, private :: has_before = .false.
+        !> Work space: forces (n) and right sides (m) of an imaginary part.
+        real(wp), allocatable, private :: force_im(:), rows_im(:)
+    contains
+        procedure :: initialize
+        procedure :: expect_pairs
+        procedure :: find_residual
+        procedure :: solve_real
+        procedure :: solve_pair
+        procedure :: move_rates
+        procedure :: pack_coupled
+        procedure, private :: allocate_stages
+        procedure, private :: begin_stage
+    end type sparse_coupled_type
+
+contains
+
+    !> Attach the model.
+    subroutine initialize(self, model, options, implicit, error, kept)
+        class(sparse_coupled_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(options_type), intent(in) :: options
+        logical, intent(in) :: implicit
+        type(error_type), allocatable, intent(out) :: error
+        integer, intent(in), optional :: kept(:)
+
+        call initialize_implicit(self, model, options, implicit, error, kept)
+        self%n_residual = 2*model%n + model%n_constraints()
+        if (allocated(self%t_of)) deallocate (self%t_of)
+    end subroutine initialize
+
+    !> Factor the matrices of complex pairs of systems too.
+    subroutine expect_pairs(self, ratios)
+        class(sparse_coupled_type), intent(inout) :: self
+        complex(wp), intent(in), contiguous :: ratios(:)
+
+        call self%newton%expect_pairs(ratios)
+        call self%allocate_stages(2*size(ratios) + 1)
+    end subroutine expect_pairs
+
+    !> Space for a number of stages, unless it is there.
+    subroutine allocate_stages(self, stages)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stages
+
+        if (allocated(self%t_of)) then
+            if (size(self%t_of) == stages) return
+        end if
+        self%lambda_of = spread(0.0_wp*self%lambda, 2, stages)
+        self%lambda_before = self%lambda_of
+        self%t_of = spread(0.0_wp, 1, stages)
+        self%t_before = self%t_of
+        self%force_im = 0.0_wp*self%force
+        self%rows_im = 0.0_wp*self%rows
+        self%n_known = 0
+        self%has_before = .false.
+    end subroutine allocate_stages
+
+    !> The residual of a stage at the restored point.
+    subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: residual(:)
+        integer, intent(out) :: stat
+
+        self%failed_row = 0
+        associate (s => self%system, n => self%n)
+            call s%move_with(t, q, qd, self%counts, stat)
+            if (stat /= status_ok) then
+                self%failed_term = trim(s%model%failed_term)
+                return
+            end if
+            call s%load()
+            call self%begin_stage(stage, t)
+            associate (here => s%factor(s%here), terms => s%model%terms)
+                residual(:n) = qd - rate_q
+                call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
+                self%force(:) = terms%force - self%force
+                call here%add_reactions(s%analysis, self%lambda_of(:, stage), self%force)
+                residual(n + 1:2*n) = self%force
+                self%rows(:) = -terms%gamma
+                call here%multiply(s%analysis, rate_qd, self%rows)
+                residual(2*n + 1:2*n + s%m) = self%rows
+            end associate
+        end associate
+    end subroutine find_residual
+
+    !> Multipliers for a stage to start from: those of the stages of the step before, on the polynomial through their times.
+    subroutine begin_stage(self, stage, t)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: t
+        !> Larger weights would turn errors of the stages into large ones.
+        real(wp), parameter :: most_weight = 20.0_wp
+        real(wp) :: weight
+        integer :: first, i, j, stages
+
+        stages = size(self%t_of)
+        if (stage <= self%n_known .and. .not. (t < self%t_of(stage) .or. t > self%t_of(stage))) return
+        if (stage == 1) then
+            if (self%n_known == stages) then
+                self%lambda_before(:, :) = self%lambda_of
+                self%t_before(:) = self%t_of
+                self%has_before = .true.
+            end if
+            self%n_known = 0
+        end if
+        self%t_of(stage) = t
+        self%n_known = max(self%n_known, stage)
+        if (.not. self%has_before) then
+            ! Those of the point where the matrix was formed.
+            self%lambda_of(:, stage) = self%lambda
+            return
+        end if
+        do first = 1, stages
+            weight = 0.0_wp
+            do i = first, stages
+                weight = max(weight, abs(share(i)))
+            end do
+            if (weight <= most_weight) exit
+        end do
+        first = min(first, stages)
+        self%lambda_of(:, stage) = 0.0_wp
+        do j = first, stages
+            self%lambda_of(:, stage) = self%lambda_of(:, stage) + share(j)*self%lambda_before(:, j)
+        end do
+
+    contains
+
+        !> The weight of a stage of the step before in the polynomial through it and others.
+        pure real(wp) function share(i)
+            integer, intent(in) :: i
+            integer :: k
+
+            share = 1.0_wp
+            do k = first, stages
+                if (k /= i) share = share*(t - self%t_before(k))/(self%t_before(i) - self%t_before(k))
+            end do
+        end function share
+    end subroutine begin_stage
+
+    !> The correction of the real system, in place.
+    subroutine solve_real(self, x)
+        class(sparse_coupled_type), intent(inout) :: self
+        real(wp), intent(inout), contiguous :: x(:)
+
+        associate (n => self%n, m => self%system%m, newton => self%newton)
+            self%force(:) = x(n + 1:2*n)
+            self%rows(:) = x(2*n + 1:2*n + m)
+            call newton%terms%stiffness%multiply(-newton%ha, x(:n), self%force)
+            call newton%solve(self%force, self%rows, self%part, self%mu)
+            x(:n) = x(:n) + newton%ha*self%part
+            x(n + 1:2*n) = self%part
+            x(2*n + 1:2*n + m) = self%mu
+        end associate
+    end subroutine solve_real
+
+    !> The correction x + i y of one of the pairs, in place.
+    subroutine solve_pair(self, k, x, y)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: k
+        real(wp), intent(inout), contiguous :: x(:), y(:)
+        complex(wp) :: ha
+
+        associate (n => self%n, m => self%system%m, newton => self%newton)
+            ha = newton%ha*newton%pairs(k)%ratio
+            associate (a => real(ha, wp), b => aimag(ha))
+                self%force(:) = x(n + 1:2*n)
+                self%force_im(:) = y(n + 1:2*n)
+                self%part(:) = a*x(:n) - b*y(:n)
+                self%total(:) = a*y(:n) + b*x(:n)
+                call newton%terms%stiffness%multiply(-1.0_wp, self%part, self%force)
+                call newton%terms%stiffness%multiply(-1.0_wp, self%total, self%force_im)
+                self%rows(:) = x(2*n + 1:2*n + m)
+                self%rows_im(:) = y(2*n + 1:2*n + m)
+                call newton%solve_pair(k, self%force, self%force_im, self%rows, self%rows_im)
+                x(:n) = x(:n) + (a*self%force - b*self%force_im)
+                y(:n) = y(:n) + (a*self%force_im + b*self%force)
+            end associate
+            x(n + 1:2*n) = self%force
+            y(n + 1:2*n) = self%force_im
+            x(2*n + 1:2*n + m) = self%rows
+            y(2*n + 1:2*n + m) = self%rows_im
+        end associate
+    end subroutine solve_pair
+
+    !> Add a correction to a stage's rates and multipliers.
+    subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(in) :: ha
+        real(wp), intent(in), contiguous :: correction(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        integer :: j
+
+        stat = status_ok
+        change = 0.0_wp
+        associate (n => self%n, m => self%system%m)
+            do j = 1, n
+                change = max(change, abs(ha*correction(j))/max(abs(q(j)), self%scale(j)), &
+                    abs(ha*correction(n + j))/max(abs(qd(j)), self%scale(j)))
+                rate_q(j) = rate_q(j) + correction(j)
+                rate_qd(j) = rate_qd(j) + correction(n + j)
+            end do
+            self%lambda_of(:, stage) = self%lambda_of(:, stage) + correction(2*n + 1:2*n + m)
+        end associate
+        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+            stat = status_not_finite
+            call self%system%name_infinite(stat)
+            self%failed_term = trim(self%system%model%failed_term)
+        end if
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+    end subroutine move_rates
+
+    !> The stages' multipliers.
+    subroutine pack_coupled(self, pack)
+        class(sparse_coupled_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        if (.not. allocated(self%newton)) return
+        if (size(self%newton%pairs) == 0) return
+        call self%allocate_stages(2*size(self%newton%pairs) + 1)
+        call pack%item(self%lambda_of)
+        call pack%item(self%lambda_before)
+        call pack%item(self%t_of)
+        call pack%item(self%t_before)
+        call pack%item(self%n_known)
+        call pack%item(self%has_before)
+    end subroutine pack_coupled
+end module tandem_chart_sparse_coupled_stages
