@@ -120,6 +120,8 @@ class Arrows(unittest.TestCase):
         np.testing.assert_allclose(found["__proto__ force"].places, 0, atol=1e-9)
         np.testing.assert_allclose(found["coil force"].places, drawing.body("<b>$r_{$</b>").place, atol=1e-9)
         np.testing.assert_allclose(found["coil force"].vectors[[0, -1]], result.groups["forces"]["coil"]["force"].values[[0, -1]])
+        self.assertEqual((found["coil force"].on, found["coil force"].unit), ("<b>$r_{$</b>", "N"))
+        self.assertNotEqual(found["coil force"].colour, found["__proto__ force"].colour)
         found["coil force"].vectors[3] = np.nan
         self.assertNotIn("NaN", re.search(r'id="drawing">(.*?)</script>', page(drawing), re.S)[1])
 

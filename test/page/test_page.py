@@ -259,6 +259,18 @@ class Pages(Browser):
             # Forces are packed in steps of 1e-4 of the largest, and rows of the file are 1 ms apart.
             np.testing.assert_allclose(np.subtract(tip, place), scale*joint, atol=2e-4*drawing_size(tab))
         self.assertRegex(tab.text_content("#arrows-label"), r"forces up to [0-9.e+]+ N")
+        # The legend says which is which, on what, and how large it is now; the one that is pointed at is seen alone.
+        rows = tab.evaluate("[...document.querySelectorAll('#legend div')].map(row => [row.children[1].textContent, row.children[2].textContent])")
+        self.assertEqual([name for name, _ in rows], [f"{arrow.name} on {arrow.on}" for arrow in drawing.arrows])
+        for (_, value), arrow in zip(rows, drawing.arrows, strict=True):
+            size = np.linalg.norm(arrow.vectors[frame])
+            self.assertRegex(value, r"^[0-9.e+-]+ N$")
+            self.assertAlmostEqual(float(value.split()[0]), size, delta=0.01*size + 1e-3)
+        seen = "tandem.scene.children.filter(one => one.type === 'Group' && one.visible && one.children[1]?.geometry.type === 'ConeGeometry').length"
+        tab.hover("#legend div:nth-child(2)")
+        self.assertEqual(tab.evaluate(seen), 1)
+        tab.hover("#play")
+        self.assertEqual(tab.evaluate(seen), 4)
         tab.uncheck("#arrows")
         self.assertFalse(tab.evaluate("tandem.scene.children.some(one => one.type === 'Group' && one.visible && one.children[1]?.geometry.type === 'ConeGeometry')"))
         tab.check("#arrows")

@@ -16,6 +16,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "package"))
+from models import ROOT  # noqa: E402
 from test_modes import CHAIN  # noqa: E402
 
 
@@ -65,6 +66,22 @@ class Vtkhdf(unittest.TestCase):
                 wanted = (first[corners] - [x[0], y[0], 0]) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + [x[k], y[k], 0]
                 # 24 bits of numbers of about 1.
                 np.testing.assert_allclose(steps[k][1][corners], wanted, atol=1e-6)
+
+    def test_arrows(self):
+        """A line from where each force acts, as long as it is on one scale."""
+        scene = tandem.Mechanism.from_toml(ROOT / "scenes" / "slider_crank.toml")
+        scene["results.joints"] = "all"
+        drawing = viewer.drawing_of(scene.run({"time.end": 0.5}, error=False))
+        write_vtkhdf(drawing, self.folder / "arrows.vtkhdf")
+        largest = max(np.linalg.norm(arrow.vectors, axis=1).max() for arrow in drawing.arrows)
+        low, high = drawing.bounds()
+        for f, (_, places, lines, _, owner, _) in enumerate(steps_of(self.folder / "arrows.vtkhdf")):
+            self.assertEqual(owner[:4].tolist(), [-2, -3, -4, -5])
+            for arrow, (start, end) in zip(drawing.arrows, places[lines], strict=True):
+                np.testing.assert_allclose(start, arrow.places[f], atol=1e-6)
+                np.testing.assert_allclose(end - start, 0.5*(high - low).max()/largest*arrow.vectors[f], atol=1e-6)
+        with h5py.File(self.folder / "arrows.vtkhdf") as file:
+            self.assertEqual([name.decode() for name in file["arrows"]], [f"{arrow.name} on {arrow.on} [N]" for arrow in drawing.arrows])
 
     def test_springs_and_modes(self):
         """One mode after the other; lines of springs end at what they join."""

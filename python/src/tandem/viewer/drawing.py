@@ -17,6 +17,8 @@ SHAPES = ("box", "cylinder", "sphere", "rim")
 BLUE, ORANGE, GREEN, RED, SKY, PINK, YELLOW, GREY, DARK = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442", "#9AA0A6", "#3C4043")
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW)
+#: Of arrows, darker than bodies; the first is that of a single one.
+ARROWS = (RED, "#862E9C", "#1864AB", "#2B8A3E", "#7A4100", "#C2255C", "#3C4043")
 
 
 @dataclass
@@ -75,6 +77,8 @@ class Arrow:
     vectors: np.ndarray
     colour: str
     unit: str
+    #: The body that it acts on, as the legend says it.
+    on: str = ""
 
 
 @dataclass

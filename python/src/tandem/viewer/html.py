@@ -118,7 +118,8 @@ def page(drawing: Drawing) -> str:
                     for spring in drawing.springs],
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}
                    for track in drawing.tracks],
-        "arrows": [{"name": arrow.name, "colour": arrow.colour, "scale": 0.5*look["size"]/largest} for arrow in drawing.arrows],
+        "arrows": [{"name": arrow.name, "colour": arrow.colour, "unit": arrow.unit, "on": arrow.on, "scale": 0.5*look["size"]/largest}
+                   for arrow in drawing.arrows],
         "longest": f"{largest:.3g} {drawing.arrows[0].unit}" if drawing.arrows else "",
         "curves": [{"name": curve.name, "unit": curve.unit, **limits(curve.values)} for curve in drawing.curves],
         "ground": rounded(drawing.ground) if drawing.ground is not None else None,

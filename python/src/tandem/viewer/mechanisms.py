@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .drawing import BLUE, COLOURS, DARK, GREY, ORANGE, RED, Arrow, Body, Drawing, Piece, Spring, Track, bar, wheel
+from .drawing import ARROWS, BLUE, COLOURS, DARK, GREY, ORANGE, Arrow, Body, Drawing, Piece, Spring, Track, bar, wheel
 from .expressions import Numbers, evaluate, written_out
 from .motion import interpolated
 from .rotations import IDENTITY, carrying, conjugate, continuous, from_angle, from_matrix, from_vector, normalised, turned
@@ -379,10 +379,21 @@ def add_arrows(found: Mechanism, drawing: Drawing, joints: list) -> None:
     place of the joint, where the wheel touches, at the second point."""
     places = {name: (bodies, place) for name, _, bodies, place in joints}
     contacts = {track.name: track.places for track in drawing.tracks if track.is_contact}
+    # Forces are those on the second of two bodies, and on the wheel.
+    acts_on = {name: bodies[1] for name, _, bodies, _ in joints if len(bodies) == 2}
+    acts_on |= {name: keys["at"].partition(":")[0].partition(".")[0] for name, keys in found.elements["wheel"].items()
+                if isinstance(keys.get("at"), str)}
     for kind in ("force", "constraint"):
         for name, keys in found.elements[kind].items():
-            if len(keys.get("between", [])) == 2 and name not in contacts:
-                contacts[name] = found.track(keys["between"][1])
+            if len(keys.get("between", [])) == 2:
+                acts_on[name] = keys["between"][1].partition(":")[0].partition(".")[0]
+                if name not in contacts:
+                    contacts[name] = found.track(keys["between"][1])
+
+    def add(name, places, vectors, element):
+        colour = ARROWS[len(drawing.arrows) % len(ARROWS)]
+        drawing.arrows.append(Arrow(name, places, vectors, colour, "N", acts_on.get(element, "")))
+
     groups = [found.result.groups.get(kind, {}) for kind in ("joints", "wheels", "constraints", "forces")]
     for all_ in (*groups, found.result.sensors):
         for name, whats in all_.items():
@@ -393,13 +404,13 @@ def add_arrows(found: Mechanism, drawing: Drawing, joints: list) -> None:
                 sensor = found.elements["sensor"].get(name, {})
                 joint = sensor.get("reaction", sensor.get("force", name))
                 if joint in contacts:
-                    drawing.arrows.append(Arrow(f"{name} {what}", contacts[joint], vectors, RED, "N"))
+                    add(f"{name} {what}", contacts[joint], vectors, joint)
                 elif joint in places and places[joint][1] is not None:
                     bodies, place = places[joint]
                     carrier = next((body for body in reversed(bodies) if body in found.bodies), None)
                     if carrier:
                         at = found.bodies[carrier].point(found.to_body(carrier, place))
-                        drawing.arrows.append(Arrow(f"{name} {what}", at, vectors, RED, "N"))
+                        add(f"{name} {what}", at, vectors, joint)
 
 
 def place_ground(found: Mechanism, drawing: Drawing) -> None:

@@ -231,6 +231,35 @@ function makeArrow(scene, arrow, size) {
     return { group, stretch };
 }
 
+/** Which arrow is which: its colour, its element, the body that it acts on, how large it is now. The one that is pointed at is seen alone. */
+function makeLegend(arrows) {
+    const most = 14, legend = { alone: null, whenAlone: () => {}, tell: () => {} }, box = document.getElementById("legend");
+    if (!arrows.length) return legend;
+    const rows = arrows.slice(0, most).map(({ arrow, from }) => {
+        const row = document.createElement("div"), colour = document.createElement("i"), name = document.createElement("span"),
+            value = document.createElement("output");
+        colour.style.background = arrow.colour;
+        name.textContent = arrow.on ? `${arrow.name} on ${arrow.on}` : arrow.name;
+        row.append(colour, name, value);
+        row.addEventListener("pointerenter", () => { legend.alone = arrow; legend.whenAlone(); });
+        row.addEventListener("pointerleave", () => { legend.alone = null; legend.whenAlone(); });
+        box.append(row);
+        return { from, value, unit: arrow.unit };
+    });
+    if (arrows.length > most) box.append(`and ${arrows.length - most} more`);
+    box.hidden = false;
+    // The row of buttons takes as many lines as it needs.
+    const footer = document.querySelector("footer");
+    new ResizeObserver(() => { box.style.bottom = `${footer.offsetHeight + 20}px`; }).observe(footer);
+    legend.tell = (channels, frame) => {
+        for (const { from, value, unit } of rows) {
+            const size = Math.hypot(channels[from + 3][frame], channels[from + 4][frame], channels[from + 5][frame]);
+            value.textContent = `${size.toPrecision(3)} ${unit}`;
+        }
+    };
+    return legend;
+}
+
 function makeGround(scene, drawing, size, isSoft, camera) {
     const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = isSoft ? 40 : 60, reach = cell * cells;
     const plate = new THREE.Mesh(new THREE.CircleGeometry(reach, 64),
@@ -403,7 +432,7 @@ export async function show(drawing, buffer) {
     const before = new THREE.Quaternion(), after = new THREE.Quaternion();
     const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1), y = new THREE.Vector3(0, 1, 0);
 
-    const showArrows = element("arrows");
+    const showArrows = element("arrows"), legend = makeLegend(arrows);
 
     /** Put everything where it is at a frame, which may lie between two. */
     function pose(frame) {
@@ -429,11 +458,13 @@ export async function show(drawing, buffer) {
             line.quaternion.setFromUnitVectors(z, b.sub(a).normalize());
             line.scale.set(spring.radius, spring.radius, length);
         }
+        // Numbers that change sixty times a second nobody reads.
+        if (!state.playing || near % 6 === 0) legend.tell(channels, near);
         for (const { group, stretch, from, arrow } of arrows) {
             group.position.set(channels[from][near], channels[from + 1][near], channels[from + 2][near]);
             b.set(channels[from + 3][near], channels[from + 4][near], channels[from + 5][near]);
             const length = b.length() * arrow.scale;
-            group.visible = showArrows.checked && length > 1e-3 * size;
+            group.visible = showArrows.checked && length > 1e-3 * size && (!legend.alone || legend.alone === arrow);
             if (group.visible) { stretch(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
         }
     }
@@ -549,7 +580,8 @@ export async function show(drawing, buffer) {
         element("arrows-label").hidden = false;
         element("arrows-label").append(` up to ${drawing.longest}`);
     }
-    element("arrows").addEventListener("change", () => set(state.frame));
+    element("arrows").addEventListener("change", () => { element("legend").hidden = !showArrows.checked; set(state.frame); });
+    legend.whenAlone = () => set(state.frame);
     if (drawing.speed !== 1) {
         const choice = [...element("speed").options].find(option => +option.value === drawing.speed);
         if (choice) { choice.selected = true; state.speed = drawing.speed; }
