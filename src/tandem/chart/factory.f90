@@ -11,10 +11,9 @@ module tandem_chart_factory
 
     public :: is_sparse_chart, new_chart, wants_sparse
 
-    !> Sparse charts are faster from so many coordinates on. Measured, doc/sparse.md has the table.
-    !> Implicit steps on a dense chart follow what is stiff, which may spare many: there the sparse chart is for what a dense one
-    !> can hardly carry.
-    integer, parameter :: crossover = 60, crossover_implicit = 300
+    !> Sparse charts are faster from 25 to 50 coordinates on, with implicit steppers from 20. Measured, doc/sparse.md has the tables.
+    !> Dense charts follow what is stiff; from here on that was seen to spare no time.
+    integer, parameter :: crossover = 60
 
 contains
 
@@ -28,7 +27,7 @@ contains
 
         if (options%chart_kind == chart_kinds(1)) then
             wants_sparse = .false.
-            if (model%n >= merge(crossover_implicit, crossover, implicit)) then
+            if (model%n >= crossover) then
                 wants_sparse = find_obstacle(model, options, implicit) == ''
             end if
         else

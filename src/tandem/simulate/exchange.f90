@@ -13,7 +13,7 @@ contains
         real(wp) :: cost
         logical :: wants
 
-        if (.not. self%switching%is_asked(self%tally%steps) .or. self%is_sparse) return
+        if (.not. self%switching%is_asked(self%tally%steps)) return
         ! Towards a loss of rank steps become short for another reason.
         if (self%room < huge(1.0_wp)) return
         if (self%state%t <= self%loss_until .and. any(self%loss == [status_rank_deficient, status_singular_mass])) return
@@ -71,7 +71,7 @@ contains
         self%has_step = .false.
         self%renewal = 0
         n_dropped = self%chart%n_dropped
-        if (n_dropped > 0) then
+        if (n_dropped > 0 .and. .not. self%is_sparse) then
             call self%choose_rows_anew(stat)
         else
             counts = self%chart%counts
@@ -81,6 +81,9 @@ contains
             self%chart%counts = counts
             if (allocated(error)) then
                 stat = error%stat
+            else if (n_dropped > 0) then
+                call self%chart%leave_out_dependent(self%state%t, self%state%q, self%state%qd, stat)
+                if (stat == status_ok .and. self%chart%n_dropped /= n_dropped) stat = status_rank_deficient
             else
                 call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
             end if

@@ -30,24 +30,28 @@ contains
             new_unittest('many-bodies', test_many), &
             new_unittest('checkpoint', test_checkpoint), &
             new_unittest('redundant-rows', test_redundant), &
+            new_unittest('stiff-springs-cost-no-steps', test_stiff), &
+            new_unittest('auto-exchanges-and-resumes-bitwise', test_auto), &
             new_unittest('choice', test_choice), &
             new_unittest('profile', test_profile), &
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse_implicit
 
     !> Begin a run of a scene.
-    subroutine begin(name, n, options, mechanism, simulation, error)
+    subroutine begin(name, n, options, mechanism, simulation, error, ratio)
         character(len=*), intent(in) :: name
         integer, intent(in) :: n
         type(options_type), intent(in) :: options
         type(mechanism_type), intent(inout), target :: mechanism
         type(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(inout) :: error
+        !> Of sliders.
+        real(wp), intent(in), optional :: ratio
         type(failure_type), allocatable :: failure
 
         if (allocated(error)) return
         mechanism = mechanism_type()
-        call make_large(name, n, mechanism, failure)
+        call make_large(name, n, mechanism, failure, ratio)
         call check_no_failure(error, failure)
         if (.not. allocated(error)) call start(mechanism, options, simulation, error)
     end subroutine begin
@@ -324,25 +328,93 @@ contains
         end do
     end subroutine test_checkpoint
 
-    !> A door on two hinges, with a weight on a spring: five rows say what others say, and the motion is that of a door on one.
+    !> Pendulums on springs of 10, 1000 and 10 000 times their frequency: the motion is that of the dense chart with a hundredth of
+    !> the tolerance, where that can be had, and a thousandfold stiffness takes no more than twice as many steps.
+    subroutine test_stiff(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: sparse, dense
+        real(wp), parameter :: ratio(3) = [10.0_wp, 1.0e3_wp, 1.0e4_wp], rtol = 1.0e-6_wp
+        integer(long) :: steps(3)
+        type(statistics_type) :: statistics
+        integer :: k
+
+        do k = 1, 3
+            call begin('sliders', 12, controlled('radau5', rtol, 'sparse'), one, sparse, error, ratio(k))
+            call go_on(sparse, 0.5_wp, error)
+            if (allocated(error)) return
+            statistics = sparse%statistics()
+            steps(k) = statistics%steps + statistics%rejected + statistics%failed
+            call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
+                1.0e-11_wp, 'constraint errors')
+            if (k == 3) exit
+            call begin('sliders', 12, controlled('radau5', 0.01_wp*rtol, 'dense'), two, dense, error, ratio(k))
+            call go_on(dense, 0.5_wp, error)
+            if (allocated(error)) return
+            call check_close(error, sparse%state%q, dense%state%q, 10*rtol, 'q')
+        end do
+        call check_below(error, real(maxval(steps), wp), 2.0_wp*steps(1) + 20.0_wp, 'steps of the stiffest')
+    end subroutine test_stiff
+
+    !> The stepper `auto` takes radau5 where springs are stiff, and a run that is taken up across the exchange goes on bitwise.
+    subroutine test_auto(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: first, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        type(statistics_type) :: statistics
+
+        call begin('sliders', 12, controlled('auto', 1.0e-6_wp, 'sparse'), one, first, error, 1.0e3_wp)
+        call begin('sliders', 12, controlled('auto', 1.0e-6_wp, 'sparse'), two, again, error, 1.0e3_wp)
+        call go_on(first, 0.01_wp, error)
+        if (allocated(error)) return
+        call first%save_state(words, failure)
+        call check_no_failure(error, failure)
+        call again%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(first, 0.4_wp, error)
+        call go_on(again, 0.25_wp, error)
+        if (allocated(error)) return
+        call again%save_state(words, failure)
+        call first%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(first, 0.4_wp, error)
+        call go_on(again, 0.4_wp, error)
+        if (allocated(error)) return
+        statistics = first%statistics()
+        call check_true(error, statistics%newton_corrections > 0, 'auto stays explicit')
+        call check_true(error, first%is_sparse, 'auto has a dense chart')
+        call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
+            all(abs(first%state%qd - again%state%qd) <= 0.0_wp), 'it goes on otherwise')
+    end subroutine test_auto
+
+    !> A door on two hinges, with a weight on a spring: five rows say what others say, and the motion is that of a door on one. With
+    !> a stiff spring `auto` exchanges its charts, and the rows are left out again.
     subroutine test_redundant(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two
         type(simulation_type) :: double, single
-        character(len=7), parameter :: steppers(2) = ['sdirk54', 'radau5 ']
+        character(len=7), parameter :: steppers(3) = ['sdirk54', 'radau5 ', 'auto   ']
+        real(wp), parameter :: stiffness(3) = [1.0e3_wp, 1.0e3_wp, 1.0e8_wp], damping(3) = [1.0_wp, 1.0_wp, 1.0e4_wp]
+        type(statistics_type) :: statistics
         integer :: k
 
-        call draw_door(2, one)
-        call draw_door(1, two)
-        if (allocated(error)) return
-        call start(two, controlled('dop853', 1.0e-11_wp, 'dense'), single, error)
-        call go_on(single, 0.2_wp, error)
-        do k = 1, 2
+        do k = 1, 3
+            one = mechanism_type()
+            two = mechanism_type()
+            call draw_door(2, one)
+            call draw_door(1, two)
+            if (allocated(error)) return
+            call start(two, controlled(merge('radau5', 'dop853', k == 3), 1.0e-11_wp, 'dense'), single, error)
+            call go_on(single, 0.2_wp, error)
             call start(one, controlled(trim(steppers(k)), 1.0e-8_wp, 'sparse'), double, error)
             call go_on(double, 0.2_wp, error)
             if (allocated(error)) return
             call check_count(error, double%n_redundant, 5, 'rows left out')
             call check_close(error, double%state%q, single%state%q, 1.0e-6_wp, 'q')
+            statistics = double%statistics()
+            call check_true(error, statistics%newton_corrections > 0, 'auto stays explicit')
         end do
 
     contains
@@ -358,7 +430,8 @@ contains
             call check_no_failure(error, failure)
             call mechanism%add_body('weight', 1.0_wp, [0.5_wp, 1.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.1_wp])
             call check_no_failure(error, failure)
-            call mechanism%add_spring('spring', 'door', 'weight', failure, stiffness=1.0e3_wp, damping=1.0_wp)
+            call mechanism%add_spring('spring', 'door', 'weight', failure, stiffness=stiffness(k), &
+                damping=damping(k))
             call check_no_failure(error, failure)
             do i = 1, hinges
                 call mechanism%add_joint('hinge'//merge('1', '2', i == 1), 'revolute', 'ground', 'door', failure, &
@@ -376,12 +449,12 @@ contains
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
 
-        call begin('sprung_chain', 100, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call begin('sprung_chain', 20, options_type(stepper='sdirk54'), mechanism, simulation, error)
         call check_true(error, simulation%is_sparse, 'many bodies have a dense chart')
+        call begin('sprung_chain', 20, options_type(stepper='radau5'), mechanism, simulation, error)
+        call check_true(error, simulation%is_sparse, 'many bodies have a dense chart with radau5')
         call begin('sprung_chain', 3, options_type(stepper='sdirk54'), mechanism, simulation, error)
         call check_true(error, .not. simulation%is_sparse, 'few bodies have a sparse chart')
-        call begin('sprung_chain', 20, options_type(stepper='radau5'), mechanism, simulation, error)
-        call check_true(error, .not. simulation%is_sparse, 'radau5 has a sparse chart')
     end subroutine test_choice
 
     !> A run whose time is taken takes the same steps.
