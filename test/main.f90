@@ -17,6 +17,7 @@ program main
     use test_counters, only: collect_counters
     use test_dense, only: collect_dense
     use test_derivatives, only: collect_derivatives
+    use test_newton_effort, only: collect_newton_effort
     use test_newton_matrix, only: collect_newton_matrix
     use test_verification, only: collect_verification
     use test_expression, only: collect_expression
@@ -107,6 +108,7 @@ program main
         new_testsuite('mass_blocks', collect_mass_blocks), &
         new_testsuite('derivatives', collect_derivatives), &
         new_testsuite('newton_matrix', collect_newton_matrix), &
+        new_testsuite('newton_effort', collect_newton_effort), &
         new_testsuite('verification', collect_verification), &
         new_testsuite('auto', collect_auto), &
         new_testsuite('stiff', collect_stiff), &

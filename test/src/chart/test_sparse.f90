@@ -668,7 +668,6 @@ contains
         type(mechanism_type), target :: mechanism
         integer :: i
 
-        call refuse(options_type(chart_kind='sparse', stepper='radau5'), 'radau5')
         call refuse(options_type(chart_kind='sparse', chart='adaptive'), 'adaptive')
         call refuse(options_type(chart_kind='sparse', refresh='refine'), 'refine')
         call refuse(options_type(chart_kind='round'), 'chart_kind')
