@@ -11,7 +11,7 @@ module tandem_chart_factory
 
     public :: is_sparse_chart, new_chart, wants_sparse
 
-    !> Sparse charts are faster from 25 to 50 coordinates on, with implicit steppers from 20. Measured, doc/sparse.md has the tables.
+    !> Sparse charts are faster from 25 to 50 coordinates on, with implicit steppers from 20: doc/sparse.md has the tables.
     !> Dense charts follow what is stiff; from here on that was seen to spare no time.
     integer, parameter :: crossover = 60
 

@@ -112,8 +112,8 @@ contains
         if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
     end subroutine prepare
 
-    !> Make a matrix amid the stages, where the past expects the motion: from the start of the step a body that turns has moved far at
-    !> its end, and the iteration contracts the worse.
+    !> Make a matrix amid the stages, where the past expects the motion: from the start of the step a body that turns has moved far
+    !> at its end, and the iteration contracts the worse.
     subroutine renew_ahead(self, chart, history, state, h, ha)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -155,9 +155,9 @@ contains
         self%seen_steps = 0
     end subroutine renew
 
-    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made amid the stages,
-    !> then at the start of the step; if that fails, from the state there; if that fails too, with matrices made where the iteration
-    !> stood.
+    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made amid the
+    !> stages, then at the start of the step; if that fails, from the state there; if that fails too, with matrices made where the
+    !> iteration stood.
     subroutine solve(self, chart, history, state, stage, t, h, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what Newton's iteration costs where bodies turn far within a step: a matrix is right for one place, and a step whose stages
-!> are hard to solve for is not followed by another.
+!> Tests of what Newton's iteration costs where bodies turn far within a step: a matrix is right for one place, and a step whose
+!> stages are hard to solve for is not followed by another.
 module test_newton_effort
     use asserts, only: check_below
     use tandem, only: failure_type => error_type, simulation_type, statistics_type, wp

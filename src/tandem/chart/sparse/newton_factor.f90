@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The factor L U by blocks of [F, C'; C, 0], F = a M + b D + c K by bodies, and what is solved with it. The imaginary part of a complex
-!> matrix of that kind has the same pattern, without M and C.
+!> The factor L U by blocks of [F, C'; C, 0], F = a M + b D + c K by bodies, and what is solved with it. The imaginary part of a
+!> complex matrix of that kind has the same pattern, without M and C.
 module tandem_chart_sparse_newton_factor
     use tandem_chart_sparse_analysis, only: most_coordinates, most_rows
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
