@@ -63,19 +63,23 @@ contains
     subroutine split_words(text, words)
         character(len=*), intent(in) :: text
         character(len=:), allocatable, intent(out) :: words(:)
-        integer :: from, to
+        character(len=*), parameter :: blanks = ' ,'
+        integer :: from, n, sweep, to
 
-        allocate (character(len=len(text)) :: words(0))
-        from = 1
-        do
-            to = verify(text(from:), ' ,')
-            if (to == 0) return
-            from = from + to - 1
-            to = scan(text(from:), ' ,')
-            if (to == 0) to = len(text) - from + 2
-            words = [character(len=len(text)) :: words, text(from:from + to - 2)]
-            from = from + to - 1
-            if (from > len(text)) return
+        ! The first sweep counts.
+        do sweep = 1, 2
+            n = 0
+            to = 0
+            do
+                from = verify(text(to + 1:), blanks)
+                if (from == 0) exit
+                from = to + from
+                to = scan(text(from:), blanks)
+                to = merge(len(text), from + to - 2, to == 0)
+                n = n + 1
+                if (sweep == 2) words(n) = text(from:to)
+            end do
+            if (sweep == 1) allocate (character(len=len(text)) :: words(n))
         end do
     end subroutine split_words
 end module tandem_analysis_steady_words

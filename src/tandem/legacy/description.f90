@@ -470,6 +470,7 @@ contains
         type(settling_type), allocatable :: settling
         type(error_type), allocatable :: error
 
+        allocate (character(len=len(motions)) :: words(0))
         if (.not. self%is_free()) return
         call self%prepare(error)
         if (.not. allocated(error)) then

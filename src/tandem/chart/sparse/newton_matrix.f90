@@ -244,7 +244,10 @@ contains
         integer :: k, n
 
         ! A chart that is restored does not know yet which pairs its stepper wants.
-        ratios = [real(self%pairs%ratio, wp), aimag(self%pairs%ratio)]
+        n = size(self%pairs)
+        allocate (ratios(2*n))
+        ratios(:n) = real(self%pairs%ratio, wp)
+        ratios(n + 1:) = aimag(self%pairs%ratio)
         call pack%item(ratios)
         n = size(ratios)/2
         call self%expect_pairs(cmplx(ratios(:n), ratios(n + 1:), wp))
