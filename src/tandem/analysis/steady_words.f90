@@ -12,7 +12,7 @@ module tandem_analysis_steady_words
     implicit none (type, external)
     private
 
-    public :: any_motion, find_steady_from_words, split_words
+    public :: any_motion, count_words, find_steady_from_words, split_words
 
     !> In the place of names: all symmetries.
     character(len=*), parameter :: any_motion = 'any'
@@ -59,27 +59,48 @@ contains
         end if
     end subroutine find_steady_from_words
 
-    !> The words of a text, with blanks or commas between them.
-    subroutine split_words(text, words)
+    !> How many words a text has.
+    pure integer function count_words(text)
         character(len=*), intent(in) :: text
-        character(len=:), allocatable, intent(out) :: words(:)
-        character(len=*), parameter :: blanks = ' ,'
-        integer :: from, n, sweep, to
+        integer :: from, to
 
-        ! The first sweep counts.
-        do sweep = 1, 2
-            n = 0
-            to = 0
-            do
-                from = verify(text(to + 1:), blanks)
-                if (from == 0) exit
-                from = to + from
-                to = scan(text(from:), blanks)
-                to = merge(len(text), from + to - 2, to == 0)
-                n = n + 1
-                if (sweep == 2) words(n) = text(from:to)
-            end do
-            if (sweep == 1) allocate (character(len=len(text)) :: words(n))
+        count_words = 0
+        to = 0
+        do
+            call next_word(text, from, to)
+            if (from == 0) return
+            count_words = count_words + 1
+        end do
+    end function count_words
+
+    !> The words of a text, with blanks or commas between them.
+    pure subroutine split_words(text, words)
+        character(len=*), intent(in) :: text
+        !> As many as `count_words` says.
+        character(len=*), intent(out) :: words(:)
+        integer :: from, i, to
+
+        to = 0
+        do i = 1, size(words)
+            call next_word(text, from, to)
+            words(i) = text(from:to)
         end do
     end subroutine split_words
+
+    !> Where the next word of a text is.
+    pure subroutine next_word(text, from, to)
+        character(len=*), intent(in) :: text
+        !> Its first letter, 0 where there is none.
+        integer, intent(out) :: from
+        !> The last letter of the word before, 0 at first; that of this one.
+        integer, intent(inout) :: to
+        character(len=*), parameter :: blanks = ' ,'
+        integer :: length
+
+        from = verify(text(to + 1:), blanks)
+        if (from == 0) return
+        from = to + from
+        length = scan(text(from:), blanks) - 1
+        to = merge(len(text), from + length - 1, length < 0)
+    end subroutine next_word
 end module tandem_analysis_steady_words

@@ -4,7 +4,7 @@
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
     use tandem_analysis_settling, only: settling_type
-    use tandem_analysis_steady_words, only: find_steady_from_words, split_words
+    use tandem_analysis_steady_words, only: count_words, find_steady_from_words, split_words
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -466,11 +466,10 @@ contains
         real(wp), intent(inout) :: q(*), qd(*)
         !> Along which motions: words of `find_steady_from_words`, with blanks or commas between them.
         character(len=*), intent(in) :: motions
-        character(len=:), allocatable :: words(:)
+        character(len=len(motions)) :: words(count_words(motions))
         type(settling_type), allocatable :: settling
         type(error_type), allocatable :: error
 
-        allocate (character(len=len(motions)) :: words(0))
         if (.not. self%is_free()) return
         call self%prepare(error)
         if (.not. allocated(error)) then
