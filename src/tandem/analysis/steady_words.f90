@@ -12,7 +12,7 @@ module tandem_analysis_steady_words
     implicit none (type, external)
     private
 
-    public :: any_motion, count_words, find_steady_from_words, split_words
+    public :: any_motion, find_steady_from_text, find_steady_from_words
 
     !> In the place of names: all symmetries.
     character(len=*), parameter :: any_motion = 'any'
@@ -58,6 +58,19 @@ contains
             call settling%find_steady_motion(model, t, q, qd, error, names, held, held_at)
         end if
     end subroutine find_steady_from_words
+
+    !> The same for words in a text, with blanks or commas between them.
+    subroutine find_steady_from_text(settling, model, t, q, qd, text, error)
+        type(settling_type), intent(out) :: settling
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t, q(:), qd(:)
+        character(len=*), intent(in) :: text
+        type(error_type), allocatable, intent(out) :: error
+        character(len=len(text)) :: words(count_words(text))
+
+        call split_words(text, words)
+        call find_steady_from_words(settling, model, t, q, qd, words, error)
+    end subroutine find_steady_from_text
 
     !> How many words a text has.
     pure integer function count_words(text)

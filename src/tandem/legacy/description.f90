@@ -4,7 +4,7 @@
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
     use tandem_analysis_settling, only: settling_type
-    use tandem_analysis_steady_words, only: count_words, find_steady_from_words, split_words
+    use tandem_analysis_steady_words, only: find_steady_from_text
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -466,7 +466,6 @@ contains
         real(wp), intent(inout) :: q(*), qd(*)
         !> Along which motions: words of `find_steady_from_words`, with blanks or commas between them.
         character(len=*), intent(in) :: motions
-        character(len=len(motions)) :: words(count_words(motions))
         type(settling_type), allocatable :: settling
         type(error_type), allocatable :: error
 
@@ -475,8 +474,7 @@ contains
         if (.not. allocated(error)) then
             self%busy = .true.
             allocate (settling)
-            call split_words(motions, words)
-            call find_steady_from_words(settling, self%model, t, q(:self%model%n), qd(:self%model%n), words, error)
+            call find_steady_from_text(settling, self%model, t, q(:self%model%n), qd(:self%model%n), motions, error)
             self%busy = .false.
         end if
         if (.not. allocated(error)) then
