@@ -62,8 +62,9 @@ module tandem_stepper_radau5
         real(wp) :: remainder = 1.0_wp
         !> Whether the step before was not rejected, so that its error says what the next one's will be.
         logical :: is_settled = .false.
-        !> Steps beyond this have stages that are hard to solve for.
+        !> Steps beyond this have stages that are hard to solve for; whether those of the last one were.
         real(wp) :: easy = huge(1.0_wp)
+        logical :: was_hard = .false.
     contains
         procedure, nopass :: properties
         procedure :: initialize
@@ -96,7 +97,8 @@ contains
         self%standstill = 1.0e3_wp*newton_tolerance
         self%remainder = 1.0_wp
         self%is_settled = .false.
-        self%easy = huge(1.0_wp)/2
+        self%easy = huge(1.0_wp)
+        self%was_hard = .false.
         call self%newton%allocate(scale, newton_tolerance, [1.0_wp])
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
@@ -148,9 +150,8 @@ contains
                 call iterate(self, chart, h, next%t, few, stat)
             end if
         end if
-        self%easy = min(1.1_wp*self%easy, huge(1.0_wp)/2)
+        call judge_stages(self, h, stat /= status_ok)
         if (stat /= status_ok) then
-            self%easy = 0.5_wp*h
             call continue_from_short(self, chart, state, h, next%t, stat)
         end if
         do k = 1, most_matrices
@@ -183,6 +184,23 @@ contains
         end do
         call self%history%push(next%t, next%qd, next%qdd)
     end subroutine advance
+
+    !> How long a step may be after one whose stages were hard to solve for: half as long, and a tenth longer each time after that.
+    !> Where the half was no easier, as near a loss of rank, the length is not to blame.
+    pure subroutine judge_stages(self, h, is_hard)
+        class(radau5_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        logical, intent(in) :: is_hard
+
+        if (.not. is_hard) then
+            self%easy = 1.1_wp*min(self%easy, huge(1.0_wp)/2)
+        else if (self%was_hard) then
+            self%easy = huge(1.0_wp)
+        else
+            self%easy = 0.5_wp*h
+        end if
+        self%was_hard = is_hard
+    end subroutine judge_stages
 
     !> Start values of the stages from the end of shorter steps, each four times as long as the one before: a transient that rates
     !> at the start of the step would carry far away is over there. The last of them is the step itself.
@@ -494,5 +512,6 @@ contains
         call pack%item(self%remainder)
         call pack%item(self%is_settled)
         call pack%item(self%easy)
+        call pack%item(self%was_hard)
     end subroutine pack_state
 end module tandem_stepper_radau5
