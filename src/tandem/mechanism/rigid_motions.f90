@@ -22,43 +22,49 @@ contains
         !> Where the coordinates of each body are; 0 the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(affine_motion_type), allocatable, intent(out) :: motions(:)
-        integer :: i, k, n_axes
+        integer :: first, i, k, n, n_axes
 
-        allocate (motions(0))
         n_axes = merge(2, 3, planar)
+        first = merge(3, 1, planar)
+        ! Each is made in its place: what a constructor of an array takes of such objects, gfortran 12 forgets to give back.
+        allocate (motions(n_axes + (4 - first)*(1 + count(pose(1:size(bodies))%n_turn > 0))))
+        n = 0
         do k = 1, n_axes
-            motions = [motions, translation(k, pose)]
+            n = n + 1
+            call translation(k, pose, motions(n))
         end do
-        do k = merge(3, 1, planar), 3
-            motions = [motions, rotation_of_world(planar, k, pose)]
+        do k = first, 3
+            n = n + 1
+            call rotation_of_world(planar, k, pose, motions(n))
         end do
         do i = 1, size(bodies)
             if (pose(i)%n_turn == 0) cycle
-            do k = merge(3, 1, planar), 3
-                motions = [motions, spin(trim(bodies(i)%name), planar, k, pose(i))]
+            do k = first, 3
+                n = n + 1
+                call spin(trim(bodies(i)%name), planar, k, pose(i), motions(n))
             end do
         end do
     end subroutine list_rigid_motions
 
     !> All bodies along an axis of the world.
-    pure function translation(k, pose) result(motion)
+    pure subroutine translation(k, pose, motion)
         integer, intent(in) :: k
         type(pose_type), intent(in) :: pose(0:)
-        type(affine_motion_type) :: motion
+        type(affine_motion_type), intent(inout) :: motion
         integer :: i
 
         call motion%initialize('world.'//axis_name(k), .false.)
         do i = 1, ubound(pose, 1)
             call motion%add_constant(pose(i)%place + k - 1, 1.0_wp)
         end do
-    end function translation
+    end subroutine translation
 
     !> All bodies about an axis of the world through its origin.
-    pure function rotation_of_world(planar, k, pose) result(motion)
+    pure subroutine rotation_of_world(planar, k, pose, motion)
         logical, intent(in) :: planar
         integer, intent(in) :: k
         type(pose_type), intent(in) :: pose(0:)
-        type(affine_motion_type) :: motion
+        type(affine_motion_type), intent(inout) :: motion
         integer :: i, a, b
 
         if (planar) then
@@ -75,15 +81,15 @@ contains
             if (pose(i)%n_turn == 1) call motion%add_constant(pose(i)%turn, 1.0_wp)
             if (pose(i)%n_turn == 4) call add_turn(motion, pose(i)%turn, k, 1.0_wp)
         end do
-    end function rotation_of_world
+    end subroutine rotation_of_world
 
     !> A body about one of its axes through its centre of mass.
-    pure function spin(name, planar, k, pose) result(motion)
+    pure subroutine spin(name, planar, k, pose, motion)
         character(len=*), intent(in) :: name
         logical, intent(in) :: planar
         integer, intent(in) :: k
         type(pose_type), intent(in) :: pose
-        type(affine_motion_type) :: motion
+        type(affine_motion_type), intent(inout) :: motion
 
         if (planar) then
             call motion%initialize(name//'.spin', .false.)
@@ -92,7 +98,7 @@ contains
             call motion%initialize(name//'.spin_'//axis_name(k), .false.)
             call add_turn(motion, pose%turn, k, -1.0_wp)
         end if
-    end function spin
+    end subroutine spin
 
     !> pd = E(p)' omega / 2 for an axis of the world (side 1), G(p)' omega / 2 for one of the body (side -1): both are linear in p.
     pure subroutine add_turn(motion, turn, k, side)
