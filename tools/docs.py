@@ -148,8 +148,8 @@ def front_page():
     start = (ROOT / "README.md").read_text().split("\n## Steppers", 1)[0].split("\n", 1)[1]
     start = start.replace("](doc/figures/", "](media/")
     start = re.sub(r"\]\(doc/(\w+)\.md(#[^)]*)?\)", lambda m: f"](page/{m[1]}.html{m[2] or ''})", start)
-    # The examples are no pages.
-    start = re.sub(r"\[(example/[^\]]*)\]\([^)]*\)", r"`\1`", start)
+    # Examples and scenes are no pages.
+    start = re.sub(r"\[((?:example|scenes)/[^\]]*)\]\([^)]*\)", r"`\1`", start)
     start = re.sub(r"(?<!\$)\$([^$`\n]+)\$(?!\$)", r"\\(\1\\)", start)
     FRONT.write_text(f"---\n{settings}---\n{start}\n{text}")
 
