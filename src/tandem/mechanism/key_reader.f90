@@ -351,7 +351,7 @@ contains
         integer, intent(out) :: k
         type(element_type), allocatable :: longer(:)
 
-        k = self%by_name%get(joined(kind, name))
+        k = self%by_name%get(joined(trim(kind), trim(name)))
         if (k > 0) return
         k = self%n_elements + 1
         if (k > size(self%elements)) then
@@ -363,7 +363,7 @@ contains
         self%elements(k)%kind = kind
         self%elements(k)%name = name
         allocate (self%elements(k)%entries(8))
-        call self%by_name%put(joined(kind, name), k)
+        call self%by_name%put(joined(trim(kind), trim(name)), k)
     end subroutine find_element
 
     !> How many elements of a kind there are.

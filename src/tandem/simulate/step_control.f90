@@ -156,8 +156,8 @@ contains
                 self%is_at_limit = self%is_at_limit .or. wanted < 2*h
             end if
         end if
-        wanted = min(wanted, max(longest, least_factor*h))
         if (was_cut) wanted = max(wanted, self%h)
+        wanted = min(wanted, max(longest, least_factor*h))
         self%is_free = .not. was_cut .and. h < 0.9_wp*self%max_step
         self%h = self%limit(wanted)
         self%last_norm = max(norm, 1.0e-4_wp)

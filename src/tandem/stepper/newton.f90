@@ -37,7 +37,8 @@ module tandem_stepper_newton
         integer, private :: n_served = 0
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
-        logical :: is_fresh = .false., is_ahead = .false., is_worn = .true.
+        logical, private :: is_fresh = .false., is_ahead = .false.
+        logical :: is_worn = .true.
         type(prediction_type), private :: prediction
         real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
     contains
@@ -45,7 +46,7 @@ module tandem_stepper_newton
         procedure :: prepare
         procedure :: solve
         procedure :: renew
-        procedure :: renew_ahead
+        procedure :: renew_in_step
         procedure, private :: iterate
         procedure, private :: restore
         procedure :: finish
@@ -95,7 +96,7 @@ contains
         logical, intent(in) :: continues
         !> A status code.
         integer, intent(out) :: stat
-        logical :: keeps
+        logical :: is_new, keeps
 
         stat = status_ok
         self%counted = chart%counts%newton_corrections
@@ -108,9 +109,34 @@ contains
         keeps = continues .and. .not. self%is_worn
         if (keeps) call chart%reuse_stage(ha, keeps)
         if (keeps) return
-        if (continues) call self%renew_ahead(chart, history, state, h, ha)
-        if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+        if (continues) then
+            call self%renew_in_step(chart, history, state, h, ha, is_new, stat)
+        else
+            call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+        end if
     end subroutine prepare
+
+    !> Another matrix where the last one does not serve the stages: in the place of an old one a matrix amid the stages, then one at
+    !> the start of the step, then none.
+    subroutine renew_in_step(self, chart, history, state, h, ha, is_new, stat)
+        class(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(history_type), intent(in) :: history
+        !> The state at the start of the step.
+        type(state_type), intent(in) :: state
+        !> The step, and h a_ii.
+        real(wp), intent(in) :: h, ha
+        !> False where both were tried.
+        logical, intent(out) :: is_new
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        is_new = self%is_ahead .or. .not. self%is_fresh
+        if (.not. is_new) return
+        self%is_ahead = .false.
+        if (.not. self%is_fresh) call renew_ahead(self, chart, history, state, h, ha)
+        if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+    end subroutine renew_in_step
 
     !> Make a matrix amid the stages, where the past expects the motion: from the start of the step a body that turns has moved far
     !> at its end, and the iteration contracts the worse.
@@ -171,23 +197,19 @@ contains
         integer, intent(out) :: stat
         !> Matrices made for one stage before it is given up.
         integer, parameter :: most_matrices = 2
-        integer :: k
+        logical :: is_new
+        integer :: failure, k
 
         call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
         call self%iterate(chart, stage, t, ha, stat)
-        if (stat /= status_ok .and. .not. self%is_fresh) then
-            call self%renew_ahead(chart, history, state, h, ha)
-            if (self%is_ahead) then
-                call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
-                call self%iterate(chart, stage, t, ha, stat)
-            end if
-        end if
-        if (stat /= status_ok .and. (self%is_ahead .or. .not. self%is_fresh)) then
-            call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
+        do while (stat /= status_ok)
+            call self%renew_in_step(chart, history, state, h, ha, is_new, failure)
+            if (.not. is_new) exit
+            stat = failure
             if (stat /= status_ok) return
             call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
             call self%iterate(chart, stage, t, ha, stat)
-        end if
+        end do
         if (stat == status_ok) then
             call self%prediction%learn(stage, state%t, ha, self%rate_q, self%rate_qd)
             return

@@ -121,8 +121,8 @@ contains
         integer, parameter :: few = 12
         !> Matrices made in the middle of the step before it is given up.
         integer, parameter :: most_matrices = 2
-        logical :: continues
-        integer :: i, k
+        logical :: continues, is_new
+        integer :: failure, i, k
 
         self%t_start = state%t
         self%start_dq = state%dq
@@ -136,24 +136,16 @@ contains
         if (stat /= status_ok) return
         call predict(self, h)
         call iterate(self, chart, h, next%t, few, stat)
-        if (stat /= status_ok .and. .not. self%newton%is_fresh) then
-            call self%newton%renew_ahead(chart, self%history, state, h, diagonal*h)
-            if (self%newton%is_ahead) then
-                call predict(self, h)
-                call iterate(self, chart, h, next%t, few, stat)
-            end if
-        end if
-        if (stat /= status_ok .and. (self%newton%is_ahead .or. .not. self%newton%is_fresh)) then
-            call self%newton%renew(chart, state%t, state%q, state%qd, state%qdd, diagonal*h, stat)
-            if (stat == status_ok) then
-                call predict(self, h)
-                call iterate(self, chart, h, next%t, few, stat)
-            end if
-        end if
+        do while (stat /= status_ok)
+            call self%newton%renew_in_step(chart, self%history, state, h, diagonal*h, is_new, failure)
+            if (.not. is_new) exit
+            stat = failure
+            if (stat /= status_ok) exit
+            call predict(self, h)
+            call iterate(self, chart, h, next%t, few, stat)
+        end do
         call judge_stages(self, h, stat /= status_ok)
-        if (stat /= status_ok) then
-            call continue_from_short(self, chart, state, h, next%t, stat)
-        end if
+        if (stat /= status_ok) call continue_from_short(self, chart, state, h, next%t, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) exit
             ! Where the iteration stood, in the middle of the step, the motion may be nearer to what the stages need.

@@ -73,12 +73,12 @@ contains
         if (allocated(self%t_of)) then
             if (size(self%t_of) == stages) return
         end if
-        self%lambda_of = spread(0.0_wp*self%lambda, 2, stages)
-        self%lambda_before = self%lambda_of
-        self%t_of = spread(0.0_wp, 1, stages)
-        self%t_before = self%t_of
-        self%force_im = 0.0_wp*self%force
-        self%rows_im = 0.0_wp*self%rows
+        if (allocated(self%lambda_of)) deallocate (self%lambda_of, self%lambda_before, self%t_before, self%force_im, self%rows_im)
+        if (allocated(self%t_of)) deallocate (self%t_of)
+        associate (m => size(self%lambda))
+            allocate (self%lambda_of(m, stages), self%lambda_before(m, stages), self%t_of(stages), self%t_before(stages), &
+                self%force_im(size(self%force)), self%rows_im(size(self%rows)), source=0.0_wp)
+        end associate
         self%n_known = 0
         self%has_before = .false.
     end subroutine allocate_stages
