@@ -34,6 +34,8 @@ module tandem_chart
         integer :: n = 0
         !> Numbers that a stage's residual has, of stages that are solved together: at most 3 n.
         integer :: n_residual = 0
+        !> Whether complements follow what is stiff: then stages that are hard to solve for have turned too far.
+        logical :: follows_stiffness = .false.
         !> What the chart has done.
         type(counts_type) :: counts
         !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.

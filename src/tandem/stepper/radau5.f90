@@ -144,7 +144,7 @@ contains
             call predict(self, h)
             call iterate(self, chart, h, next%t, few, stat)
         end do
-        call judge_stages(self, h, stat /= status_ok)
+        if (chart%follows_stiffness) call judge_stages(self, h, stat /= status_ok)
         if (stat /= status_ok) call continue_from_short(self, chart, state, h, next%t, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) exit
@@ -178,7 +178,8 @@ contains
     end subroutine advance
 
     !> How long a step may be after one whose stages were hard to solve for: half as long, and a tenth longer each time after that.
-    !> Where the half was no easier, as near a loss of rank, the length is not to blame.
+    !> Where the half was no easier, as near a loss of rank, the length is not to blame. Where complements do not follow what is stiff,
+    !> stages become hard with the stiffness, and such steps would grow in number with it.
     pure subroutine judge_stages(self, h, is_hard)
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: h

@@ -57,8 +57,6 @@ module tandem_chart_dense
         !> stage of a step.
         type(metric_type) :: metric
         logical :: may_lean = .false., is_at_origin = .false.
-        !> Not where the paper's charts are wanted.
-        logical :: follows_stiffness = .false.
         type(derivatives_type) :: derivatives
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
