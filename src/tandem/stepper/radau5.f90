@@ -178,8 +178,8 @@ contains
     end subroutine advance
 
     !> How long a step may be after one whose stages were hard to solve for: half as long, and a tenth longer each time after that.
-    !> Where the half was no easier, as near a loss of rank, the length is not to blame. Where complements do not follow what is stiff,
-    !> stages become hard with the stiffness, and such steps would grow in number with it.
+    !> Where the half was no easier, as near a loss of rank, the length is not to blame. Where complements do not follow what
+    !> is stiff, stages become hard with the stiffness, and such steps would grow in number with it.
     pure subroutine judge_stages(self, h, is_hard)
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: h
