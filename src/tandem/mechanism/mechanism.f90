@@ -7,7 +7,7 @@
 !> level.
 !> Every body's rotation and every function of time is computed once a point; then a loop over the elements of each type.
 module tandem_mechanism
-    use tandem_error, only: error_type, set_error, to_text
+    use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
@@ -16,7 +16,6 @@ module tandem_mechanism
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
-    use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
@@ -69,6 +68,37 @@ module tandem_mechanism
     end type mechanism_type
 
     interface
+        !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
+        module subroutine find_breakpoints(self, error)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine find_breakpoints
+
+        !> Let the functions hold the smooth pieces of the current segment.
+        pure module subroutine hold_segment(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine hold_segment
+
+        !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
+        module subroutine number_coordinates(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine number_coordinates
+
+        !> Rows and their names; those at velocity level come behind all others.
+        module subroutine name_rows(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine name_rows
+
+        !> Bodies, what their rows touch, and the columns of C and M.
+        module subroutine declare_pattern(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine declare_pattern
+
         !> What the sensors give; the coordinates and rows have their numbers.
         module subroutine list_quantities(self)
             implicit none (type, external)
@@ -141,7 +171,8 @@ contains
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
         self%evaluate => evaluate
-        self%provides = need_mass + need_force
+        self%provides = need_mass
+        if (has_forces(self)) self%provides = self%provides + need_force
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
         if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
@@ -162,61 +193,6 @@ contains
         call allow_changes(self)
     end subroutine define
 
-    !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
-    subroutine find_breakpoints(self, error)
-        class(mechanism_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: places(:), kinks(:)
-        integer, allocatable :: orders(:)
-        logical, allocatable :: jumps(:)
-        real(wp) :: first
-        integer :: i, k, n
-
-        allocate (kinks(0), jumps(0))
-        do i = 1, size(self%motions)
-            associate (motion => self%motions(i))
-                call motion%f%find_kinks(self%times(1), self%times(2), places, orders, error)
-                if (allocated(error)) return
-                if (any(orders < motion%jump_order)) then
-                    call set_error(error, status_invalid_model, 'the motion of '//trim(motion%name)//' jumps at t = '// &
-                        to_text(places(findloc(orders, 0, dim=1))), 'let it be continuous: a smooth_step does what a step does')
-                    return
-                end if
-                kinks = [kinks, places]
-                jumps = [jumps, orders == motion%jump_order]
-            end associate
-        end do
-        do i = 1, size(self%laws)
-            call self%laws(i)%law%find_kinks(self%times(1), self%times(2), places, orders, error)
-            if (allocated(error)) return
-            kinks = [kinks, places]
-            jumps = [jumps, spread(.false., 1, size(places))]
-        end do
-        do i = 1, size(self%formulas)
-            call self%formulas(i)%pieces%find_kinks(self%times(1), self%times(2), places, orders, error)
-            if (allocated(error)) return
-            kinks = [kinks, places]
-            jumps = [jumps, spread(.false., 1, size(places))]
-        end do
-        if (size(kinks) == 0) return
-
-        ! In their order; those that differ by rounding alone are one.
-        allocate (self%breakpoints(size(kinks)), self%nu_jumps(size(kinks)))
-        n = 0
-        do while (any(kinks < huge(first)))
-            k = minloc(kinks, dim=1)
-            first = kinks(k)
-            n = n + 1
-            self%breakpoints(n) = first
-            associate (same => kinks - first <= 1.0e-12_wp*max(abs(first), self%times(2) - self%times(1)))
-                self%nu_jumps(n) = any(same .and. jumps)
-                where (same) kinks = huge(first)
-            end associate
-        end do
-        self%breakpoints = self%breakpoints(:n)
-        self%nu_jumps = self%nu_jumps(:n)
-    end subroutine find_breakpoints
-
     !> The functions of time, once for all that is asked at a time.
     pure subroutine evaluate_functions(self, t)
         class(mechanism_type), intent(inout) :: self
@@ -232,136 +208,13 @@ contains
         if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
-    !> Let the functions hold the smooth pieces of the current segment.
-    pure subroutine hold_segment(self)
-        class(mechanism_type), intent(inout) :: self
-        real(wp) :: ends(2), t
-        integer :: i
+    !> Whether there may be forces: of gravity, of elements, or of the inertia of what turns in space. Events add none.
+    pure logical function has_forces(self)
+        class(mechanism_type), intent(in) :: self
 
-        self%held_segment = self%segment
-        self%time_of_f = huge(t)
-        if (.not. allocated(self%breakpoints)) return
-        ends = self%times
-        if (self%segment > 1) ends(1) = self%breakpoints(self%segment - 1)
-        if (self%segment <= size(self%breakpoints)) ends(2) = self%breakpoints(self%segment)
-        t = sum(ends)/2
-        do i = 1, size(self%motions)
-            call self%motions(i)%f%hold(t)
-        end do
-        do i = 1, size(self%laws)
-            call self%laws(i)%law%hold(t)
-        end do
-        do i = 1, size(self%formulas)
-            call self%formulas(i)%pieces%hold(t)
-        end do
-    end subroutine hold_segment
-
-    !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
-    subroutine number_coordinates(self)
-        class(mechanism_type), intent(inout) :: self
-        character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
-        integer, allocatable :: blocks(:)
-        integer :: i, k, n
-
-        if (allocated(self%pose)) deallocate (self%pose)
-        allocate (self%pose(0:size(self%bodies)))
-        if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
-        ! At most seven a body, and one a coupling.
-        n = 7*size(self%bodies) + size(self%couplings)
-        allocate (self%coordinate_name(n), self%coordinate_unit(n))
-        allocate (blocks(n), source=0)
-        self%turning = [integer ::]
-        n = 0
-        do i = 1, size(self%bodies)
-            associate (pose => self%pose(i), body => self%bodies(i))
-                pose%n_place = merge(2, 3, self%planar)
-                pose%place = n + 1
-                do k = 1, pose%n_place
-                    call add_coordinate(trim(body%name)//'.'//place(k), 'm', 1)
-                end do
-                if (.not. body%turns) cycle
-                pose%turn = n + 1
-                if (self%planar) then
-                    pose%n_turn = 1
-                    call add_coordinate(trim(body%name)//'.angle', 'rad', 1)
-                else
-                    pose%n_turn = 4
-                    do k = 1, 4
-                        call add_coordinate(trim(body%name)//'.'//turn(k), '1', merge(4, 0, k == 1))
-                    end do
-                    self%turning = [self%turning, i]
-                end if
-            end associate
-        end do
-        ! The slacks of couplings that events lock and free.
-        do i = 1, size(self%couplings)
-            if (.not. self%couplings(i)%can_be_freed) cycle
-            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
-            self%couplings(i)%slack = n
-        end do
-        self%n = n
-        self%coordinate_name = self%coordinate_name(:n)
-        self%coordinate_unit = self%coordinate_unit(:n)
-        self%mass_blocks = pack(blocks, blocks > 0)
-        allocate (self%weight(n), source=0.0_wp)
-        do i = 1, size(self%bodies)
-            associate (pose => self%pose(i))
-                self%weight(pose%place:pose%place + pose%n_place - 1) = self%bodies(i)%mass*self%gravity(:pose%n_place)
-            end associate
-        end do
-
-    contains
-
-        !> One coordinate more, and the block of M that begins there, 0 for none.
-        subroutine add_coordinate(name, unit, block)
-            character(len=*), intent(in) :: name, unit
-            integer, intent(in) :: block
-
-            n = n + 1
-            self%coordinate_name(n) = name
-            self%coordinate_unit(n) = unit
-            blocks(n) = block
-        end subroutine add_coordinate
-    end subroutine number_coordinates
-
-    !> Rows and their names; those at velocity level come behind all others.
-    subroutine name_rows(self)
-        class(mechanism_type), intent(inout) :: self
-        integer :: i
-
-        self%before_norms = self%n_held
-        self%n_holonomic = self%before_norms + size(self%turning)
-        self%n_nonholonomic = size(self%rolling_name)
-        self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
-            (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
-        self%nonholonomic_name = self%rolling_name
-        self%multiplier_unit = [character(len=label_length) :: self%held_unit(:self%n_held), ('J', i=1, size(self%turning)), &
-            self%rolling_unit]
-        self%glides%row = self%glides%row + self%n_holonomic
-        self%rate_rows%row = self%rate_rows%row + self%n_holonomic
-        self%edges%row = self%edges%row + self%n_holonomic
-        self%rollers%row = self%rollers%row + self%n_holonomic
-    end subroutine name_rows
-
-    !> Bodies, what their rows touch, and the columns of C and M.
-    subroutine declare_pattern(self)
-        class(mechanism_type), intent(inout) :: self
-        integer, allocatable :: rows(:), bodies(:), owner(:)
-        integer :: i
-
-        if (allocated(self%pattern)) deallocate (self%pattern)
-        call set_columns(self, .false.)
-        ! A slack is a coordinate of no body.
-        if (any(self%couplings%can_be_freed)) return
-        call list_incidence(self, rows, bodies)
-        allocate (owner(self%n_constraints()), source=0)
-        do i = 1, size(self%turning)
-            owner(self%before_norms + i) = self%turning(i)
-        end do
-        allocate (self%pattern)
-        call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
-            [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
-    end subroutine declare_pattern
+        has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
+            size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+    end function has_forces
 
     !> Where the bodies' coordinates stand in the terms.
     pure subroutine set_columns(self, is_compressed)

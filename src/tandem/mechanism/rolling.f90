@@ -34,6 +34,8 @@ module tandem_mechanism_rolling
         !> The number of the function by which the direction turns in the body, 0 for none, and the one that it turns towards.
         integer :: steer = 0
         real(wp) :: towards(3) = 0.0_wp
+        !> The angle that it was turned by last, its cosine and its sine.
+        real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
     end type edge_type
 
     !> A disk, or where `axis` is zero a sphere, or an ellipsoid.
@@ -63,7 +65,7 @@ contains
 
     !> V = a.rd + 2 (s' x a').G(p) pd, in the plane a.rd + (s' x a')_z times the angle's rate.
     pure subroutine evaluate_edges(edges, need, pose, f, terms)
-        type(edge_type), intent(in) :: edges(:)
+        type(edge_type), intent(inout) :: edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
@@ -104,22 +106,24 @@ contains
 
     !> a' and s' x a' of an edge that is steered, with their derivatives by time.
     pure subroutine steer(edge, f, across, moment, across_t, moment_t)
-        type(edge_type), intent(in) :: edge
+        type(edge_type), intent(inout) :: edge
         real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(out) :: across(3), moment(3), across_t(3), moment_t(3)
-        real(wp) :: c, s
 
-        c = cos(f(0, edge%steer))
-        s = sin(f(0, edge%steer))
-        across = c*edge%across + s*edge%towards
-        across_t = f(1, edge%steer)*(c*edge%towards - s*edge%across)
+        if (f(0, edge%steer) < edge%angle .or. f(0, edge%steer) > edge%angle) then
+            edge%angle = f(0, edge%steer)
+            edge%cosine = cos(edge%angle)
+            edge%sine = sin(edge%angle)
+        end if
+        across = edge%cosine*edge%across + edge%sine*edge%towards
+        across_t = f(1, edge%steer)*(edge%cosine*edge%towards - edge%sine*edge%across)
         moment = cross(edge%point, across)
         moment_t = cross(edge%point, across_t)
     end subroutine steer
 
     !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_edges(edges, need, pose, f, lambda, derivatives)
-        type(edge_type), intent(in) :: edges(:)
+        type(edge_type), intent(inout) :: edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)

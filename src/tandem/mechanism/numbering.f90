@@ -1,0 +1,112 @@
+! SPDX-License-Identifier: MIT
+!> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units, and the pattern.
+submodule(tandem_mechanism) tandem_mechanism_numbering
+    use tandem_mechanism_incidence, only: list_incidence
+    implicit none (type, external)
+
+contains
+
+    !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
+    module procedure number_coordinates
+        character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
+        integer, allocatable :: blocks(:)
+        integer :: i, k, n
+
+        if (allocated(self%pose)) deallocate (self%pose)
+        allocate (self%pose(0:size(self%bodies)))
+        if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
+        ! At most seven a body, and one a coupling.
+        n = 7*size(self%bodies) + size(self%couplings)
+        allocate (self%coordinate_name(n), self%coordinate_unit(n))
+        allocate (blocks(n), source=0)
+        self%turning = [integer ::]
+        n = 0
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i), body => self%bodies(i))
+                pose%n_place = merge(2, 3, self%planar)
+                pose%place = n + 1
+                do k = 1, pose%n_place
+                    call add_coordinate(trim(body%name)//'.'//place(k), 'm', 1)
+                end do
+                if (.not. body%turns) cycle
+                pose%turn = n + 1
+                if (self%planar) then
+                    pose%n_turn = 1
+                    call add_coordinate(trim(body%name)//'.angle', 'rad', 1)
+                else
+                    pose%n_turn = 4
+                    do k = 1, 4
+                        call add_coordinate(trim(body%name)//'.'//turn(k), '1', merge(4, 0, k == 1))
+                    end do
+                    self%turning = [self%turning, i]
+                end if
+            end associate
+        end do
+        ! The slacks of couplings that events lock and free.
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            self%couplings(i)%slack = n
+        end do
+        self%n = n
+        self%coordinate_name = self%coordinate_name(:n)
+        self%coordinate_unit = self%coordinate_unit(:n)
+        self%mass_blocks = pack(blocks, blocks > 0)
+        allocate (self%weight(n), source=0.0_wp)
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i))
+                self%weight(pose%place:pose%place + pose%n_place - 1) = self%bodies(i)%mass*self%gravity(:pose%n_place)
+            end associate
+        end do
+
+    contains
+
+        !> One coordinate more, and the block of M that begins there, 0 for none.
+        subroutine add_coordinate(name, unit, block)
+            character(len=*), intent(in) :: name, unit
+            integer, intent(in) :: block
+
+            n = n + 1
+            self%coordinate_name(n) = name
+            self%coordinate_unit(n) = unit
+            blocks(n) = block
+        end subroutine add_coordinate
+    end procedure number_coordinates
+
+    !> Rows and their names; those at velocity level come behind all others.
+    module procedure name_rows
+        integer :: i
+
+        self%before_norms = self%n_held
+        self%n_holonomic = self%before_norms + size(self%turning)
+        self%n_nonholonomic = size(self%rolling_name)
+        self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
+            (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
+        self%nonholonomic_name = self%rolling_name
+        self%multiplier_unit = [character(len=label_length) :: self%held_unit(:self%n_held), ('J', i=1, size(self%turning)), &
+            self%rolling_unit]
+        self%glides%row = self%glides%row + self%n_holonomic
+        self%rate_rows%row = self%rate_rows%row + self%n_holonomic
+        self%edges%row = self%edges%row + self%n_holonomic
+        self%rollers%row = self%rollers%row + self%n_holonomic
+    end procedure name_rows
+
+    !> Bodies, what their rows touch, and the columns of C and M.
+    module procedure declare_pattern
+        integer, allocatable :: rows(:), bodies(:), owner(:)
+        integer :: i
+
+        if (allocated(self%pattern)) deallocate (self%pattern)
+        call set_columns(self, .false.)
+        ! A slack is a coordinate of no body.
+        if (any(self%couplings%can_be_freed)) return
+        call list_incidence(self, rows, bodies)
+        allocate (owner(self%n_constraints()), source=0)
+        do i = 1, size(self%turning)
+            owner(self%before_norms + i) = self%turning(i)
+        end do
+        allocate (self%pattern)
+        call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
+            [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
+    end procedure declare_pattern
+end submodule tandem_mechanism_numbering
