@@ -99,6 +99,13 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine declare_pattern
 
+        !> Where the bodies' coordinates stand in the terms.
+        pure module subroutine set_columns(self, is_compressed)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            logical, intent(in) :: is_compressed
+        end subroutine set_columns
+
         !> What the sensors give; the coordinates and rows have their numbers.
         module subroutine list_quantities(self)
             implicit none (type, external)
@@ -215,32 +222,6 @@ contains
         has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
             size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
-
-    !> Where the bodies' coordinates stand in the terms.
-    pure subroutine set_columns(self, is_compressed)
-        class(mechanism_type), intent(inout) :: self
-        logical, intent(in) :: is_compressed
-        integer :: i
-
-        self%is_compressed = is_compressed
-        do i = 1, size(self%bodies)
-            associate (pose => self%pose(i))
-                pose%place_column = pose%place
-                pose%turn_column = pose%turn
-                pose%place_mass = pose%place
-                pose%turn_mass = pose%turn
-                pose%mass_step = 1
-                if (.not. is_compressed) cycle
-                pose%place_column = self%pattern%column(pose%place)
-                ! M is diagonal there.
-                pose%place_mass = 1
-                pose%mass_step = 0
-                if (pose%turn == 0) cycle
-                pose%turn_column = self%pattern%column(pose%turn)
-                pose%turn_mass = self%pattern%mass_column(pose%turn)
-            end associate
-        end do
-    end subroutine set_columns
 
     !> Before rows are set: of compressed ones every entry is set again, but for rows that are sums.
     pure subroutine clear_jacobian(self, terms)

@@ -109,4 +109,28 @@ contains
         call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
     end procedure declare_pattern
+
+    !> Where the bodies' coordinates stand in the terms.
+    module procedure set_columns
+        integer :: i
+
+        self%is_compressed = is_compressed
+        do i = 1, size(self%bodies)
+            associate (pose => self%pose(i))
+                pose%place_column = pose%place
+                pose%turn_column = pose%turn
+                pose%place_mass = pose%place
+                pose%turn_mass = pose%turn
+                pose%mass_step = 1
+                if (.not. is_compressed) cycle
+                pose%place_column = self%pattern%column(pose%place)
+                ! M is diagonal there.
+                pose%place_mass = 1
+                pose%mass_step = 0
+                if (pose%turn == 0) cycle
+                pose%turn_column = self%pattern%column(pose%turn)
+                pose%turn_mass = self%pattern%mass_column(pose%turn)
+            end associate
+        end do
+    end procedure set_columns
 end submodule tandem_mechanism_numbering
