@@ -226,22 +226,31 @@ contains
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive
-        real(wp) :: f
+        !> W A of these columns, transposed, so that the innermost loops run along columns.
+        real(wp) :: weighted(k, m), f
         integer :: i, j, l
 
         weakest = 0
         smallest = huge(1.0_wp)
         is_positive = .true.
         if (k == 0) return
+        do l = 1, m
+            do i = 1, k
+                weighted(i, l) = weight(l)*a(l, columns(i))
+            end do
+        end do
         do j = 1, k
             do i = 1, k
-                f = 0.0_wp
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 2
-                do l = 1, m
-                    f = f + weight(l)*a(l, columns(i))*b(l, columns(j))
+                product(i, j) = 0.0_wp
+            end do
+            do l = 1, m
+                f = b(l, columns(j))
+                do i = 1, k
+                    product(i, j) = product(i, j) + weighted(i, l)*f
                 end do
-                product(i, j) = scale(columns(i))*scale(columns(j))*f
+            end do
+            do i = 1, k
+                product(i, j) = scale(columns(i))*scale(columns(j))*product(i, j)
             end do
         end do
         do l = 1, k
