@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> A model at rest at one point, as the analysis of large mechanisms looks at it: M, K = (C' lambda - S - Q_A)_q and
-!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number.
+!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number. Where it goes on
+!> steadily it rests in coordinates that go along (`comoving.f90`): M (L X q + 2 L qd) counts among the forces then, and rows at
+!> velocity level depend on coordinates.
 !>
 !> K and D are central differences of eighth order along groups of coordinates whose bodies have no neighbour in common, so that
 !> their number does not grow with that of the bodies. A comparison along a random direction says whether all of their entries are
@@ -8,6 +10,7 @@
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_analysis_sparse_point
+    use tandem_analysis_comoving, only: comoving_type
     use tandem_analysis_neighbours, only: find_groups, find_neighbours, most_groups
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     use tandem_error, only: error_type, set_error
@@ -29,8 +32,12 @@ module tandem_analysis_sparse_point
         !> Numbers of coordinates, rows of Phi and rows of C.
         integer :: n = 0, nh = 0, m = 0
         real(wp) :: t = 0.0_wp
-        !> The point, coordinate scales, velocities of zero (n); multipliers (m).
+        !> The point, coordinate scales, the velocities there, X q (n); multipliers (m).
         real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
+        !> What the coordinates go along with.
+        type(comoving_type) :: frame
+        !> (C X q - nu)_q of rows at velocity level, where it moves, compressed as C.
+        real(wp), allocatable :: turning(:, :)
         !> Rows that depend on others (m): they take no part, and their multipliers are zero.
         logical, allocatable :: is_out(:)
         !> Columns of K, D and M: column j has the entries start(j) to start(j + 1) - 1, in the rows of its body and of its
@@ -194,16 +201,19 @@ contains
         end subroutine list_rows
     end subroutine set_structure
 
-    !> All terms at rest at a point, with M in columns.
-    subroutine look(self, t, q, stat)
+    !> All terms at rest at a point, or with other velocities, with M in columns.
+    subroutine look(self, t, q, stat, qd)
         class(sparse_point_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         !> A status code.
         integer, intent(out) :: stat
+        real(wp), intent(in), optional :: qd(:)
         integer :: i, j, k, column
 
         self%t = t
         self%q = q
+        self%rest = self%frame%velocity(q)
+        if (present(qd)) self%rest = qd
         call self%evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, self%q, &
             self%rest, self%counts, stat)
         if (stat /= status_ok) return
@@ -231,9 +241,14 @@ contains
     subroutine balance(self)
         class(sparse_point_type), intent(inout) :: self
 
-        call add_forces(self, self%lambda, self%residual)
+        real(wp) :: inertia(self%n)
+
+        call add_forces(self, self%lambda, self%frame%turned(self%rest), self%residual)
         self%sizes = abs(self%evaluator%terms%force)
         call add_reactions(self, self%lambda, self%sizes, of_moduli=.true.)
+        if (.not. self%frame%moves) return
+        call self%pattern%multiply_mass(self%evaluator%terms%mass, self%frame%turned(self%rest), inertia)
+        self%sizes = self%sizes + abs(inertia)
     end subroutine balance
 
     !> What is left of the forces over the size of their terms: an error of the coordinates of that part of their size would leave
@@ -257,13 +272,15 @@ contains
         violation = maxval([0.0_wp, abs(self%evaluator%terms%phi)/max(scales, tiny(1.0_wp))])
     end function violation
 
-    !> The same of what the evaluator holds.
-    subroutine add_forces(self, lambda, residual)
+    !> The same of what the evaluator holds, at an acceleration (n).
+    subroutine add_forces(self, lambda, acceleration, residual)
         class(sparse_point_type), intent(in) :: self
-        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(in) :: lambda(:), acceleration(:)
         real(wp), intent(out) :: residual(:)
 
-        residual = -self%evaluator%terms%force
+        residual = 0.0_wp
+        if (self%frame%moves) call self%pattern%multiply_mass(self%evaluator%terms%mass, acceleration, residual)
+        residual = residual - self%evaluator%terms%force
         call add_reactions(self, lambda, residual, of_moduli=.false.)
     end subroutine add_forces
 
@@ -338,6 +355,7 @@ contains
 
         self%stiffness = 0.0_wp
         self%damping = 0.0_wp
+        if (self%frame%moves .and. .not. allocated(self%turning)) allocate (self%turning(self%m, self%pattern%width), source=0.0_wp)
         stat = status_ok
         associate (first => self%pattern%first)
             do g = 1, self%n_groups
@@ -349,7 +367,7 @@ contains
             end do
         end associate
         ! The terms of the point itself again.
-        call self%evaluator%evaluate(need_jacobian + need_force, self%t, self%q, self%rest, self%counts, stat)
+        call self%evaluator%evaluate(need_jacobian + need_force + need_mass, self%t, self%q, self%rest, self%counts, stat)
     end subroutine differentiate
 
     !> The columns of coordinate l of the bodies of a group.
@@ -360,15 +378,26 @@ contains
         real(wp), intent(inout) :: columns(:)
         integer, intent(out) :: stat
         real(wp), dimension(self%n) :: direction, change
-        integer :: b, j, k
+        real(wp) :: change_of_rows(self%m)
+        integer :: b, i, j, k
 
         direction = 0.0_wp
         do b = 1, size(self%group)
             j = self%pattern%first(b) + l - 1
             if (self%group(b) == g .and. j < self%pattern%first(b + 1)) direction(j) = self%scale(j)
         end do
-        call difference_along(self, direction, step, by_qd, change, stat)
+        call difference_along(self, direction, step, by_qd, change, change_of_rows, stat)
         if (stat /= status_ok) return
+        if (self%frame%moves .and. .not. by_qd) then
+            ! Of the bodies of a row one is in the group.
+            do i = self%nh + 1, self%m
+                do k = self%pattern%row_start(i), self%pattern%row_start(i + 1) - 1
+                    do j = self%pattern%first(self%pattern%row_body(k)), self%pattern%first(self%pattern%row_body(k) + 1) - 1
+                        if (direction(j) > 0.0_wp) self%turning(i, self%pattern%column(j)) = change_of_rows(i)/self%scale(j)
+                    end do
+                end do
+            end do
+        end if
         do j = 1, self%n
             if (.not. direction(j) > 0.0_wp) cycle
             do k = self%start(j), self%start(j + 1) - 1
@@ -377,31 +406,43 @@ contains
         end do
     end subroutine difference
 
-    !> The derivative of C' lambda - S - Q_A along a direction.
-    subroutine difference_along(self, direction, h, by_qd, change, stat)
+    !> The derivative of C' lambda - S - Q_A, and by q that of C X q, along a direction; where it moves with M (L X q + 2 L qd).
+    subroutine difference_along(self, direction, h, by_qd, change, change_of_rows, stat)
         class(sparse_point_type), intent(inout) :: self
         real(wp), intent(in) :: direction(:), h
         logical, intent(in) :: by_qd
-        real(wp), intent(out) :: change(:)
+        real(wp), intent(out) :: change(:), change_of_rows(:)
         integer, intent(out) :: stat
-        real(wp), dimension(self%n) :: moved, residual
-        integer :: i
+        real(wp), dimension(self%n) :: q, qd, more, residual
+        real(wp) :: rows(self%m)
+        integer :: i, need
 
         change = 0.0_wp
+        change_of_rows = 0.0_wp
+        need = need_force + merge(0, need_jacobian, by_qd) + merge(need_mass, 0, self%frame%moves)
         do i = 1, size(place)
-            moved = place(i)*h*direction
-            if (by_qd) then
-                call self%evaluator%evaluate(need_force, self%t, self%q, moved, self%counts, stat)
-                if (stat == status_ok) residual = -self%evaluator%terms%force
-            else
-                moved = self%q + moved
-                call self%evaluator%evaluate(need_jacobian + need_force, self%t, moved, self%rest, self%counts, stat)
-                if (stat == status_ok) call add_forces(self, self%lambda, residual)
-            end if
+            q = self%q
+            more = 0.0_wp
+            if (by_qd) more = place(i)*h*direction
+            if (.not. by_qd) q = q + place(i)*h*direction
+            qd = self%frame%velocity(q) + more
+            call self%evaluator%evaluate(need, self%t, q, qd, self%counts, stat)
             if (stat /= status_ok) return
+            if (by_qd) then
+                residual = 0.0_wp
+                if (self%frame%moves) call self%pattern%multiply_mass(self%evaluator%terms%mass, 2*self%frame%turned(more), &
+                    residual)
+                residual = residual - self%evaluator%terms%force
+            else
+                call add_forces(self, self%lambda, self%frame%turned(qd), residual)
+                if (self%frame%moves) then
+                    call self%pattern%multiply(self%evaluator%terms%jacobian, qd, .false., rows)
+                    change_of_rows = change_of_rows + weight(i)/h*rows
+                end if
+            end if
             change = change + weight(i)/h*residual
         end do
-        if (.not. sum(abs(change)) <= huge(1.0_wp)) stat = status_not_finite
+        if (.not. sum(abs(change)) + sum(abs(change_of_rows)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine difference_along
 
     !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that the
@@ -412,11 +453,12 @@ contains
         !> The part of the sizes of the terms that differences of either step may leave.
         real(wp), parameter :: bound = 1.0e-6_wp
         real(wp), dimension(self%n) :: direction, change, product, sizes, q
+        real(wp), dimension(self%m) :: rows, known, all_rows
         integer :: seed, stat
 
         seed = 1234567
         direction = self%scale*random_vector(seed, self%n)
-        call difference_along(self, direction, step/8, .false., change, stat)
+        call difference_along(self, direction, step/8, .false., change, rows, stat)
         if (stat == status_ok) then
             call multiply_columns(self, self%stiffness, direction, product, sizes)
             sizes = sizes + self%sizes
@@ -425,7 +467,17 @@ contains
                     'not name as neighbours, or change within a step of differences')
                 return
             end if
-            call difference_along(self, direction, step/8, .true., change, stat)
+            if (self%frame%moves) then
+                call self%pattern%multiply(self%turning, direction, .false., known)
+                call self%pattern%multiply(self%turning, direction, .true., all_rows)
+                rows(:self%nh) = 0.0_wp
+                if (any(abs(rows - known) > bound*max(all_rows, 1.0e-6_wp*maxval([0.0_wp, all_rows])))) then
+                    call refuse('rows at velocity level of the model "'//self%model%name//'" depend on coordinates of bodies '// &
+                        'that they do not touch')
+                    return
+                end if
+            end if
+            call difference_along(self, direction, step/8, .true., change, rows, stat)
         end if
         if (stat == status_ok) then
             call multiply_columns(self, self%damping, direction, product, sizes)
@@ -443,8 +495,8 @@ contains
                 return
             end if
         end if
-        if (stat == status_ok) call self%evaluator%evaluate(need_jacobian + need_nu + need_force, self%t, self%q, self%rest, &
-            self%counts, stat)
+        if (stat == status_ok) call self%evaluator%evaluate(need_jacobian + need_nu + need_force + need_mass, self%t, self%q, &
+            self%rest, self%counts, stat)
         if (stat /= status_ok) call set_error(error, stat, 'the model "'//self%model%name// &
             '" cannot be evaluated around the point')
 
@@ -490,7 +542,8 @@ contains
         end do
     end subroutine multiply
 
-    !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths.
+    !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths; below, rows at velocity
+    !> level are C + ck/cd (C X q)_q where it moves and cd is not zero.
     subroutine assemble(self, c, a, order, unit)
         class(sparse_point_type), intent(in) :: self
         complex(wp), intent(in) :: c(3)
@@ -535,9 +588,10 @@ contains
                     do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
                         do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
                             value = jacobian(i, pattern%column(j))/length
-                            if (.not. abs(value) > 0.0_wp) cycle
-                            call put(number(self%n + i), j, value)
-                            call put(j, number(self%n + i), value)
+                            if (abs(value) > 0.0_wp) call put(j, number(self%n + i), value)
+                            if (i > self%nh .and. self%frame%moves .and. abs(c(2)) > 0.0_wp) value = value + &
+                                c(3)/c(2)*self%turning(i, pattern%column(j))/length
+                            if (abs(value) > 0.0_wp) call put(number(self%n + i), j, value)
                         end do
                     end do
                 end do
