@@ -69,6 +69,14 @@ contains
         do i = 1, 2
             call fit_world(motions, q, qd, of_world, rest, rest_qdd, rates)
         end do
+        rest = qd
+        do k = 1, size(motions)
+            if (.not. is_of_world(motions(k))) cycle
+            x = 0.0_wp
+            call motions(k)%add_field(q, rates(k), x)
+            if (maxval(abs(x)) <= rounding*maxval(abs(qd))) rates(k) = 0.0_wp
+            if (abs(rates(k)) > 0.0_wp) rest = rest - x
+        end do
         do k = 1, size(motions)
             if (is_of_world(motions(k))) cycle
             ! About axes of one body: fields that are perpendicular to each other.

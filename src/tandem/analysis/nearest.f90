@@ -108,6 +108,7 @@ contains
         if (.not. allocated(error) .and. present(qd)) call find_frame(inverse%point, t, q, qd, error)
         if (allocated(error)) return
         self%frame = inverse%point%frame
+        if (.not. allocated(self%frame%rates)) allocate (self%frame%names(0), self%frame%rates(0))
         call rest_at(inverse%point, t, q, self%residual, error)
         if (.not. allocated(error)) call inverse%point%check_structure(error)
         if (allocated(error)) return
