@@ -34,6 +34,7 @@ program main
     use test_late_faults, only: collect_late_faults
     use test_linearisation, only: collect_linearisation
     use test_nearest, only: collect_nearest
+    use test_nearest_steady, only: collect_nearest_steady
     use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -163,6 +164,7 @@ program main
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('nearest', collect_nearest), &
+        new_testsuite('nearest_steady', collect_nearest_steady), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &
