@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism from breakpoint to breakpoint: where its functions of time and its laws have kinks, and the smooth pieces of them that
-!> hold between two.
+!> A mechanism from breakpoint to breakpoint: where its functions of time and its laws have kinks, and the smooth pieces of them
+!> that hold between two.
 submodule(tandem_mechanism) tandem_mechanism_segments
     use tandem_error, only: to_text
     implicit none (type, external)
