@@ -83,6 +83,7 @@ module tandem_analysis_sparse_point
     interface
         !> K and D for the multipliers that the point has.
         module subroutine differentiate(self, with_damping, stat)
+            implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
             logical, intent(in) :: with_damping
             !> A status code.
@@ -92,6 +93,7 @@ module tandem_analysis_sparse_point
         !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that
         !> the model does not tell of, or laws that change within a step of differences, are noticed.
         module subroutine check_structure(self, error)
+            implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine check_structure
