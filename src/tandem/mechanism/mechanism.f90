@@ -160,7 +160,10 @@ contains
         integer :: n_bodies
 
         n_bodies = 0
-        if (allocated(self%bodies)) n_bodies = size(self%bodies)
+        if (allocated(self%bodies)) then
+            call self%fit()
+            n_bodies = size(self%bodies)
+        end if
         if (n_bodies == 0) then
             call set_error(error, status_invalid_model, 'the mechanism has no body', 'add one')
             return
