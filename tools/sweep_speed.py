@@ -27,7 +27,7 @@ ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def sweep(folder, threads, jobs):
-    """The cases a second."""
+    """Its time."""
     begin = time.monotonic()
     subprocess.run(["taskset", "-c", threads, str(TANDEM), "sweep", "disks.toml", "--jobs", str(jobs), "--quiet", "--force"],
                    cwd=folder, env=ENVIRONMENT, check=True, stdout=subprocess.DEVNULL)
@@ -35,7 +35,7 @@ def sweep(folder, threads, jobs):
 
 
 def loops(folder, threads):
-    """The time of the slowest of some copies, one on each thread, and how many cases of each had the height of the table."""
+    """The time of the slowest of some copies, one on each thread, all of which find the heights of the table."""
     copies = [subprocess.Popen(["taskset", "-c", thread, str(LOOP), "disks.csv"], cwd=folder, env=ENVIRONMENT, text=True,
                                stdout=subprocess.PIPE) for thread in threads]
     told = [re.search(r"(\d+) disks in ([\d.]+) s, .* a second, (\d+) with", copy.communicate()[0]) for copy in copies]
