@@ -131,6 +131,7 @@ contains
         if (.not. continues) then
             self%is_settled = .false.
             self%wanted = self%least
+            call self%choice%forget()
         end if
         if (self%wanted /= self%tableau%stages) call change_stages(self)
         associate (m => self%tableau, s => self%tableau%stages)
@@ -150,6 +151,7 @@ contains
             if (stat /= status_ok) then
                 call self%history%clear()
                 self%is_settled = .false.
+                if (s > self%least) call self%choice%note_failure()
                 self%wanted = max(self%least, s - 2)
                 return
             end if
@@ -164,11 +166,11 @@ contains
     subroutine change_stages(self)
         class(radau_type), intent(inout) :: self
 
+        call self%choice%restart(self%wanted > self%tableau%stages)
         self%tableau = tableau_of(self%wanted)
         self%remainder = 1.0_wp
         ! What its corrections have cost so far is no measure for another number of stages.
         self%newton%is_worn = .true.
-        call self%choice%restart()
     end subroutine change_stages
 
     !> Solve for all stages.
@@ -401,7 +403,9 @@ contains
         real(wp) :: fewer, more
 
         associate (s => self%tableau%stages)
-            if (.not. self%choice%is_due(s, norm)) return
+            call self%choice%note_step(h, real(chart%counts%newton_corrections, wp) + &
+                chart%matrix_cost()*real(chart%counts%newton_matrices, wp))
+            if (.not. self%choice%is_due(norm)) return
             fewer = huge(1.0_wp)
             more = huge(1.0_wp)
             if (s > self%least) fewer = error_with(s - 2)

@@ -22,6 +22,11 @@ module test_radau
 
     integer, parameter :: stages(3) = [3, 5, 7]
 
+    !> What was saved of a run.
+    type :: row_type
+        integer(long), allocatable :: words(:)
+    end type row_type
+
 contains
 
     !> The suite.
@@ -136,7 +141,7 @@ contains
             state%dqd = 0.0_wp
             next%t = real(k, wp)*h
             if (stat == 0) call stepper%advance(chart, state, next%t - state%t, next, stat)
-            call check_true(error, stat == 0, 'the step')
+            call check_count(error, stat, 0, 'status of the step')
             if (allocated(error)) return
             call state%copy(next)
         end do
@@ -379,9 +384,9 @@ contains
         type(simulation_type) :: first, second
         type(failure_type), allocatable :: failure
         integer(long), allocatable :: expected(:), words(:)
-        !> What is saved after each step, and how many stages that had.
-        integer(long), allocatable :: saved(:, :)
         integer, parameter :: n = 80
+        !> What is saved after each step, and how many stages that had.
+        type(row_type) :: saved(n)
         integer :: stages_of(n), i, k
 
         call begin(one, first)
@@ -394,20 +399,19 @@ contains
             if (.not. allocated(failure)) call first%save_state(words, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            if (k == 1) allocate (saved(size(words), n), source=0_long)
-            call check_count(error, size(words), size(saved, 1), 'words')
-            if (allocated(error)) return
-            saved(:, k) = words
+            saved(k)%words = words
         end do
         call check_true(error, all([(any(stages_of == stages(i)), i=1, 3)]), 'steps of all numbers of stages')
-        expected = saved(:, n)
+        expected = saved(n)%words
         do k = 1, n - 1
-            call second%restore_state(saved(:, k), failure)
+            call second%restore_state(saved(k)%words, failure)
             do i = k + 1, n
                 if (.not. allocated(failure)) call second%step(100.0_wp, failure)
             end do
             if (.not. allocated(failure)) call second%save_state(words, failure)
             call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_count(error, size(words), size(expected), 'words')
             if (allocated(error)) return
             call check_true(error, all(words == expected), 'taken up after step '//to_text(k)//' with '// &
                 to_text(stages_of(k))//' stages, it goes on otherwise')
