@@ -421,9 +421,9 @@ contains
         call again%save_state(words, failure)
         call check_no_failure(error, failure)
         call go_on(again, t_end, error)
-        if (.not. allocated(error)) call again%restore_state(words, failure)
+        call first%restore_state(words, failure)
         call check_no_failure(error, failure)
-        call go_on(again, t_end, error)
+        call go_on(first, t_end, error)
         if (allocated(error)) return
         statistics = first%statistics()
         of_five = five%statistics()
