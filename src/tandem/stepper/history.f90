@@ -10,7 +10,8 @@ module tandem_stepper_history
 
     public :: history_type
 
-    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less): where nothing else is said, and at most.
+    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less): where nothing else is
+    !> said, and at most.
     integer, parameter :: capacity = 10, usual_nodes = 5, most_nodes = 9
 
     type :: history_type

@@ -45,7 +45,8 @@ module tandem_stepper_radau_choice
     integer, parameter :: patience = 10, most_doublings = 4, haste = 3, pause = 3
     !> Steps with more stages after which they are judged, and how many of the first ones do not count, which are too short.
     integer, parameter :: trial = 7, growing = 3
-    !> What a step leaves of the memory of the contraction and of the costs, what a choice leaves of the excess over promises, and the most of that.
+    !> What a step leaves of the memory of the contraction and of the costs,
+    !> what a choice leaves of the excess over promises, and the most of that.
     real(wp), parameter :: remembered = 0.7_wp, fading = 0.8_wp, forgiving = 0.99_wp, most_excess = 4.0_wp
     !> The part of the work at which another number of stages is worth the change: more, and fewer.
     real(wp), parameter :: worth_more = 0.7_wp, worth_fewer = 0.9_wp

@@ -417,7 +417,8 @@ contains
         call check_below(error, worst, 100*rtol, 'error between steps')
     end subroutine test_between
 
-    !> Taken up after each of its steps, among them those of all numbers of stages and those before a change, a run goes on as it did.
+    !> Taken up after each of its steps, among them those of all numbers of stages and those before a change, a run goes on as it
+    !> did.
     subroutine test_checkpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: one, two
