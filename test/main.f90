@@ -57,6 +57,7 @@ program main
     use test_order, only: collect_order
     use test_profile, only: collect_profile
     use test_projection, only: collect_projection
+    use test_radau, only: collect_radau
     use test_rank, only: collect_rank
     use test_rank_models, only: collect_rank_models
     use test_reference, only: collect_reference
@@ -133,6 +134,7 @@ program main
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &
         new_testsuite('order', collect_order), &
+        new_testsuite('radau', collect_radau), &
         new_testsuite('projection', collect_projection), &
         new_testsuite('consistency', collect_consistency), &
         new_testsuite('constraints', collect_constraints), &
