@@ -382,8 +382,6 @@ contains
             total(i) = 0.0_wp
         end do
         ! Sums and maxima of their own for each place of a register: none waits for the one before it.
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
         do b = 0, n - lane, lane
             !GCC$ UNROLL 1
             do i = 1, lane
