@@ -443,7 +443,7 @@ contains
             saved(k)%words = words
         end do
         call check_true(error, all([(any(stages_of == stages(i)), i=1, 3)]), 'steps of all numbers of stages')
-        expected = saved(n)%words
+        allocate (expected, source=saved(n)%words)
         do k = 1, n - 1
             call second%restore_state(saved(k)%words, failure)
             do i = k + 1, n
@@ -534,6 +534,7 @@ contains
         type(profile_type), target :: profile
         type(profiled_chart_type) :: chart
         type(failure_type), allocatable :: failure
+        type(options_type) :: options
         type(statistics_type) :: statistics
         integer(long), allocatable :: expected(:), found(:)
         real(wp), allocatable :: q(:), qd(:)
@@ -545,10 +546,9 @@ contains
         call profile%begin()
         two%timer => profile
         chart%profile => profile
-        associate (options => options_type(stepper='radau', rtol=1.0e-10_wp))
-            call plain%initialize(one, options, 0.0_wp, q, qd, failure)
-            if (.not. allocated(failure)) call profiled%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
-        end associate
+        options = options_type(stepper='radau', rtol=1.0e-10_wp)
+        call plain%initialize(one, options, 0.0_wp, q, qd, failure)
+        if (.not. allocated(failure)) call profiled%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
         do k = 1, 35
             if (.not. allocated(failure)) call plain%step(100.0_wp, failure)
             if (.not. allocated(failure)) call profiled%step(100.0_wp, failure)
