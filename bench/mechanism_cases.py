@@ -78,6 +78,7 @@ CASES = {
     "turntable": Case(10.0, lambda at: at.point("ball")[:2], turntable(10.0)),
     "bicycle": Case(2.0, lambda at: [*at.point("frame"), *at.point("front")], None, ("parameters.push=0", "parameters.lean=0.5")),
     "mechanism_disk": Case(5.0, lambda at: at.point("disk")),
+    "trailers": Case(10.0, lambda at: [*at.point("car0")[:2], *at.point("car3")[:2]]),
 }
 
 

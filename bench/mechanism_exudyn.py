@@ -8,17 +8,20 @@ import time
 import exudyn
 import numpy as np
 from exudyn.itemInterface import (
+    CoordinateConstraint,
     DistanceConstraint,
     Force,
     MarkerBodyMass,
     MarkerBodyPosition,
     MarkerBodyRigid,
+    MarkerNodeCoordinate,
     MassPoint2D,
     NodeGenericODE2,
     NodePoint2D,
     NodeRigidBody2D,
     ObjectConnectorSpringDamper,
     ObjectGround,
+    ObjectJointRollingDisc,
     ObjectKinematicTree,
     ObjectRigidBody2D,
     PrismaticJoint2D,
@@ -155,6 +158,34 @@ def make_slider_crank(start):
     return system
 
 
+def make_trailers(start):
+    """An axle that does not slip sideways is the lateral row of a rolling disk. The steered one is on a body without mass, whose angle against
+    the tractor is a function of time: in Exudyn one in Python, which it calls a few times a step."""
+    scene, system = scene_of("trailers"), System(start)
+    l, n = scene["parameters"]["l"], scene["parameters"]["n"]
+
+    def axle(name, x):
+        markers = [system.marker("ground", rigid=True), system.marker(name, (x, 0.0, 0.0), True)]
+        system.mbs.AddObject(ObjectJointRollingDisc(markerNumbers=markers, constrainedAxes=[1, 0, 0], discRadius=0.3, discAxis=[0, 1, 0]))
+
+    for k in range(n + 1):
+        system.add_flat(f"car{k}", *(1000.0, 400.0) if k == 0 else (500.0, 200.0), weighs=False)
+        axle(f"car{k}", -l/2)
+        if k:
+            system.hinge(f"car{k - 1}", (-l/2, 0), f"car{k}", (l/2, 0))
+    (x, xd), (y, yd), (angle, rate) = (start[f"car0.{c}"] for c in ("x", "y", "angle"))
+    system.start = start | {"fork.x": (x + l/2*math.cos(angle), xd), "fork.y": (y + l/2*math.sin(angle), yd + l/2*rate),
+                            "fork.angle": (angle, rate + 0.5)}
+    system.add_flat("fork", 0.0, 0.0, weighs=False)
+    system.hinge("car0", (l/2, 0), "fork", (0, 0))
+    axle("fork", 0.0)
+    markers = [system.mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=system.node[name], coordinate=2)) for name in ("car0", "fork")]
+    system.mbs.AddObject(CoordinateConstraint(markerNumbers=markers, offset=0.0,
+                                              offsetUserFunction=lambda mbs, t, item, offset: 0.5*math.sin(t),
+                                              offsetUserFunction_t=lambda mbs, t, item, offset: 0.5*math.cos(t)))
+    return system
+
+
 def inertia_of(keys, values):
     """Mass and the inertia's matrix; None for a point mass."""
     box = value_of(keys.get("shape", {}).get("box"), values) if "shape" in keys else None
@@ -221,6 +252,7 @@ def add_joint(system, keys, values):
 
 
 MAKERS = {"a01_pendulum": make_pendulum, "a02_four_bars": make_four_bars, "a03_andrews": make_andrews, "slider_crank": make_slider_crank,
+          "trailers": make_trailers,
           **{name: make_spatial(name) for name in ("a04_bricard", "a05_governor", "spatial_slider_crank", "bicycle", "mechanism_disk")}}
 
 

@@ -11,31 +11,16 @@ from mechanism_cases import CASES
 GRAVITY = 9.81
 ROLLS = "it rolls by contacts with regularised friction, which creep"
 #: Why not.
-MUJOCO_CANNOT = {name: ROLLS for name in ("rattleback", "chaplygin_sphere", "turntable", "bicycle", "mechanism_disk")}
-NO_ROLLING = "no rolling contact among its constraints"
-NOT_HERE = "loops only at the level of accelerations, and not in this comparison"
-PINOCCHIO_CANNOT = {**{name: NOT_HERE for name in ("a02_four_bars", "a03_andrews", "a04_bricard", "slider_crank", "spatial_slider_crank")},
-                    **{name: NO_ROLLING for name in ("rattleback", "chaplygin_sphere", "turntable", "bicycle", "mechanism_disk")}}
+ROLLING = ("rattleback", "chaplygin_sphere", "turntable", "bicycle", "mechanism_disk", "trailers")
+MUJOCO_CANNOT = {name: ROLLS for name in ROLLING}
+PINOCCHIO_CANNOT = {name: "no rolling contact among its constraints" for name in ROLLING}
 
 # --- MuJoCo -----------------------------------------------------------------------------------------------------------
 
-HEAD = '<mujoco><option gravity="0 {} 0" integrator="RK4" tolerance="1e-14" iterations="100"><flag contact="disable"/></option>'
-ROD = '<inertial pos="0 0.5 0" mass="1" diaginertia="0.08333333333333333 0.08333333333333333 0.08333333333333333"/>'
 MODELS = {
-    "a01_pendulum": HEAD + '<worldbody><body><joint name="j" axis="0 0 1"/><inertial pos="-1 0 0" mass="1" diaginertia="1e-14 1e-14 1e-14"/>'
-    '<site name="m" pos="-1 0 0"/></body></worldbody></mujoco>',
-    "a02_four_bars": HEAD + "<worldbody>" + "".join(
-        f'<body name="u{k}" pos="{k} 0 0"><joint name="u{k}" axis="0 0 1"/>{ROD}<site name="t{k}" pos="0 1 0"/>'
-        + (f'<body name="c{k}" pos="0 1 0"><joint name="c{k}" axis="0 0 1"/>{ROD.replace("0 0.5 0", "0.5 0 0")}</body>' if k < 2 else "")
-        + "</body>" for k in range(3)) + "</worldbody><equality>" + "".join(
-        f'<connect body1="c{k}" body2="u{k + 1}" anchor="1 0 0" solref="{{solref}}" solimp="0.9999 0.9999 0.001 0.5 2"/>'
-        for k in range(2)) + "</equality></mujoco>",
-    "slider_crank": HEAD + '<worldbody><body name="crank"><joint name="crank" axis="0 0 1"/>'
-    '<inertial pos="0.04 0 0" mass="0.12" diaginertia="1e-4 1e-4 1e-4"/><body name="rod" pos="0.08 0 0"><joint name="rod" axis="0 0 1"/>'
-    '<inertial pos="0.15 0 0" mass="0.5" diaginertia="4e-3 4e-3 4e-3"/></body></body><body name="slider" pos="0.38 0 0">'
-    '<joint name="slider" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1e-3 1e-3 1e-3"/><site name="s"/></body>'
-    '</worldbody><equality><connect body1="rod" body2="slider" anchor="0.3 0 0" solref="{solref}" solimp="0.9999 0.9999 0.001 0.5 2"/>'
-    "</equality></mujoco>",
+    "a01_pendulum": f'<mujoco><option gravity="0 {-GRAVITY} 0" integrator="RK4"><flag contact="disable"/></option><worldbody><body>'
+    '<joint name="j" axis="0 0 1"/><inertial pos="-1 0 0" mass="1" diaginertia="1e-14 1e-14 1e-14"/><site name="m" pos="-1 0 0"/></body>'
+    "</worldbody></mujoco>",
     "a05_governor": '<mujoco><compiler angle="radian" balanceinertia="false"/><option gravity="0 0 -9.81" integrator="RK4"/>'
     '<worldbody><body name="shaft" pos="0 0 0.5"><joint name="shaft" axis="0 0 1"/>'
     '<inertial pos="0 0 0" mass="0.3" diaginertia="0.0250025 0.0250025 5e-6"/>'
@@ -48,25 +33,23 @@ MODELS = {
         f'<spatial stiffness="8e5" damping="4e4" springlength="0.5"><site site="a{k}"/><site site="b{k}"/></spatial>' for k in (1, 2))
     + "</tendon></mujoco>",
 }
-SPEEDS = {"a02_four_bars": {"u0": -1, "u1": -1, "u2": -1, "c0": 1, "c1": 1}, "a05_governor": {"shaft": 2*math.pi},
-          "slider_crank": {"crank": 2*math.pi, "rod": -2*math.pi*(1 + 0.08/0.3)}}
-SITES = {"a01_pendulum": ("m", slice(0, 2)), "a02_four_bars": ("t0", slice(0, 2)), "slider_crank": ("s", slice(0, 1)),
-         "a05_governor": ("s", slice(2, 3))}
+SPEEDS = {"a05_governor": {"shaft": 2*math.pi}}
+MEASURES = {"a01_pendulum": lambda _, site: site("m")[:2], "a05_governor": lambda _, site: site("s")[2:]}
 
 
 def mujoco_model(name, step):
     import mujoco
 
     # Equalities are held at the level of accelerations, with what drifts drawn back as fast as a step allows: a time constant of two.
-    text = loops.MODELS[name]() if name in loops.MODELS else MODELS[name]
-    text = text.replace("{solref}", f"{2*step!r} 1").replace("{}", repr(-GRAVITY))
-    model = mujoco.MjModel.from_xml_string(text)
+    closed = loops.LOOPS[name]() if name in loops.LOOPS else None
+    text = closed.mujoco() if closed else MODELS[name]
+    model = mujoco.MjModel.from_xml_string(text.replace("{solref}", f"{2*step!r} 1"))
     model.opt.timestep = step
     data = mujoco.MjData(model)
     data.ctrl[:] = 1
-    for joint, speed in (loops.SPEEDS[name]() if name in loops.SPEEDS else SPEEDS.get(name, {})).items():
+    for joint, speed in (closed.speeds if closed else SPEEDS.get(name, {})).items():
         data.qvel[model.joint(joint).dofadr[0]] = speed
-    return model, data
+    return model, data, closed.measure if closed else MEASURES[name]
 
 
 def run_mujoco(name, steps, repeats):
@@ -76,16 +59,12 @@ def run_mujoco(name, steps, repeats):
     case = CASES[name]
     best, error = math.inf, math.nan
     for _ in range(repeats):
-        model, data = mujoco_model(name, case.end/steps)
+        model, data, measure = mujoco_model(name, case.end/steps)
         begun = time.process_time()
         mujoco.mj_step(model, data, nstep=steps)
         best = min(best, time.process_time() - begun)
         mujoco.mj_forward(model, data)
-        if name in loops.MEASURES:
-            measured = loops.MEASURES[name](data)
-        else:
-            site, part = SITES[name]
-            measured = data.site(site).xpos[part]
+        measured = measure(lambda joint: data.joint(joint).qpos[0], lambda site: data.site(site).xpos)
         error = float(np.max(np.abs(np.array(measured) - case.reference)))
         if best > 1:
             break
@@ -155,18 +134,20 @@ def pinocchio_governor():
 
 
 PINOCCHIO = {"a01_pendulum": pinocchio_pendulum, "a05_governor": pinocchio_governor}
+#: SciPy's methods; the governor is stiff.
+METHODS = {"a05_governor": ("LSODA", "Radau")}
 
 
-def run_pinocchio(name, tolerance, repeats):
-    """Error and processor time: Pinocchio's accelerations, SciPy's DOP853."""
+def run_pinocchio(name, tolerance, repeats, method="DOP853"):
+    """Error and processor time: Pinocchio's accelerations, SciPy's method."""
     from scipy.integrate import solve_ivp
 
     case = CASES[name]
     best, error = math.inf, math.nan
-    rate, start, measured = PINOCCHIO[name]()
+    rate, start, measured = loops.LOOPS[name]().pinocchio() if name in loops.LOOPS else PINOCCHIO[name]()
     for _ in range(repeats):
         begun = time.process_time()
-        y = solve_ivp(rate, (0, case.end), start, method="DOP853", rtol=tolerance, atol=tolerance).y[:, -1]
+        y = solve_ivp(rate, (0, case.end), start, method=method, rtol=tolerance, atol=tolerance).y[:, -1]
         best = min(best, time.process_time() - begun)
         error = float(np.max(np.abs(np.array(measured(y)) - case.reference)))
         if best > 1:

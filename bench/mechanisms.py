@@ -7,12 +7,13 @@ Usage: bench/mechanisms.py [--repeats N] [--figure PATH] [--table PATH] [--from 
 Installs exudyn, mujoco, pin, scipy, h5py, matplotlib from PyPI into build/others. tandem runs in build/bench/motion, or what MOTION names
 (`tools/bench.sh mechanisms` builds it): start and steps, without a result file, as the others run. Exudyn integrates the same
 bodies, joints and forces with its generalised-alpha methods, index 2 and 3; the pendulum also in minimal coordinates as a kinematic tree
-with its explicit DOPRI5. MuJoCo has minimal coordinates, loops by equalities (mechanism_others.py), and its RK4; Pinocchio gives accelerations to
-SciPy's DOP853. Prints every point, what a solver cannot do, and for errors of 1e-3, 1e-6, 1e-9 the times, interpolated. Times are the best
+with its explicit DOPRI5. MuJoCo has minimal coordinates, loops by equalities (mechanism_loops.py), and its RK4; Pinocchio gives accelerations, with
+loops at that level, to SciPy's DOP853, of the governor to LSODA and Radau. Prints every point, what a solver cannot do, and for errors of 1e-3, 1e-6, 1e-9 the times, interpolated. Times are the best
 of the repeats. With --from nothing is measured: FILE has the points that were printed.
 """
 
 import argparse
+import itertools
 import math
 import os
 import re
@@ -27,8 +28,12 @@ PLACE = Path(os.environ.get("OTHERS", ROOT / "build" / "others"))
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 TARGETS = (1e-3, 1e-6, 1e-9)
 STEPPERS = ("dopri5", "dop853", "radau5")
+#: A new chart at every step, as is usual, and one that stays while it serves.
+CHARTS = {"": "every_step", " adaptive": "adaptive"}
+#: Tolerances.
+LOGARITHMS = range(2, 13)
 #: A method that takes longer than this is not asked for less error (s); each next setting of Exudyn takes four times as long.
-LONGEST = 0.6
+LONGEST = 1.0
 
 
 def enter():
@@ -104,10 +109,10 @@ class Problem:
             self.case.reference = self.measure(self.tandem("dop853", 1e-13)[1])
             self.doubt = self.error(self.tandem("radau5", 1e-12)[1])
 
-    def tandem(self, stepper, tolerance):
+    def tandem(self, stepper, tolerance, chart="every_step"):
         projection = () if stepper == "radau5" else ('solver.projection="step_ends"',)
         return integrate(self.scene, *self.case.settings, *projection, f"time.end={self.case.end}", f'solver.stepper="{stepper}"',
-                         f"solver.rtol={tolerance}", f"solver.atol={tolerance}", 'solver.chart="adaptive"')
+                         f"solver.rtol={tolerance}", f"solver.atol={tolerance}", f'solver.chart="{chart}"')
 
     def measure(self, values):
         return [float(x) for x in self.case.measure(State(values, self.start))]
@@ -123,25 +128,27 @@ class Problem:
         import mechanism_others as others
 
         found, missing = {}, missing_of(self.name)
-        for stepper in STEPPERS:
-            def run(k, stepper=stepper):
-                taken, values = self.tandem(stepper, 10.0**-k)
+        for stepper, (label, chart) in itertools.product(STEPPERS, CHARTS.items()):
+            def run(k, stepper=stepper, chart=chart):
+                taken, values = min((self.tandem(stepper, 10.0**-k, chart) for _ in range(repeats)), key=lambda done: done[0])
                 return self.error(values), taken
-            self.try_all(found, f"tandem {stepper}", ((f"rtol 1e-{k}", lambda k=k, run=run: run(k)) for k in range(3, 13)))
+            self.try_all(found, f"tandem {stepper}{label}", ((f"rtol 1e-{k}", lambda k=k, run=run: run(k)) for k in LOGARITHMS))
         if "Exudyn" not in missing:
             for method in (3, 2):
                 self.try_all(found, f"Exudyn index {method}", ((f"{n} steps", lambda n=n, method=method: exudyn.run(
                     self.name, method, n, self.start, repeats)) for n in (100*4**k for k in range(9))))
         if self.name == "a01_pendulum":
             self.try_all(found, "Exudyn tree", ((f"rtol 1e-{k}", lambda k=k: exudyn.run(
-                self.name, "tree", 10.0**-k, self.start, repeats)) for k in range(3, 13)))
+                self.name, "tree", 10.0**-k, self.start, repeats)) for k in LOGARITHMS))
         if "MuJoCo" not in missing:
             first = 6000 if self.name == "a05_governor" else 50
             self.try_all(found, "MuJoCo", ((f"{n} steps", lambda n=n: others.run_mujoco(self.name, n, repeats))
                                            for n in (first*2**k for k in range(14))))
         if "Pinocchio" not in missing:
-            self.try_all(found, "Pinocchio", ((f"rtol 1e-{k}", lambda k=k: others.run_pinocchio(self.name, 10.0**-k, repeats))
-                                              for k in range(3, 13)))
+            methods = others.METHODS.get(self.name, ("DOP853",))
+            for method in methods:
+                self.try_all(found, " ".join(["Pinocchio", method][:len(methods)]), ((f"rtol 1e-{k}", lambda k=k, method=method: others.run_pinocchio(
+                    self.name, 10.0**-k, repeats, method)) for k in LOGARITHMS))
         return found, missing
 
     def try_all(self, found, label, settings):
@@ -206,7 +213,7 @@ def table_of(results):
         for target in TARGETS:
             ours, how = best_of(found, "tandem", target)
             cells = [name if target == TARGETS[0] else "", f"{target:.0e}".replace("e-0", "e-"),
-                     f"{plain(1e3*ours)} ({how.split()[-1]})" if math.isfinite(ours) else "not reached"]
+                     f"{plain(1e3*ours)} ({how.removeprefix('tandem ')})" if math.isfinite(ours) else "not reached"]
             for other in ("Exudyn", "MuJoCo", "Pinocchio"):
                 theirs, their_way = best_of(found, other, target)
                 if other in missing:
@@ -229,7 +236,8 @@ def draw(results, path):
     import matplotlib.pyplot as pyplot
 
     colours = {"tandem dopri5": "#6baed6", "tandem dop853": "#08519c", "tandem radau5": "#41ab5d", "Exudyn index 3": "#e6550d",
-               "Exudyn index 2": "#fdae6b", "Exudyn tree": "#a50f15", "MuJoCo": "#756bb1", "Pinocchio": "#636363"}
+               "Exudyn index 2": "#fdae6b", "Exudyn tree": "#a50f15", "MuJoCo": "#756bb1", "Pinocchio": "#636363", "Pinocchio LSODA": "#636363",
+               "Pinocchio Radau": "#bdbdbd"}
     rows = math.ceil(len(results)/3)
     figure, panels = pyplot.subplots(rows, 3, figsize=(10, 2.6*rows + 0.6), squeeze=False, layout="constrained")
     for panel in panels.flat[len(results):]:
@@ -239,7 +247,9 @@ def draw(results, path):
         for label, points in found.items():
             if points:
                 errors, times = zip(*points)
-                shown[label], = panel.loglog(errors, times, "o-", ms=3, lw=1.2, color=colours[label])
+                faint = label.endswith(" adaptive")
+                shown[label], = panel.loglog(errors, times, "--" if faint else "o-", ms=3, lw=1.0 if faint else 1.2,
+                                             color=colours[label.removesuffix(" adaptive")])
         panel.set_xlim(3e-1, 1e-12)
         panel.set_title(name, fontsize=9)
         panel.tick_params(labelsize=7)

@@ -162,8 +162,8 @@ int tandem_set_real(tandem_problem *problem, const char *name, double value);
  * belongs to the model: it ends a run that is under way. */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
-/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5), chart_kind (automatic, dense, sparse), chart (every_step, adaptive,
- * paper), refresh, basis, projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
+/* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5, radau, auto), chart_kind (automatic, dense, sparse), chart (every_step,
+ * adaptive, paper), refresh, basis, projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
 /* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of

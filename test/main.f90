@@ -34,6 +34,7 @@ program main
     use test_late_faults, only: collect_late_faults
     use test_linearisation, only: collect_linearisation
     use test_nearest, only: collect_nearest
+    use test_nearest_steady, only: collect_nearest_steady
     use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -56,6 +57,7 @@ program main
     use test_order, only: collect_order
     use test_profile, only: collect_profile
     use test_projection, only: collect_projection
+    use test_radau, only: collect_radau
     use test_rank, only: collect_rank
     use test_rank_models, only: collect_rank_models
     use test_reference, only: collect_reference
@@ -65,6 +67,7 @@ program main
     use test_simulation, only: collect_simulation
     use test_sparse, only: collect_sparse
     use test_sparse_implicit, only: collect_sparse_implicit
+    use test_sparse_kernels, only: collect_sparse_kernels
     use test_singular, only: collect_singular
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
@@ -131,6 +134,7 @@ program main
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &
         new_testsuite('order', collect_order), &
+        new_testsuite('radau', collect_radau), &
         new_testsuite('projection', collect_projection), &
         new_testsuite('consistency', collect_consistency), &
         new_testsuite('constraints', collect_constraints), &
@@ -159,10 +163,12 @@ program main
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &
+        new_testsuite('sparse_kernels', collect_sparse_kernels), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('nearest', collect_nearest), &
+        new_testsuite('nearest_steady', collect_nearest_steady), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

@@ -8,7 +8,7 @@
 #        tools/bench.sh count      compare instructions with bench/counts.txt (`make bench-count`)
 #        tools/bench.sh record     write bench/counts.txt anew
 #        tools/bench.sh profiles   measure only where the time of two runs goes
-#        tools/bench.sh sweep      what a sweep of ten thousand disks costs beside a bare loop of the library (doc/sweep.md)
+#        tools/bench.sh sweep [--cases N] [--rounds N]    a sweep on one and on two threads beside bare loops (doc/sweep.md)
 #        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    what a step of many bodies costs (doc/sparse.md)
 #        tools/bench.sh mechanisms [NAME...]    mechanisms beside Exudyn, MuJoCo and Pinocchio, from PyPI
 #        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
@@ -84,14 +84,9 @@ output)
     exec taskset -c "${CORE:-0}" "$out/output" "$@"
     ;;
 sweep)
+    shift
     build disks "$release"
-    for _ in 1 2 3; do
-        begin=$(date +%s.%N)
-        taskset -c "${CORE:-0}" build/tandem sweep bench/disks.toml --jobs 1 --quiet --force --output "$out/disks.h5"
-        python3 -c "print(f'a sweep of ten thousand disks: {10000 / ($(date +%s.%N) - $begin):.1f} a second')"
-        taskset -c "${CORE:-0}" "$out/disks" "$out/disks.csv"
-    done
-    exit
+    exec $python tools/sweep_speed.py "$@"
     ;;
 *) measure ;;
 esac

@@ -67,8 +67,8 @@ LONG = {
 DISK = ["rolling_disk", "--set", "time.end=0.02", "--quiet"]
 ADAPTIVE = ["--set", "solver.rtol=1e-8", "--set", "time.end=0.3"]
 STEPPERS = ["rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5"]
-# Those that take a tolerance: `auto` takes no fixed steps.
-ADAPTIVE_STEPPERS = [*STEPPERS[1:], "auto"]
+# Those that take a tolerance: `radau` and `auto` take no fixed steps.
+ADAPTIVE_STEPPERS = [*STEPPERS[1:], "radau", "auto"]
 
 
 def stepper(name):

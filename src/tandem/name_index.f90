@@ -8,16 +8,16 @@ module tandem_name_index
     implicit none (type, external)
     private
 
-    public :: name_index_type
+    public :: name_index_type, longest_name
 
     !> Longer names are not kept. Two parts of a key fit, with what joins them.
-    integer, parameter :: longest = 160
+    integer, parameter :: longest_name = 160
 
     !> Names and their numbers.
     type :: name_index_type
         private
         !> In the order in which they came, the first `n`.
-        character(len=longest), allocatable :: names(:)
+        character(len=longest_name), allocatable :: names(:)
         integer, allocatable :: numbers(:)
         integer :: n = 0
         !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
@@ -49,7 +49,7 @@ contains
         integer, intent(in) :: number
         integer :: k
 
-        if (len_trim(name) > longest) return
+        if (len_trim(name) > longest_name) return
         call self%grow()
         k = self%slot_of(name)
         if (self%slots(k) > 0) return
@@ -66,7 +66,7 @@ contains
         integer :: k
 
         number = 0
-        if (self%n == 0 .or. len_trim(name) > longest) return
+        if (self%n == 0 .or. len_trim(name) > longest_name) return
         k = self%slots(self%slot_of(name))
         if (k > 0) number = self%numbers(k)
     end function get
@@ -93,7 +93,7 @@ contains
     !> Room for one name more: twice as much as there was where there is none, so that a name does not cost a copy of all before.
     pure subroutine grow(self)
         class(name_index_type), intent(inout) :: self
-        character(len=longest), allocatable :: names(:)
+        character(len=longest_name), allocatable :: names(:)
         integer, allocatable :: numbers(:)
         integer :: i, room
 

@@ -13,11 +13,12 @@ module tandem_options
     public :: options_type, option_row_type, option_visitor_type, check_word
     public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
 
-    !> Every method; `tandem_stepper_factory` makes them.
+    !> Every method of one order; `tandem_stepper_factory` makes them.
     character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
         'radau5']
-    !> Every stepper that can be asked for by name: the methods, and the one that goes from one to another.
-    character(len=16), parameter :: stepper_choices(size(stepper_names) + 1) = [stepper_names, [character(len=16) :: 'auto']]
+    !> Every stepper that can be asked for by name: these, the one whose order changes, and the one that goes from one to another.
+    character(len=16), parameter :: stepper_choices(size(stepper_names) + 2) = [stepper_names, [character(len=16) :: 'radau', &
+        'auto']]
     !> What a chart is made of: the program chooses; dense matrices; blocks of a sparse factor.
     character(len=9), parameter :: chart_kinds(3) = [character(len=9) :: 'automatic', 'dense', 'sparse']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.

@@ -125,6 +125,42 @@ class Arrows(unittest.TestCase):
         found["coil force"].vectors[3] = np.nan
         self.assertNotIn("NaN", re.search(r'id="drawing">(.*?)</script>', page(drawing), re.S)[1])
 
+    def check(self, drawing, wanted, frame=0):
+        """{name: (the body that it acts on, where, vector)} are all arrows, at a frame."""
+        self.assertEqual({arrow.name for arrow in drawing.arrows}, set(wanted))
+        for arrow in drawing.arrows:
+            on, place, vector = wanted[arrow.name]
+            self.assertEqual((arrow.on, arrow.unit), (on, "N m" if arrow.name.endswith("torque") else "N"))
+            np.testing.assert_allclose(arrow.places[frame], place, atol=1e-9)
+            np.testing.assert_allclose(arrow.vectors[frame], vector, atol=1e-9)
+
+    def test_a_cantilever(self):
+        """What holds a beam in a wall, by statics: weight at its middle, a force and a torque at its tip."""
+        beam = {"scene.model": "mechanism", "gravity.vector": [0, 0, -10], "body.beam.mass": 2.0, "body.beam.inertia": [0.1, 0.2, 0.2],
+                "body.beam.position": [0.5, 0, 0], "body.beam.points": {"tip": [0.5, 0, 0]}, "joint.wall.type": "fixed",
+                "joint.wall.bodies": ["ground", "beam"], "joint.wall.at": [0, 0, 0], "force.hand.type": "load", "force.hand.on": "beam.tip",
+                "force.hand.force": [0, 3, 0], "force.hand.torque": [5, 0, 0], "results.joints": "all", "results.forces": "all", "time.end": 0.1}
+        self.check(draw(tandem.Mechanism(beam).run(error=False)), {
+            "wall force": ("beam", [0, 0, 0], [0, -3, 20]), "wall torque": ("beam", [0, 0, 0], [-5, -10, -3]),
+            "hand force": ("beam", [1, 0, 0], [0, 3, 0]), "hand torque": ("beam", [1, 0, 0], [5, 0, 0])})
+
+    def test_torsions(self):
+        """A spring that turns a wheel about its middle, and one that pulls a slider back: J alpha and m a."""
+        parts = {"scene.model": "mechanism", "scene.planar": True, "body.wheel.mass": 1.0, "body.wheel.inertia": 0.3,
+                 "body.wheel.position": [1, 0], "joint.axle.type": "revolute", "joint.axle.bodies": ["ground", "wheel"], "joint.axle.at": [1, 0],
+                 "force.coil.type": "torsion", "force.coil.joint": "axle", "force.coil.stiffness": 2.0, "force.coil.angle": -0.4,
+                 "body.slider.mass": 3.0, "body.slider.inertia": 0.1, "body.slider.position": [0, 2], "joint.rail.type": "prismatic",
+                 "joint.rail.bodies": ["ground", "slider"], "joint.rail.at": [0, 2], "joint.rail.axis": [0.6, 0.8],
+                 "force.band.type": "torsion", "force.band.joint": "rail", "force.band.stiffness": 5.0, "force.band.angle": 0.3,
+                 "results.forces": "all", "output.interval": 1/60, "time.end": 1.0}
+        result = tandem.Mechanism(parts).run(error=False)
+        drawing = draw(result)
+        for frame in (0, 17, 60):
+            alpha, ax, ay = (result.qdd[frame, result.names.index(name)] for name in ("wheel.angle", "slider.x", "slider.y"))
+            self.assertGreater(abs(alpha), 0.1)
+            x, y = (result[f"slider.{name}"][frame] for name in "xy")
+            self.check(drawing, {"coil torque": ("wheel", [1, 0, 0], [0, 0, 0.3*alpha]), "band force": ("slider", [x, y, 0], [3*ax, 3*ay, 0])}, frame)
+
 
 class Files(unittest.TestCase):
     def setUp(self):

@@ -31,7 +31,7 @@ class Motions(unittest.TestCase):
         self.assertTrue(np.array_equal(solution["x"], solution.q[:, 0]))
 
     def test_every_stepper(self):
-        for stepper in ("rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5", "auto"):
+        for stepper in ("rk4", "dopri5", "dop853", "trapezoid", "sdirk54", "radau5", "radau", "auto"):
             with self.subTest(stepper):
                 rough = {} if stepper == "rk4" else {"rtol": 1e-6}
                 options = {"step": 1e-3} if stepper == "rk4" else rough

@@ -241,36 +241,46 @@ class Pages(Browser):
         self.assertLess(np.abs(a.mean(axis=0) - b.mean(axis=0)).max(), 12)
 
     def test_arrows(self):
-        """Forces of joints: each arrow's tip is as far from its place as the file's force says, on one scale for all."""
+        """Forces and torques of joints: each arrow's tip is as far from its place as the file says, on one scale for each kind. The head of
+        an arc goes on as a right hand turns."""
         scene = tandem.Mechanism.from_toml(ROOT / "scenes" / "slider_crank.toml")
         scene["results.joints"] = "all"
         result = scene.run({"time.end": 1.0}, error=False)
         tab, drawing = self.open(result, "arrows")
         tab.evaluate("tandem.setTime(0.3)")
-        found = tab.evaluate("""() => tandem.scene.children.filter(one => one.type === 'Group' && one.children[0].geometry.type === 'CylinderGeometry')
-            .map(one => { one.updateMatrixWorld(true); const head = one.children[1], at = head.position.clone();
-                return [one.position.toArray(), one.localToWorld(at).toArray()]; })""")
-        self.assertEqual(len(found), 4)
+        found = tab.evaluate("""() => tandem.scene.children.filter(one => one.type === 'Group' && one.children[1]?.geometry.type === 'ConeGeometry')
+            .map(one => { one.updateMatrixWorld(true); const world = (x, y, z) => one.localToWorld(one.position.clone().set(x, y, z)).toArray();
+                return one.children.length === 2 ? [one.position.toArray(), world(...one.children[1].position.toArray())]
+                    : [one.position.toArray(), world(0, 0, 1), world(0, -1, 0), world(0.5, -1, 0)]; })""")
+        # Four joints, of which the motor has a torque: pins have none, and the guide is where the wrist pulls.
+        self.assertEqual([arrow.unit for arrow in drawing.arrows].count("N"), 4)
+        self.assertEqual([arrow.unit for arrow in drawing.arrows].count("N m"), 1)
         frame = round(0.3*60)
-        for (place, tip), arrow in zip(found, drawing.arrows, strict=True):
-            joint = result.groups["joints"][arrow.name.split()[0]]["force"].values[300]
-            scale = 0.5*drawing_size(tab)/max(np.linalg.norm(one.vectors, axis=1).max() for one in drawing.arrows)
+        for (place, tip, *head), arrow in zip(found, drawing.arrows, strict=True):
+            joint, what = arrow.name.split()
+            self.assertEqual(len(head), 2*(what == "torque"))
+            said = result.groups["joints"][joint][what].values[300]
+            scale = {"force": 0.5, "torque": 0.12}[what]*drawing_size(tab)/max(
+                np.linalg.norm(one.vectors, axis=1).max() for one in drawing.arrows if one.name.endswith(what))
             np.testing.assert_allclose(place, arrow.places[frame], atol=1e-5)
             # Forces are packed in steps of 1e-4 of the largest, and rows of the file are 1 ms apart.
-            np.testing.assert_allclose(np.subtract(tip, place), scale*joint, atol=2e-4*drawing_size(tab))
-        self.assertRegex(tab.text_content("#arrows-label"), r"forces up to [0-9.e+]+ N")
+            np.testing.assert_allclose(np.subtract(tip, place), scale*said, atol=2e-4*drawing_size(tab))
+            if head:
+                begin, end = np.subtract(head, place)
+                self.assertGreater(np.cross(begin, end - begin) @ said, 0.4*np.linalg.norm(said)*np.linalg.norm(begin)**2)
+        self.assertRegex(tab.text_content("#arrows-label"), r"forces up to [0-9.e+]+ N, torques up to [0-9.e+-]+ N m")
         # The legend says which is which, on what, and how large it is now; the one that is pointed at is seen alone.
         rows = tab.evaluate("[...document.querySelectorAll('#legend div')].map(row => [row.children[1].textContent, row.children[2].textContent])")
         self.assertEqual([name for name, _ in rows], [f"{arrow.name} on {arrow.on}" for arrow in drawing.arrows])
         for (_, value), arrow in zip(rows, drawing.arrows, strict=True):
             size = np.linalg.norm(arrow.vectors[frame])
-            self.assertRegex(value, r"^[0-9.e+-]+ N$")
+            self.assertRegex(value, rf"^[0-9.e+-]+ {arrow.unit}$")
             self.assertAlmostEqual(float(value.split()[0]), size, delta=0.01*size + 1e-3)
         seen = "tandem.scene.children.filter(one => one.type === 'Group' && one.visible && one.children[1]?.geometry.type === 'ConeGeometry').length"
         tab.hover("#legend div:nth-child(2)")
         self.assertEqual(tab.evaluate(seen), 1)
         tab.hover("#play")
-        self.assertEqual(tab.evaluate(seen), 4)
+        self.assertEqual(tab.evaluate(seen), 5)
         tab.uncheck("#arrows")
         self.assertFalse(tab.evaluate("tandem.scene.children.some(one => one.type === 'Group' && one.visible && one.children[1]?.geometry.type === 'ConeGeometry')"))
         tab.check("#arrows")

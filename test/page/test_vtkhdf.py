@@ -68,20 +68,51 @@ class Vtkhdf(unittest.TestCase):
                 np.testing.assert_allclose(steps[k][1][corners], wanted, atol=1e-6)
 
     def test_arrows(self):
-        """A line from where each force acts, as long as it is on one scale."""
+        """A line from where each force acts, as long as it is on one scale; about each torque an arc as a right hand turns, and its axis."""
         scene = tandem.Mechanism.from_toml(ROOT / "scenes" / "slider_crank.toml")
         scene["results.joints"] = "all"
         drawing = viewer.drawing_of(scene.run({"time.end": 0.5}, error=False))
         write_vtkhdf(drawing, self.folder / "arrows.vtkhdf")
-        largest = max(np.linalg.norm(arrow.vectors, axis=1).max() for arrow in drawing.arrows)
-        low, high = drawing.bounds()
+        self.assertEqual({arrow.unit for arrow in drawing.arrows}, {"N", "N m"})
+        largest = {unit: max(np.linalg.norm(arrow.vectors, axis=1).max() for arrow in drawing.arrows if arrow.unit == unit)
+                   for unit in ("N", "N m")}
+        size = np.subtract(*drawing.bounds()[::-1]).max()
         for f, (_, places, lines, _, owner, _) in enumerate(steps_of(self.folder / "arrows.vtkhdf")):
-            self.assertEqual(owner[:4].tolist(), [-2, -3, -4, -5])
-            for arrow, (start, end) in zip(drawing.arrows, places[lines], strict=True):
+            for k, arrow in enumerate(drawing.arrows):
+                wanted = {"N": 0.5, "N m": 0.12}[arrow.unit]*size/largest[arrow.unit]*arrow.vectors[f]
+                *arc, (start, end) = places[lines[owner[:len(lines)] == -2 - k]]
                 np.testing.assert_allclose(start, arrow.places[f], atol=1e-6)
-                np.testing.assert_allclose(end - start, 0.5*(high - low).max()/largest*arrow.vectors[f], atol=1e-6)
+                np.testing.assert_allclose(end - start, wanted, atol=1e-6)
+                self.assertEqual(len(arc), 24*(arrow.unit == "N m"))
+                if len(arc) and np.linalg.norm(wanted) > 1e-3*size:
+                    begins, ends = np.moveaxis(np.array(arc) - start, 1, 0)
+                    np.testing.assert_allclose(np.linalg.norm(begins, axis=1), np.linalg.norm(wanted), rtol=1e-3)
+                    # Each piece turns by 270 degrees over 24 about the torque.
+                    sine = np.cross(begins, ends) @ wanted/np.linalg.norm(wanted)**3
+                    np.testing.assert_allclose(sine, np.sin(1.5*np.pi/24), rtol=1e-2)
         with h5py.File(self.folder / "arrows.vtkhdf") as file:
-            self.assertEqual([name.decode() for name in file["arrows"]], [f"{arrow.name} on {arrow.on} [N]" for arrow in drawing.arrows])
+            self.assertEqual([name.decode() for name in file["arrows"]], [f"{arrow.name} on {arrow.on} [{arrow.unit}]" for arrow in drawing.arrows])
+
+    def test_tracks(self):
+        """They grow: up to the frame they are places of the file's rows in their order, and end where the body is now."""
+        run = self.folder / "run.h5"
+        tandem.run_scene("trailers", {"time.end": 5, "output.interval": 1/60}, run, error=False)
+        drawing = viewer.drawing_of(run)
+        write_vtkhdf(drawing, self.folder / "run.vtkhdf")
+        with h5py.File(run) as file, h5py.File(self.folder / "run.vtkhdf") as made:
+            whole = file["sensors/tractor/position"][:]
+            number = -2 - [name.decode() for name in made["tracks"]].index("tractor")
+        self.assertFalse(drawing.arrows)
+        for f, (_, places, lines, _, owner, _) in enumerate(steps_of(self.folder / "run.vtkhdf")):
+            pieces = places[lines[owner[:len(lines)] == number]]
+            self.assertEqual(len(pieces), 199)
+            np.testing.assert_array_equal(pieces[1:, 0], pieces[:-1, 1])
+            line = np.concatenate([pieces[:1, 0], pieces[:, 1]])
+            # Of 301 rows every third is left out or so; 24 bits of places of up to 10 m.
+            rows = [np.abs(whole[:f + 1] - place).max(axis=1).argmin() for place in line]
+            np.testing.assert_allclose(line, whole[rows], atol=2e-6)
+            self.assertEqual(rows, sorted(rows))
+            self.assertEqual((rows[0], rows[-1]), (0, f))
 
     def test_springs_and_modes(self):
         """One mode after the other; lines of springs end at what they join."""

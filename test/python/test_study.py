@@ -259,8 +259,8 @@ class Stability(Case):
         """A row a run, in the files as on the terminal; nothing is wrong."""
         done = self.study("stability", "masses", "kinks")
         rows = read(self.folder / "study/stability.csv")
-        self.assertEqual(len(rows), 13 * 12)
-        self.assertEqual(done.stderr.count(" of 156: "), 156)
+        self.assertEqual(len(rows), 13 * 13)
+        self.assertEqual(done.stderr.count(" of 169: "), 169)
         verdicts = {(row["case"], row["stepper"], row["control"]): row for row in rows}
         self.assertEqual(len(verdicts), len(rows))
         self.assertNotIn("wrong", {row["verdict"] for row in rows})
@@ -298,11 +298,11 @@ class Stability(Case):
         self.study("stability", "parallel", says=f"continues with the {len(before)} rows")
         rows = read(path)
         self.assertEqual(rows[:len(before)], before)
-        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 12)
-        self.assertEqual(len(rows), 4 * 12)
+        self.assertEqual(len({(row["case"], row["stepper"], row["control"]) for row in rows}), 4 * 13)
+        self.assertEqual(len(rows), 4 * 13)
         # Another case is added to them.
         self.study("stability", "edge")
-        self.assertEqual(len(read(path)), 5 * 12)
+        self.assertEqual(len(read(path)), 5 * 13)
 
     def test_usage(self):
         self.study("stability", "egde", code=2, says='"edge"')

@@ -465,7 +465,9 @@ class Kills(Case):
                 # No worker outlives the one that it works for.
                 time.sleep(0.1)
                 self.assertEqual(children(process.pid), [])
-                self.sweep("--output", "killed.h5", "--jobs", "2", "--quiet")
+                # One that was killed behind its last act, the removal of its journal, has left the whole table.
+                if (self.folder / "killed.h5.journal").exists() or not (self.folder / "killed.h5").exists():
+                    self.sweep("--output", "killed.h5", "--jobs", "2", "--quiet")
             self.assertEqual(table(self.folder / "killed.h5"), self.expected)
             self.assertEqual(list(self.folder.glob("killed.h5.*")), [])
             (self.folder / "killed.h5").unlink()

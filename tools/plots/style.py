@@ -11,7 +11,7 @@ __all__ = ["BLUE", "DPI", "GREEN", "GREY", "ORANGE", "PINK", "RED", "SKY", "STEP
 
 # The same in every picture.
 STEPPERS = {"rk4": (ORANGE, "s"), "dopri5": (SKY, "o"), "dop853": (BLUE, "D"), "trapezoid": (PINK, "v"), "sdirk54": (GREEN, "^"),
-            "radau5": (RED, "P"), "auto": (GREY, "X")}
+            "radau5": (RED, "P"), "radau": ("black", "p"), "auto": (GREY, "X")}
 
 plt.rcParams.update({name: value for name, value in SETTINGS.items() if name != "axes.prop_cycle"})
 

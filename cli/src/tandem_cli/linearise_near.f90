@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem linearise --near: the eigenvalues of a large mechanism nearest to a shift, at an equilibrium.
+!> tandem linearise --near: the eigenvalues of a large mechanism nearest to a shift, at an equilibrium or about a steady motion.
 module tandem_cli_linearise_near
     use tandem, only: error_type, is_input_error, most_nearest, nearest_type, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
@@ -33,13 +33,12 @@ contains
         call read_shift(arguments%value_of('--near', ''), shift, error)
         if (.not. allocated(error)) call arguments%count_of('--modes', most_nearest/2, n_modes, error)
         if (.not. allocated(error)) call refuse_others(arguments, error)
-        if (.not. allocated(error)) call refuse_motion(scene, error)
         if (allocated(error)) then
             call complain(error%message)
             return
         end if
         ! Pairs count once.
-        call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error)
+        call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error, scene%qd)
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
             arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
         if (allocated(error)) then
@@ -94,27 +93,10 @@ contains
         do i = 1, size(others)
             if (arguments%value_of(trim(others(i)), '') == '') cycle
             call set_error(error, status_invalid_option, '--near cannot be combined with '//trim(others(i)), &
-                'eigenvalues near a shift are those of an equilibrium')
+                'eigenvalues near a shift are those of an equilibrium or of a steady motion')
             return
         end do
     end subroutine refuse_others
-
-    !> About a steady motion the matrices would be others; at rest at the same place they would be taken for its.
-    subroutine refuse_motion(scene, error)
-        type(scene_type), intent(in) :: scene
-        type(error_type), allocatable, intent(out) :: error
-        character(len=*), parameter :: advice = 'tandem linearise without --near has those of steady motions, of up to '// &
-            '1000 coordinates; --equilibrium --near those of the place of rest'
-        integer :: i
-
-        if (size(scene%steady) > 0) then
-            call set_error(error, status_invalid_option, '--near cannot be combined with a steady motion', advice)
-        else if (any(abs(scene%qd) > 0.0_wp)) then
-            i = maxloc(abs(scene%qd), dim=1)
-            call set_error(error, status_invalid_option, '--near finds eigenvalues at rest, and "'//scene%name// &
-                '" moves: the velocity of '//scene%model%coordinate_label(i)//' is '//to_text(scene%qd(i)), advice)
-        end if
-    end subroutine refuse_motion
 
     !> As lines to read, one of each pair.
     subroutine print_nearest(scene, it)
@@ -124,7 +106,9 @@ contains
         logical :: has_pairs
 
         has_pairs = .not. abs(aimag(it%shift)) > 0.0_wp
-        call say(scene%name//' at rest: the eigenvalues nearest to '//complex_text(it%shift))
+        call say(scene%name//trim(merge(' in a steady motion', ' at rest           ', it%frame%moves))// &
+            ': the eigenvalues nearest to '//complex_text(it%shift))
+        if (it%frame%moves) call say('goes on along '//rates_text(it))
         if (it%n_redundant > 0) call say(to_text(it%n_redundant)//' redundant rows are left out')
         call say('')
         call say(padded('eigenvalue [1/s]', 46)//padded('frequency', 14)//padded('damping', 12)//padded('error', 10)//'shape')
@@ -137,6 +121,21 @@ contains
             end associate
         end do
     end subroutine print_nearest
+
+    !> The motions along which it goes on, with their rates; of many the first.
+    function rates_text(it) result(text)
+        type(nearest_type), intent(in) :: it
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 8
+        integer :: i
+
+        text = ''
+        do i = 1, min(most, size(it%frame%rates))
+            text = text//', '//trim(it%frame%names(i))//' '//to_text(it%frame%rates(i))
+        end do
+        text = text(3:)//merge(', ...', '     ', size(it%frame%rates) > most)
+        text = trim(text)//' (per second)'
+    end function rates_text
 
     !> A complex number to read.
     function complex_text(value) result(text)
@@ -157,13 +156,18 @@ contains
         call json%begin_object()
         call json%add('scene', scene%name)
         call json%add('time', it%t)
-        call json%add('kind', 'equilibrium')
+        call json%add('kind', trim(merge('steady motion', 'equilibrium  ', it%frame%moves)))
         call json%add('residual', it%residual)
         call json%add('shift', [real(it%shift, wp), aimag(it%shift)])
         call json%add('complete', it%is_complete)
         call json%add('redundant_rows', it%n_redundant)
         call json%add('products', it%products)
         call json%add('factor_entries', it%factor_entries)
+        call json%begin_object('steady')
+        do i = 1, size(it%frame%rates)
+            call json%add(trim(it%frame%names(i)), it%frame%rates(i))
+        end do
+        call json%end_object()
         call json%begin_array('eigenvalues')
         do i = 1, size(it%values)
             call json%add('', [real(it%values(i), wp), aimag(it%values(i))])

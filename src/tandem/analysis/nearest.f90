@@ -1,15 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> The eigenvalues of small motions about an equilibrium that are nearest to a shift, by shift and invert on the sparse form: for
-!> mechanisms of thousands of bodies, in memory and time that grow with their number. Neither V nor W is formed.
+!> The eigenvalues of small motions about an equilibrium, or about a steady motion of all bodies together in coordinates that go
+!> along, that are nearest to a shift, by shift and invert on the sparse form: for mechanisms of thousands of bodies, in memory and
+!> time that grow with their number. Neither V nor W is formed.
 !>
 !> With dq = q exp(lambda t), and (q, u) for the state, (A - sigma) (q1, u1) = (q0, u0) is
 !>
 !>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
 !>
-!> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level. The eigenvalues theta of that operator which are largest
+!> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q)_q/sigma in a steady motion
+!> (`sparse_point.f90`, `comoving.f90`). The eigenvalues theta of that operator which are largest
 !> are those of A nearest to sigma, lambda = sigma + 1/theta.
 module tandem_analysis_nearest
+    use tandem_analysis_comoving, only: comoving_type
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
+    use tandem_analysis_steadiness, only: check_rows, check_symmetry
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_krylov, only: krylov_type, operator_type
@@ -28,9 +32,11 @@ module tandem_analysis_nearest
 
     type :: nearest_type
         real(wp) :: t = 0.0_wp
-        !> The equilibrium (n), and what is left of the forces there, over the size of their terms.
+        !> The equilibrium or a place of the steady motion (n), and what is left of the forces there, over the size of their terms.
         real(wp), allocatable :: q(:)
         real(wp) :: residual = 0.0_wp
+        !> Along what it goes on.
+        type(comoving_type) :: frame
         !> The shift: that which was asked for, or one beside it where that is an eigenvalue itself.
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
         !> The nearest first, each the first of its copies.
@@ -72,9 +78,9 @@ module tandem_analysis_nearest
 
 contains
 
-    !> Find k eigenvalues at the equilibrium q. Errors: no_equilibrium where it is none, invalid_option, invalid_model, work_limit,
-    !> and what evaluating the model may give.
-    subroutine find(self, model, t, q, shift, k, error)
+    !> Find k eigenvalues at the equilibrium q, or about the steady motion with velocities. Errors: no_equilibrium where it is none,
+    !> invalid_option, invalid_model, work_limit, inconsistent_start, and what evaluating the model may give.
+    subroutine find(self, model, t, q, shift, k, error, qd)
         class(nearest_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:)
@@ -82,6 +88,8 @@ contains
         !> From 1 to `most_nearest`.
         integer, intent(in) :: k
         type(error_type), allocatable, intent(out) :: error
+        !> Velocities (n): of all bodies together, which may spin besides; without them it rests.
+        real(wp), intent(in), optional :: qd(:)
         type(inverse_type), allocatable :: inverse
         type(krylov_type), allocatable :: krylov
         integer :: stat
@@ -97,7 +105,10 @@ contains
         if (allocated(error)) return
         allocate (inverse, krylov)
         call inverse%point%initialize(model, error)
+        if (.not. allocated(error) .and. present(qd)) call find_frame(inverse%point, t, q, qd, error)
         if (allocated(error)) return
+        self%frame = inverse%point%frame
+        if (.not. allocated(self%frame%rates)) allocate (self%frame%names(0), self%frame%rates(0))
         call rest_at(inverse%point, t, q, self%residual, error)
         if (.not. allocated(error)) call inverse%point%check_structure(error)
         if (allocated(error)) return
@@ -125,7 +136,25 @@ contains
         call self%take(inverse, krylov)
     end subroutine find
 
-    !> Evaluate the model at rest with multipliers, K and D; refuse what is no equilibrium.
+    !> How all of it goes on, from its velocities and the accelerations that go with them.
+    subroutine find_frame(point, t, q, qd, error)
+        type(sparse_point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(error_type), allocatable, intent(inout) :: error
+        real(wp), allocatable :: acceleration(:)
+        integer :: stat
+
+        if (.not. any(abs(qd) > 0.0_wp)) return
+        call point%look(t, q, stat, qd)
+        if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
+        if (stat == status_ok) then
+            call point%frame%find(point%model, q, qd, acceleration, error)
+        else
+            call set_error(error, stat, 'the model "'//point%model%name//'" cannot be evaluated at the point')
+        end if
+    end subroutine find_frame
+
+    !> Evaluate the model at rest, where coordinates may go along, with multipliers, K and D; refuse what does not stay there.
     subroutine rest_at(point, t, q, residual, error)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:)
@@ -137,6 +166,11 @@ contains
         residual = huge(residual)
         call point%look(t, q, stat)
         if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
+        if (stat == status_ok .and. point%frame%moves) then
+            call check_rows(point, error)
+            if (.not. allocated(error)) call check_symmetry(point, error)
+            if (allocated(error)) return
+        end if
         if (stat == status_ok) call point%differentiate(.true., stat)
         if (stat /= status_ok) then
             call set_error(error, stat, 'the model "'//point%model%name//'" cannot be linearised at the point')
@@ -145,7 +179,7 @@ contains
         call point%balance()
         residual = point%imbalance()
         associate (terms => point%evaluator%terms)
-            if (any(abs(terms%nu) > 0.0_wp) .or. any(abs(terms%gamma) > 0.0_wp)) then
+            if (any(abs(terms%nu) > 0.0_wp) .or. (any(abs(terms%gamma) > 0.0_wp) .and. .not. point%frame%moves)) then
                 call set_error(error, status_no_equilibrium, 'the constraints of the model "'//point%model%name// &
                     '" move it, so that it is not at rest', 'eigenvalues near a shift are those of an equilibrium')
             else if (point%violation() > balance_bound) then
@@ -154,7 +188,7 @@ contains
             else if (residual > balance_bound) then
                 call set_error(error, status_no_equilibrium, 'the model "'//point%model%name//'" is not at rest: '// &
                     'its forces are out of balance by '//to_text(residual)//' of their size', &
-                    'eigenvalues near a shift are those of an equilibrium; ask for --equilibrium')
+                    'eigenvalues near a shift are those of an equilibrium, for which ask by --equilibrium, or of a steady motion')
             end if
         end associate
     end subroutine rest_at

@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> A model at rest at one point, as the analysis of large mechanisms looks at it: M, K = (C' lambda - S - Q_A)_q and
-!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number.
+!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number. Where it goes on
+!> steadily it rests in coordinates that go along (`comoving.f90`): M (L X q + 2 L qd) counts among the forces then, and rows at
+!> velocity level depend on coordinates.
 !>
 !> K and D are central differences of eighth order along groups of coordinates whose bodies have no neighbour in common, so that
 !> their number does not grow with that of the bodies. A comparison along a random direction says whether all of their entries are
@@ -8,11 +10,11 @@
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_analysis_sparse_point
+    use tandem_analysis_comoving, only: comoving_type
     use tandem_analysis_neighbours, only: find_groups, find_neighbours, most_groups
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_linalg_random, only: random_vector
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
@@ -29,8 +31,12 @@ module tandem_analysis_sparse_point
         !> Numbers of coordinates, rows of Phi and rows of C.
         integer :: n = 0, nh = 0, m = 0
         real(wp) :: t = 0.0_wp
-        !> The point, coordinate scales, velocities of zero (n); multipliers (m).
+        !> The point, coordinate scales, the velocities there, X q (n); multipliers (m).
         real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
+        !> What the coordinates go along with.
+        type(comoving_type) :: frame
+        !> (C X q - nu)_q of rows at velocity level, where it moves, compressed as C.
+        real(wp), allocatable :: turning(:, :)
         !> Rows that depend on others (m): they take no part, and their multipliers are zero.
         logical, allocatable :: is_out(:)
         !> Columns of K, D and M: column j has the entries start(j) to start(j + 1) - 1, in the rows of its body and of its
@@ -65,17 +71,33 @@ module tandem_analysis_sparse_point
         procedure :: row_length
         procedure :: row_times
         procedure, private :: set_structure
-        procedure, private :: difference
+        procedure, private :: add_forces
+        procedure, private :: multiply_columns
     end type sparse_point_type
 
     !> The most entries of factors: 2 GB.
     integer, parameter :: most_factor_entries = 80000000
-    !> Displacements and weights of central differences of eighth order; the step in coordinate scales.
-    real(wp), parameter :: place(8) = [-4.0_wp, -3.0_wp, -2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp]
-    real(wp), parameter :: weight(8) = [1.0_wp/280, -4.0_wp/105, 0.2_wp, -0.8_wp, 0.8_wp, -0.2_wp, 4.0_wp/105, -1.0_wp/280]
-    real(wp), parameter :: step = 2.0_wp**(-8)
     !> A row whose pivot falls to this part of what it was depends on others: an angle of 1e-5, as the sparse chart has it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
+
+    interface
+        !> K and D for the multipliers that the point has.
+        module subroutine differentiate(self, with_damping, stat)
+            implicit none (type, external)
+            class(sparse_point_type), intent(inout) :: self
+            logical, intent(in) :: with_damping
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine differentiate
+
+        !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that
+        !> the model does not tell of, or laws that change within a step of differences, are noticed.
+        module subroutine check_structure(self, error)
+            implicit none (type, external)
+            class(sparse_point_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine check_structure
+    end interface
 
 contains
 
@@ -194,16 +216,19 @@ contains
         end subroutine list_rows
     end subroutine set_structure
 
-    !> All terms at rest at a point, with M in columns.
-    subroutine look(self, t, q, stat)
+    !> All terms at rest at a point, or with other velocities, with M in columns.
+    subroutine look(self, t, q, stat, qd)
         class(sparse_point_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         !> A status code.
         integer, intent(out) :: stat
+        real(wp), intent(in), optional :: qd(:)
         integer :: i, j, k, column
 
         self%t = t
         self%q = q
+        self%rest = self%frame%velocity(q)
+        if (present(qd)) self%rest = qd
         call self%evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, t, self%q, &
             self%rest, self%counts, stat)
         if (stat /= status_ok) return
@@ -231,9 +256,14 @@ contains
     subroutine balance(self)
         class(sparse_point_type), intent(inout) :: self
 
-        call add_forces(self, self%lambda, self%residual)
+        real(wp) :: inertia(self%n)
+
+        call add_forces(self, self%lambda, self%frame%turned(self%rest), self%residual)
         self%sizes = abs(self%evaluator%terms%force)
         call add_reactions(self, self%lambda, self%sizes, of_moduli=.true.)
+        if (.not. self%frame%moves) return
+        call self%pattern%multiply_mass(self%evaluator%terms%mass, self%frame%turned(self%rest), inertia)
+        self%sizes = self%sizes + abs(inertia)
     end subroutine balance
 
     !> What is left of the forces over the size of their terms: an error of the coordinates of that part of their size would leave
@@ -257,13 +287,15 @@ contains
         violation = maxval([0.0_wp, abs(self%evaluator%terms%phi)/max(scales, tiny(1.0_wp))])
     end function violation
 
-    !> The same of what the evaluator holds.
-    subroutine add_forces(self, lambda, residual)
+    !> The same of what the evaluator holds, at an acceleration (n).
+    subroutine add_forces(self, lambda, acceleration, residual)
         class(sparse_point_type), intent(in) :: self
-        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(in) :: lambda(:), acceleration(:)
         real(wp), intent(out) :: residual(:)
 
-        residual = -self%evaluator%terms%force
+        residual = 0.0_wp
+        if (self%frame%moves) call self%pattern%multiply_mass(self%evaluator%terms%mass, acceleration, residual)
+        residual = residual - self%evaluator%terms%force
         call add_reactions(self, lambda, residual, of_moduli=.false.)
     end subroutine add_forces
 
@@ -328,135 +360,6 @@ contains
         end associate
     end subroutine find_dependent_rows
 
-    !> K and D for the multipliers that the point has.
-    subroutine differentiate(self, with_damping, stat)
-        class(sparse_point_type), intent(inout) :: self
-        logical, intent(in) :: with_damping
-        !> A status code.
-        integer, intent(out) :: stat
-        integer :: g, l
-
-        self%stiffness = 0.0_wp
-        self%damping = 0.0_wp
-        stat = status_ok
-        associate (first => self%pattern%first)
-            do g = 1, self%n_groups
-                do l = 1, maxval(first(2:) - first(:size(first) - 1), mask=self%group == g)
-                    call self%difference(g, l, .false., self%stiffness, stat)
-                    if (stat == status_ok .and. with_damping) call self%difference(g, l, .true., self%damping, stat)
-                    if (stat /= status_ok) return
-                end do
-            end do
-        end associate
-        ! The terms of the point itself again.
-        call self%evaluator%evaluate(need_jacobian + need_force, self%t, self%q, self%rest, self%counts, stat)
-    end subroutine differentiate
-
-    !> The columns of coordinate l of the bodies of a group.
-    subroutine difference(self, g, l, by_qd, columns, stat)
-        class(sparse_point_type), intent(inout) :: self
-        integer, intent(in) :: g, l
-        logical, intent(in) :: by_qd
-        real(wp), intent(inout) :: columns(:)
-        integer, intent(out) :: stat
-        real(wp), dimension(self%n) :: direction, change
-        integer :: b, j, k
-
-        direction = 0.0_wp
-        do b = 1, size(self%group)
-            j = self%pattern%first(b) + l - 1
-            if (self%group(b) == g .and. j < self%pattern%first(b + 1)) direction(j) = self%scale(j)
-        end do
-        call difference_along(self, direction, step, by_qd, change, stat)
-        if (stat /= status_ok) return
-        do j = 1, self%n
-            if (.not. direction(j) > 0.0_wp) cycle
-            do k = self%start(j), self%start(j + 1) - 1
-                columns(k) = change(self%row(k))/self%scale(j)
-            end do
-        end do
-    end subroutine difference
-
-    !> The derivative of C' lambda - S - Q_A along a direction.
-    subroutine difference_along(self, direction, h, by_qd, change, stat)
-        class(sparse_point_type), intent(inout) :: self
-        real(wp), intent(in) :: direction(:), h
-        logical, intent(in) :: by_qd
-        real(wp), intent(out) :: change(:)
-        integer, intent(out) :: stat
-        real(wp), dimension(self%n) :: moved, residual
-        integer :: i
-
-        change = 0.0_wp
-        do i = 1, size(place)
-            moved = place(i)*h*direction
-            if (by_qd) then
-                call self%evaluator%evaluate(need_force, self%t, self%q, moved, self%counts, stat)
-                if (stat == status_ok) residual = -self%evaluator%terms%force
-            else
-                moved = self%q + moved
-                call self%evaluator%evaluate(need_jacobian + need_force, self%t, moved, self%rest, self%counts, stat)
-                if (stat == status_ok) call add_forces(self, self%lambda, residual)
-            end if
-            if (stat /= status_ok) return
-            change = change + weight(i)/h*residual
-        end do
-        if (.not. sum(abs(change)) <= huge(1.0_wp)) stat = status_not_finite
-    end subroutine difference_along
-
-    !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that the
-    !> model does not tell of, or laws that change within a step of differences, are noticed.
-    subroutine check_structure(self, error)
-        class(sparse_point_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        !> The part of the sizes of the terms that differences of either step may leave.
-        real(wp), parameter :: bound = 1.0e-6_wp
-        real(wp), dimension(self%n) :: direction, change, product, sizes, q
-        integer :: seed, stat
-
-        seed = 1234567
-        direction = self%scale*random_vector(seed, self%n)
-        call difference_along(self, direction, step/8, .false., change, stat)
-        if (stat == status_ok) then
-            call multiply_columns(self, self%stiffness, direction, product, sizes)
-            sizes = sizes + self%sizes
-            if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
-                call refuse('the forces of the model "'//self%model%name//'" depend on coordinates of bodies that it does '// &
-                    'not name as neighbours, or change within a step of differences')
-                return
-            end if
-            call difference_along(self, direction, step/8, .true., change, stat)
-        end if
-        if (stat == status_ok) then
-            call multiply_columns(self, self%damping, direction, product, sizes)
-            sizes = sizes + self%sizes
-            if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
-                call refuse('the forces of the model "'//self%model%name//'" depend on velocities of bodies that it does '// &
-                    'not name as neighbours, or change within a step of differences')
-                return
-            end if
-            q = self%q + step*direction
-            call self%evaluator%evaluate(need_nu, self%t, q, self%rest, self%counts, stat)
-            if (any(abs(self%evaluator%terms%nu) > 0.0_wp)) then
-                call refuse('the right-hand sides of the velocity rows of the model "'//self%model%name// &
-                    '" depend on the coordinates, which the sparse form does not know')
-                return
-            end if
-        end if
-        if (stat == status_ok) call self%evaluator%evaluate(need_jacobian + need_nu + need_force, self%t, self%q, self%rest, &
-            self%counts, stat)
-        if (stat /= status_ok) call set_error(error, stat, 'the model "'//self%model%name// &
-            '" cannot be evaluated around the point')
-
-    contains
-
-        subroutine refuse(message)
-            character(len=*), intent(in) :: message
-
-            call set_error(error, status_invalid_model, message, 'full matrices do without (tandem linearise without --near)')
-        end subroutine refuse
-    end subroutine check_structure
-
     !> y = A x of one of the three matrices, and |A| |x|.
     pure subroutine multiply_columns(self, values, x, y, sizes)
         class(sparse_point_type), intent(in) :: self
@@ -490,7 +393,8 @@ contains
         end do
     end subroutine multiply
 
-    !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths.
+    !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths; below, rows at velocity
+    !> level are C + ck/cd (C X q)_q where it moves and cd is not zero.
     subroutine assemble(self, c, a, order, unit)
         class(sparse_point_type), intent(in) :: self
         complex(wp), intent(in) :: c(3)
@@ -535,9 +439,10 @@ contains
                     do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
                         do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
                             value = jacobian(i, pattern%column(j))/length
-                            if (.not. abs(value) > 0.0_wp) cycle
-                            call put(number(self%n + i), j, value)
-                            call put(j, number(self%n + i), value)
+                            if (abs(value) > 0.0_wp) call put(j, number(self%n + i), value)
+                            if (i > self%nh .and. self%frame%moves .and. abs(c(2)) > 0.0_wp) value = value + &
+                                c(3)/c(2)*self%turning(i, pattern%column(j))/length
+                            if (abs(value) > 0.0_wp) call put(number(self%n + i), j, value)
                         end do
                     end do
                 end do

@@ -208,7 +208,11 @@ contains
             call reader%get_text('on', text, 'a body, or a point of it', required=.true.)
             if (reader%failed()) return
             call take_point(reader, 'on', text, mechanism, n_points, point)
-            variables = [character(len=key_length) :: mechanism%variable_names()]
+            allocate (variables(0))
+            ! Their number grows with that of bodies, and most loads need none.
+            if (reader%has_text('force') .or. reader%has_text('torque')) then
+                variables = [character(len=key_length) :: mechanism%variable_names()]
+            end if
             call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
                 'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
             call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', 'the same')

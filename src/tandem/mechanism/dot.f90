@@ -38,7 +38,9 @@ module tandem_mechanism_dot
 contains
 
     !> Every row's part of the terms. Jacobian entries that are not set here are zero before.
-    pure subroutine evaluate_dots(dots, need, pose, f, terms)
+    pure subroutine evaluate_dots(numbers, dots, need, pose, f, terms)
+        !> Which of them.
+        integer, intent(in) :: numbers(:)
         type(dot_type), intent(in) :: dots(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
@@ -48,8 +50,8 @@ contains
         real(wp) :: local(3, 0:2), a(3), d(3)
         integer :: i, k
 
-        do i = 1, size(dots)
-            associate (dot => dots(i), one => pose(dots(i)%first), two => pose(dots(i)%second))
+        do i = 1, size(numbers)
+            associate (dot => dots(numbers(i)), one => pose(dots(numbers(i))%first), two => pose(dots(numbers(i))%second))
                 if (dot%is_turning) then
                     call turn_with_time(dot, f(:, dot%motion), local)
                 else

@@ -46,6 +46,13 @@ module tandem_mechanism_drawing
         integer :: motion = 0
     end type angle_type
 
+    !> How many elements of each type there are.
+    type :: numbers_type
+        integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
+            springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
+            glides = 0, edges = 0, rollers = 0, sensors = 0, rolling_rows = 0
+    end type numbers_type
+
     !> All that was added. `planar` and `gravity` are set before the first word.
     type, extends(model_type) :: drawing_type
         !> Whether bodies move in the plane (x, y, angle).
@@ -54,6 +61,8 @@ module tandem_mechanism_drawing
         real(wp) :: gravity(3) = 0.0_wp
         !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
         real(wp) :: times(2) = 0.0_wp
+        !> What is there; while it is drawn, lists have room for more, so that an element more does not cost a copy of all before.
+        type(numbers_type), private :: n_of
         type(body_type), allocatable :: bodies(:)
         type(point_type), allocatable :: points(:)
         type(joint_type), allocatable :: joints(:)
@@ -80,10 +89,11 @@ module tandem_mechanism_drawing
         integer :: n_held = 0
         character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
             rolling_unit(:)
-        !> The names of all elements, the first `n_names`; where they are, and where `body.point` is among the points.
+        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, and a sensor
+        !> among the sensors.
         character(len=name_length), allocatable, private :: names(:)
         integer, private :: n_names = 0
-        type(name_index_type), private :: name_index, point_index
+        type(name_index_type), private :: name_index, point_index, sensor_index
         !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable, private :: types(:), numbers(:)
     contains
@@ -113,6 +123,7 @@ module tandem_mechanism_drawing
         procedure :: add_results
         procedure :: add_rolling_ellipsoid
         procedure :: clear
+        procedure :: fit
         procedure :: find_body
         procedure :: find_element
         procedure, private :: check_name
@@ -561,6 +572,12 @@ module tandem_mechanism_drawing
             character(len=variable_name_length), allocatable :: names(:)
         end function variable_names
 
+        !> Cut the lists of what was added to what is there.
+        module subroutine fit(self)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+        end subroutine fit
+
         !> What they are.
         module function list_variables(self) result(variables)
             implicit none (type, external)
@@ -652,6 +669,8 @@ contains
         self%n_names = 0
         call self%name_index%clear()
         call self%point_index%clear()
+        call self%sensor_index%clear()
+        self%n_of = numbers_type()
     end subroutine clear
 
     !> Remember a name.
@@ -731,7 +750,14 @@ contains
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: name, unit
 
-        self%rolling_name = [character(len=label_length) :: self%rolling_name, name]
-        self%rolling_unit = [character(len=label_length) :: self%rolling_unit, unit]
+        self%n_of%rolling_rows = self%n_of%rolling_rows + 1
+        associate (n => self%n_of%rolling_rows)
+            if (n > size(self%rolling_name)) then
+                self%rolling_name = [character(len=label_length) :: self%rolling_name, self%rolling_name, name]
+                self%rolling_unit = [character(len=label_length) :: self%rolling_unit, self%rolling_unit, unit]
+            end if
+            self%rolling_name(n) = name
+            self%rolling_unit(n) = unit
+        end associate
     end subroutine new_rolling_row
 end module tandem_mechanism_drawing

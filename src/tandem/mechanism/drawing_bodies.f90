@@ -50,14 +50,18 @@ contains
                 body%omega = omega
             end if
         end if
-        self%bodies = [self%bodies, body]
-        call self%keep_name(name, 0, size(self%bodies))
+        self%n_of%bodies = self%n_of%bodies + 1
+        if (self%n_of%bodies > size(self%bodies)) self%bodies = [self%bodies, self%bodies, body]
+        self%bodies(self%n_of%bodies) = body
+        call self%keep_name(name, 0, self%n_of%bodies)
     end procedure add_body
 
     !> A named point of a body or of the ground.
     module procedure add_point
         type(point_type) :: point
 
+        ! One of the ground may be the first thing that is added.
+        if (.not. allocated(self%names)) call self%clear()
         point%name = name
         point%body = self%find_body(body)
         if (point%body < 0) then
@@ -74,8 +78,10 @@ contains
         end if
         call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
         if (allocated(error)) return
-        self%points = [self%points, point]
-        call self%point_index%put(trim(body)//'.'//name, size(self%points))
+        self%n_of%points = self%n_of%points + 1
+        if (self%n_of%points > size(self%points)) self%points = [self%points, self%points, point]
+        self%points(self%n_of%points) = point
+        call self%point_index%put(trim(body)//'.'//name, self%n_of%points)
     end procedure add_point
 
     !> A name that no other element has.

@@ -36,8 +36,10 @@ contains
         if (present(length)) spring%length = length
         if (present(motion)) call self%take_motion(name, motion, -1, spring%motion)
         if (present(law)) call self%take_law(law, spring%law)
-        self%springs = [self%springs, spring]
-        call self%keep_name(name, of_spring, size(self%springs))
+        self%n_of%springs = self%n_of%springs + 1
+        if (self%n_of%springs > size(self%springs)) self%springs = [self%springs, self%springs, spring]
+        self%springs(self%n_of%springs) = spring
+        call self%keep_name(name, of_spring, self%n_of%springs)
     end procedure add_spring
 
     !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
@@ -57,8 +59,10 @@ contains
         if (present(damping)) torsion%damping = damping
         if (present(motion)) call self%take_motion(name, motion, -1, torsion%motion)
         if (present(law)) call self%take_law(law, torsion%law)
-        self%torsions = [self%torsions, torsion]
-        call self%keep_name(name, of_torsion, size(self%torsions))
+        self%n_of%torsions = self%n_of%torsions + 1
+        if (self%n_of%torsions > size(self%torsions)) self%torsions = [self%torsions, self%torsions, torsion]
+        self%torsions(self%n_of%torsions) = torsion
+        call self%keep_name(name, of_torsion, self%n_of%torsions)
     end procedure add_torsion
 
     !> Friction along the coordinate of a joint.
@@ -117,7 +121,7 @@ contains
             return
         end if
         call self%add_torsion(name, joint, error, damping=viscous, law=law)
-        if (.not. allocated(error)) self%torsions(size(self%torsions))%press = press
+        if (.not. allocated(error)) self%torsions(self%n_of%torsions)%press = press
     end procedure add_friction
 
     !> The rows of a joint that press, but not that of its motion.
@@ -134,7 +138,7 @@ contains
         do i = 1, self%n_held
             call take(i, self%held_name(i), self%held_unit(i))
         end do
-        do i = 1, size(self%rolling_name)
+        do i = 1, self%n_of%rolling_rows
             ! Until the mechanism is defined those at velocity level are negative.
             call take(-i, self%rolling_name(i), self%rolling_unit(i))
         end do
@@ -146,7 +150,9 @@ contains
             character(len=*), intent(in) :: name, unit
             real(wp) :: weight
 
-            if (index(name, trim(head)//' ') /= 1 .or. name == trim(head)//' motion') return
+            ! With the blank behind it.
+            if (name(:len_trim(head) + 1) /= head) return
+            if (name == trim(head)//' motion') return
             weight = 0.0_wp
             if (unit == 'N') weight = 1.0_wp
             if (unit == 'N m' .and. present(arm)) weight = 1/arm
@@ -198,8 +204,10 @@ contains
                 end associate
             end do
         end if
-        self%bushings = [self%bushings, bushing]
-        call self%keep_name(name, of_bushing, size(self%bushings))
+        self%n_of%bushings = self%n_of%bushings + 1
+        if (self%n_of%bushings > size(self%bushings)) self%bushings = [self%bushings, self%bushings, bushing]
+        self%bushings(self%n_of%bushings) = bushing
+        call self%keep_name(name, of_bushing, self%n_of%bushings)
 
     contains
 
@@ -283,7 +291,9 @@ contains
             end do
         end if
         if (present(motion)) call self%take_motion(name, motion, -1, load%motion)
-        self%loads = [self%loads, load]
-        call self%keep_name(name, of_load, size(self%loads))
+        self%n_of%loads = self%n_of%loads + 1
+        if (self%n_of%loads > size(self%loads)) self%loads = [self%loads, self%loads, load]
+        self%loads(self%n_of%loads) = load
+        call self%keep_name(name, of_load, self%n_of%loads)
     end procedure add_load
 end submodule tandem_mechanism_drawing_forces

@@ -51,8 +51,10 @@ contains
         end associate
         call add_joint_rows(self, joint, driven, motion)
         call add_coordinates(self, joint)
-        self%joints = [self%joints, joint]
-        call self%keep_name(name, of_joint, size(self%joints))
+        self%n_of%joints = self%n_of%joints + 1
+        if (self%n_of%joints > size(self%joints)) self%joints = [self%joints, self%joints, joint]
+        self%joints(self%n_of%joints) = joint
+        call self%keep_name(name, of_joint, self%n_of%joints)
         ! A row of its own for the screw's way and angle.
         if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
             [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
@@ -160,15 +162,15 @@ contains
                 coordinate%one = dot_type(first=joint%first, second=joint%second, a=one(:, 1), b=two(:, 1))
                 coordinate%other = dot_type(first=joint%first, second=joint%second, a=one(:, 2), b=two(:, 1))
                 if (self%planar) coordinate%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
-                self%coordinates = [self%coordinates, coordinate]
-                joint%turn = size(self%coordinates)
+                call keep_coordinate(self, coordinate)
+                joint%turn = self%n_of%coordinates
             end if
             if (.not. held(axis) .and. count(.not. held(:merge(2, 3, self%planar))) == 1) then
                 coordinate%kind = is_way
                 coordinate%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=one(:, axis), b=joint%s2)
                 coordinate%offset = dot_product(matmul(a1, one(:, axis)), r2 + matmul(a2, joint%s2) - r1)
-                self%coordinates = [self%coordinates, coordinate]
-                joint%way = size(self%coordinates)
+                call keep_coordinate(self, coordinate)
+                joint%way = self%n_of%coordinates
             end if
         end associate
 
@@ -182,6 +184,46 @@ contains
             if (body > 0) turns = self%bodies(body)%turns
         end function turns
     end subroutine add_coordinates
+
+    !> One coordinate more.
+    subroutine keep_coordinate(self, coordinate)
+        class(drawing_type), intent(inout) :: self
+        type(coordinate_type), intent(in) :: coordinate
+
+        self%n_of%coordinates = self%n_of%coordinates + 1
+        if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, coordinate]
+        self%coordinates(self%n_of%coordinates) = coordinate
+    end subroutine keep_coordinate
+
+    !> One dot product more.
+    subroutine keep_dot(self, dot)
+        class(drawing_type), intent(inout) :: self
+        type(dot_type), intent(in) :: dot
+
+        self%n_of%dots = self%n_of%dots + 1
+        if (self%n_of%dots > size(self%dots)) self%dots = [self%dots, self%dots, dot]
+        self%dots(self%n_of%dots) = dot
+    end subroutine keep_dot
+
+    !> One meeting of points more.
+    subroutine keep_meeting(self, meeting)
+        class(drawing_type), intent(inout) :: self
+        type(span_type), intent(in) :: meeting
+
+        self%n_of%meetings = self%n_of%meetings + 1
+        if (self%n_of%meetings > size(self%meetings)) self%meetings = [self%meetings, self%meetings, meeting]
+        self%meetings(self%n_of%meetings) = meeting
+    end subroutine keep_meeting
+
+    !> One angle more that is held.
+    subroutine keep_angle(self, angle)
+        class(drawing_type), intent(inout) :: self
+        type(angle_type), intent(in) :: angle
+
+        self%n_of%angles = self%n_of%angles + 1
+        if (self%n_of%angles > size(self%angles)) self%angles = [self%angles, self%angles, angle]
+        self%angles(self%n_of%angles) = angle
+    end subroutine keep_angle
 
     !> The joint's frame in the world, axes in columns.
     subroutine take_axes(self, label, kind, axis, across, frame, error)
@@ -245,8 +287,7 @@ contains
             if (driven > 0) driven = merge(0, driven, joint%glides(max(1, driven)))
         end if
         if (all(joint%kind%held(:n))) then
-            self%meetings = [self%meetings, span_type(first=joint%first, second=joint%second, row=before + 1, &
-                s1=joint%s1, s2=joint%s2)]
+            call keep_meeting(self, span_type(first=joint%first, second=joint%second, row=before + 1, s1=joint%s1, s2=joint%s2))
             do k = 1, n
                 call self%new_row(trim(joint%name)//' '//letter(min(k, n)), 'N')
             end do
@@ -254,16 +295,16 @@ contains
             do k = 1, n
                 if (.not. joint%kind%held(k) .and. driven /= k) cycle
                 call self%new_row(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
-                self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
+                call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
                     is_point=.true., a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1), &
-                    motion=merge(number, 0, driven == k))]
+                    motion=merge(number, 0, driven == k)))
             end do
         end if
         if (self%planar) then
             if (joint%kind%held(3) .or. driven == 3) then
                 call self%new_row(trim(joint%name)//merge(' motion', ' angle ', driven == 3), 'N m')
-                self%angles = [self%angles, angle_type(joint%first, joint%second, self%n_held, &
-                    self%angle_of(joint%second) - self%angle_of(joint%first), merge(number, 0, driven == 3))]
+                call keep_angle(self, angle_type(joint%first, joint%second, self%n_held, &
+                    self%angle_of(joint%second) - self%angle_of(joint%first), merge(number, 0, driven == 3)))
             end if
         else
             turn = joint%kind%held(4:6)
@@ -278,8 +319,8 @@ contains
                 end if
                 if (driven == k + 3) then
                     call self%new_row(trim(joint%name)//' motion', 'N m')
-                    self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
-                        a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l))]
+                    call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
+                        a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l)))
                 else if (count(turn) /= 2 .and. turn(k)) then
                     call add_direction(l, m, k)
                 end if
@@ -295,8 +336,8 @@ contains
             integer, intent(in) :: a, b, about
 
             call self%new_row(trim(joint%name)//' turn '//letter(about), 'N m')
-            self%dots = [self%dots, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
-                a=joint%axes1(:, a), b=joint%axes2(:, b))]
+            call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, a=joint%axes1(:, a), &
+                b=joint%axes2(:, b)))
         end subroutine add_direction
     end subroutine add_joint_rows
 
@@ -327,8 +368,10 @@ contains
                 call self%new_rolling_row(trim(joint%name)//' spin '//letter(merge(3, k - 3, self%planar)), 'N m')
             end if
             if (driven == k) glide%motion = number
-            glide%row = size(self%rolling_name)
-            self%glides = [self%glides, glide]
+            glide%row = self%n_of%rolling_rows
+            self%n_of%glides = self%n_of%glides + 1
+            if (self%n_of%glides > size(self%glides)) self%glides = [self%glides, self%glides, glide]
+            self%glides(self%n_of%glides) = glide
         end do
     end subroutine add_glides
 
@@ -357,12 +400,12 @@ contains
         call couple(self, name, numbers(:size(joints)), factors, &
             merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
         if (present(locked)) then
-            associate (coupling => self%couplings(size(self%couplings)))
+            associate (coupling => self%couplings(self%n_of%couplings))
                 coupling%can_be_freed = .true.
                 coupling%is_locked = locked
             end associate
         end if
-        call self%keep_name(name, of_row, size(self%couplings))
+        call self%keep_name(name, of_row, self%n_of%couplings)
     end procedure add_coupling
 
     !> The row of a coupling.
@@ -381,7 +424,9 @@ contains
         if (present(motion)) coupling%motion = motion
         call self%new_row(name, unit)
         coupling%row = self%n_held
-        self%couplings = [self%couplings, coupling]
+        self%n_of%couplings = self%n_of%couplings + 1
+        if (self%n_of%couplings > size(self%couplings)) self%couplings = [self%couplings, self%couplings, coupling]
+        self%couplings(self%n_of%couplings) = coupling
     end subroutine couple
 
     !> A row at velocity level by expressions.
@@ -432,7 +477,7 @@ contains
         end do
         if (present(rhs)) call self%take_formula(rhs, row%rhs)
         call self%new_rolling_row(name, 'N')
-        row%row = size(self%rolling_name)
+        row%row = self%n_of%rolling_rows
         allocate (longer(size(self%rate_rows) + 1))
         longer(:size(self%rate_rows)) = self%rate_rows
         longer(size(longer)) = row
@@ -468,7 +513,9 @@ contains
         span%weight = span%length
         span%row = self%n_held + 1
         call self%new_row(name, 'N')
-        self%distances = [self%distances, span]
-        call self%keep_name(name, of_distance, size(self%distances))
+        self%n_of%distances = self%n_of%distances + 1
+        if (self%n_of%distances > size(self%distances)) self%distances = [self%distances, self%distances, span]
+        self%distances(self%n_of%distances) = span
+        call self%keep_name(name, of_distance, self%n_of%distances)
     end procedure add_distance
 end submodule tandem_mechanism_drawing_joints

@@ -41,9 +41,11 @@ contains
         edge%across = matmul(edge%across, a)
         edge%moment = cross(edge%point, edge%across)
         call self%new_rolling_row(name, 'N')
-        edge%row = size(self%rolling_name)
-        self%edges = [self%edges, edge]
-        call self%keep_name(name, of_edge, size(self%edges))
+        edge%row = self%n_of%rolling_rows
+        self%n_of%edges = self%n_of%edges + 1
+        if (self%n_of%edges > size(self%edges)) self%edges = [self%edges, self%edges, edge]
+        self%edges(self%n_of%edges) = edge
+        call self%keep_name(name, of_edge, self%n_of%edges)
     end procedure add_knife_edge
 
     !> A disk that rolls on a plane.
@@ -159,8 +161,10 @@ contains
         do k = 1, 2
             call self%new_rolling_row(trim(name)//' slip '//merge('1', '2', k == 1), 'N')
         end do
-        roller%row = size(self%rolling_name) - 1
-        self%rollers = [self%rollers, roller]
-        call self%keep_name(name, of_wheel, size(self%rollers))
+        roller%row = self%n_of%rolling_rows - 1
+        self%n_of%rollers = self%n_of%rollers + 1
+        if (self%n_of%rollers > size(self%rollers)) self%rollers = [self%rollers, self%rollers, roller]
+        self%rollers(self%n_of%rollers) = roller
+        call self%keep_name(name, of_wheel, self%n_of%rollers)
     end subroutine add_roller
 end submodule tandem_mechanism_drawing_rolling

@@ -21,23 +21,20 @@ contains
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
         call self%take_point('sensor '//trim(name), on, sensor%span%first, sensor%span%s1, is_point, error)
-        if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
+        if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_point_sensor
 
     !> The coordinate of a joint.
     module procedure add_joint_sensor
         type(sensor_type) :: sensor
-        integer :: i, k
+        integer :: k, type_of
 
         sensor%kind = sensed_joint
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        k = 0
-        do i = 1, size(self%joints)
-            if (self%joints(i)%name == joint) k = i
-        end do
-        if (k == 0) then
+        call self%find_element(joint, type_of, k)
+        if (type_of /= of_joint) then
             call refuse('sensor '//trim(name)//': there is no joint '//trim(joint), 'correct the name', error)
             return
         end if
@@ -61,7 +58,7 @@ contains
               sensor%zero = sensor%zero - self%angle_of(its%second) + self%angle_of(its%first)
             end if
         end associate
-        self%sensors = [self%sensors, sensor]
+        call keep_sensor(self, sensor)
     end procedure add_joint_sensor
 
     !> The distance of two points.
@@ -75,7 +72,7 @@ contains
         associate (span => sensor%span)
             call self%take_pair('sensor '//trim(name), first, second, span%first, span%second, span%s1, span%s2, points, error)
         end associate
-        if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
+        if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_distance_sensor
 
     !> Kinetic and potential energy of the whole.
@@ -84,7 +81,7 @@ contains
 
         sensor%kind = sensed_energy
         call check_sensor(self, name, sensor, error)
-        if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
+        if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_energy_sensor
 
     !> The balance of energies.
@@ -94,7 +91,7 @@ contains
         sensor%kind = sensed_balance
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
-        if (.not. allocated(error)) self%sensors = [self%sensors, sensor]
+        if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_balance_sensor
 
     !> A body.
@@ -113,7 +110,7 @@ contains
         end if
         sensor%turns = self%bodies(sensor%number)%turns
         sensor%planar = self%planar
-        self%sensors = [self%sensors, sensor]
+        call keep_sensor(self, sensor)
     end procedure add_body_sensor
 
     !> A reaction.
@@ -155,7 +152,7 @@ contains
             if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
         end associate
         if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
-        do k = 1, size(self%motions)
+        do k = 1, self%n_of%motions
             if (self%motions(k)%name == element) sensor%is_driven = .true.
         end do
         do k = 1, size(self%rate_rows)
@@ -163,7 +160,7 @@ contains
                 sensor%is_driven = .true.
             end if
         end do
-        self%sensors = [self%sensors, sensor]
+        call keep_sensor(self, sensor)
     end procedure add_reaction_sensor
 
     !> The rows of an element, whose names begin with its own. Those at velocity level are counted behind those at position level
@@ -172,13 +169,15 @@ contains
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: element
         type(sensor_type), intent(inout) :: sensor
-        integer :: i
+        integer :: i, k
 
+        ! With the blank behind it.
+        k = len_trim(element) + 1
         do i = 1, self%n_held
-            if (index(self%held_name(i)//' ', trim(element)//' ') == 1) call add(i, self%held_unit(i))
+            if (self%held_name(i)(:k) == element) call add(i, self%held_unit(i))
         end do
-        do i = 1, size(self%rolling_name)
-            if (index(self%rolling_name(i)//' ', trim(element)//' ') == 1) call add(-i, self%rolling_unit(i))
+        do i = 1, self%n_of%rolling_rows
+            if (self%rolling_name(i)(:k) == element) call add(-i, self%rolling_unit(i))
         end do
 
     contains
@@ -231,7 +230,7 @@ contains
         end select
         sensor%between(2) = name_of(self, second)
         if (first >= 0) sensor%between(1) = name_of(self, first)
-        self%sensors = [self%sensors, sensor]
+        call keep_sensor(self, sensor)
     end procedure add_force_sensor
 
     !> Results of many elements.
@@ -319,6 +318,26 @@ contains
         list = pack(self%names(:self%n_names), [(any(self%types(i) == types), i=1, self%n_names)])
     end function names_of
 
+    !> One sensor more, whose name was checked.
+    subroutine keep_sensor(self, sensor)
+        class(drawing_type), intent(inout) :: self
+        type(sensor_type), intent(in) :: sensor
+
+        self%n_of%sensors = self%n_of%sensors + 1
+        if (self%n_of%sensors > size(self%sensors)) self%sensors = [self%sensors, self%sensors, sensor]
+        self%sensors(self%n_of%sensors) = sensor
+        call self%sensor_index%put(key_of(sensor), self%n_of%sensors)
+    end subroutine keep_sensor
+
+    !> What no two sensors may have in common: group and name, and in the groups of results, where an element may have several, what
+    !> it tells.
+    pure function key_of(sensor) result(key)
+        type(sensor_type), intent(in) :: sensor
+        character(len=2*label_length + 8) :: key
+
+        write (key, '(a, "/", a, i0)') trim(sensor%group), trim(sensor%name)//'/', merge(0, sensor%kind, sensor%group == 'sensors')
+    end function key_of
+
     !> A name that can be one of a file's groups and that no other sensor has.
     subroutine check_sensor(self, name, sensor, error)
         class(drawing_type), intent(inout) :: self
@@ -327,13 +346,12 @@ contains
         type(error_type), allocatable, intent(inout) :: error
 
         if (.not. allocated(self%names)) call self%clear()
+        sensor%name = name
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
             call refuse('sensor '//trim(name)//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
                 ' characters without dots, slashes and blanks', error)
-        else if (any(self%sensors%name == name .and. self%sensors%group == sensor%group .and. &
-            (self%sensors%kind == sensor%kind .or. sensor%group == 'sensors'))) then
+        else if (self%sensor_index%get(key_of(sensor)) > 0) then
             call refuse('sensor '//trim(name)//' is there already', 'take another name', error)
         end if
-        sensor%name = name
     end subroutine check_sensor
 end submodule tandem_mechanism_drawing_sensors

@@ -4,6 +4,7 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_values
     use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_sensor, only: of_joint
     use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
 
@@ -11,46 +12,98 @@ contains
 
     !> Keep a function of time, and give its number.
     module procedure take_motion
-        type(motion_type), allocatable :: longer(:)
+        number = self%n_of%motions + 1
+        if (number > size(self%motions)) call resize_motions(self, 2*number)
+        self%n_of%motions = number
+        allocate (self%motions(number)%f, source=f)
+        self%motions(number)%jump_order = jump_order
+        self%motions(number)%name = name
+    end procedure take_motion
+
+    !> Room for so many functions of time.
+    subroutine resize_motions(self, room)
+        class(drawing_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(motion_type), allocatable :: others(:)
         integer :: i
 
-        number = size(self%motions) + 1
-        allocate (longer(number))
-        do i = 1, number - 1
-            call move_alloc(self%motions(i)%f, longer(i)%f)
-            longer(i)%jump_order = self%motions(i)%jump_order
-            longer(i)%name = self%motions(i)%name
+        allocate (others(room))
+        do i = 1, self%n_of%motions
+            call move_alloc(self%motions(i)%f, others(i)%f)
+            others(i)%jump_order = self%motions(i)%jump_order
+            others(i)%name = self%motions(i)%name
         end do
-        allocate (longer(number)%f, source=f)
-        longer(number)%jump_order = jump_order
-        longer(number)%name = name
-        call move_alloc(longer, self%motions)
-    end procedure take_motion
+        call move_alloc(others, self%motions)
+    end subroutine resize_motions
 
     !> Keep a law, and give its number.
     module procedure take_law
-        type(law_item_type), allocatable :: longer(:)
+        number = self%n_of%laws + 1
+        if (number > size(self%laws)) call resize_laws(self, 2*number)
+        self%n_of%laws = number
+        allocate (self%laws(number)%law, source=law)
+    end procedure take_law
+
+    !> Room for so many laws.
+    subroutine resize_laws(self, room)
+        class(drawing_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(law_item_type), allocatable :: others(:)
         integer :: i
 
-        number = size(self%laws) + 1
-        allocate (longer(number))
-        do i = 1, number - 1
-            call move_alloc(self%laws(i)%law, longer(i)%law)
+        allocate (others(room))
+        do i = 1, self%n_of%laws
+            call move_alloc(self%laws(i)%law, others(i)%law)
         end do
-        allocate (longer(number)%law, source=law)
-        call move_alloc(longer, self%laws)
-    end procedure take_law
+        call move_alloc(others, self%laws)
+    end subroutine resize_laws
 
     !> Keep an expression of the state, and give its number.
     module procedure take_formula
-        type(formula_type), allocatable :: longer(:)
-
-        number = size(self%formulas) + 1
-        allocate (longer(number))
-        longer(:number - 1) = self%formulas
-        call longer(number)%initialize(expression, self%list_variables())
-        call move_alloc(longer, self%formulas)
+        number = self%n_of%formulas + 1
+        if (number > size(self%formulas)) call resize_formulas(self, 2*number)
+        self%n_of%formulas = number
+        call self%formulas(number)%initialize(expression, self%list_variables())
     end procedure take_formula
+
+    !> Room for so many expressions of the state.
+    subroutine resize_formulas(self, room)
+        class(drawing_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(formula_type), allocatable :: others(:)
+
+        allocate (others(room))
+        others(:self%n_of%formulas) = self%formulas(:self%n_of%formulas)
+        call move_alloc(others, self%formulas)
+    end subroutine resize_formulas
+
+    !> Cut the lists of what was added to what is there.
+    module procedure fit
+        associate (n => self%n_of)
+            self%bodies = self%bodies(:n%bodies)
+            self%points = self%points(:n%points)
+            self%joints = self%joints(:n%joints)
+            self%dots = self%dots(:n%dots)
+            self%meetings = self%meetings(:n%meetings)
+            self%distances = self%distances(:n%distances)
+            self%angles = self%angles(:n%angles)
+            self%springs = self%springs(:n%springs)
+            self%torsions = self%torsions(:n%torsions)
+            self%bushings = self%bushings(:n%bushings)
+            self%loads = self%loads(:n%loads)
+            self%coordinates = self%coordinates(:n%coordinates)
+            self%couplings = self%couplings(:n%couplings)
+            self%glides = self%glides(:n%glides)
+            self%edges = self%edges(:n%edges)
+            self%rollers = self%rollers(:n%rollers)
+            self%sensors = self%sensors(:n%sensors)
+            self%rolling_name = self%rolling_name(:n%rolling_rows)
+            self%rolling_unit = self%rolling_unit(:n%rolling_rows)
+            call resize_motions(self, n%motions)
+            call resize_laws(self, n%laws)
+            call resize_formulas(self, n%formulas)
+        end associate
+    end procedure fit
 
     !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
     !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
@@ -66,47 +119,69 @@ contains
     !> What they are.
     module procedure list_variables
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
-        integer :: i, k, n
+        integer :: i, k, m, n
 
-        variables = [variable_type('t', is_time)]
-        if (.not. allocated(self%bodies)) return
+        ! At most so many of a body and of a joint.
+        allocate (variables(1 + 13*self%n_of%bodies + 4*self%n_of%joints))
+        m = 0
+        call add('t', is_time, 0, 0)
         n = merge(2, 3, self%planar)
-        do i = 1, size(self%bodies)
+        do i = 1, self%n_of%bodies
             associate (name => trim(self%bodies(i)%name)//'.')
-                variables = [variables, (variable_type(name//axis(k), is_place, i, k), k=1, n), &
-                    (variable_type(name//'v'//axis(k), is_velocity, i, k), k=1, n)]
+                do k = 1, n
+                    call add(name//axis(k), is_place, i, k)
+                end do
+                do k = 1, n
+                    call add(name//'v'//axis(k), is_velocity, i, k)
+                end do
                 if (.not. self%bodies(i)%turns) cycle
                 if (self%planar) then
-                    variables = [variables, variable_type(name//'angle', is_turn, i, 1), &
-                        variable_type(name//'omega', is_turn_rate, i, 1)]
-                else
-                    variables = [variables, (variable_type(name//'e'//number(k), is_turn, i, k), k=1, 4), &
-                        (variable_type(name//'w'//axis(k), is_spin, i, k), k=1, 3)]
+                    call add(name//'angle', is_turn, i, 1)
+                    call add(name//'omega', is_turn_rate, i, 1)
+                    cycle
+                end if
+                do k = 1, 4
+                    call add(name//'e'//number(k), is_turn, i, k)
+                end do
+                do k = 1, 3
+                    call add(name//'w'//axis(k), is_spin, i, k)
+                end do
+            end associate
+        end do
+        do i = 1, self%n_of%joints
+            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
+                if (turn > 0) then
+                    call add(name//'angle', is_joint, turn, 1)
+                    call add(name//'rate', is_joint_rate, turn, 1)
+                end if
+                if (way > 0) then
+                    call add(name//'way', is_joint, way, 1)
+                    call add(name//'speed', is_joint_rate, way, 1)
                 end if
             end associate
         end do
-        do i = 1, size(self%joints)
-            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
-                if (turn > 0) variables = [variables, variable_type(name//'angle', is_joint, turn, 1), &
-                    variable_type(name//'rate', is_joint_rate, turn, 1)]
-                if (way > 0) variables = [variables, variable_type(name//'way', is_joint, way, 1), &
-                    variable_type(name//'speed', is_joint_rate, way, 1)]
-            end associate
-        end do
+        variables = variables(:m)
+
+    contains
+
+        subroutine add(name, kind, of, place)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: kind, of, place
+
+            m = m + 1
+            variables(m) = variable_type(name, kind, of, place)
+        end subroutine add
     end procedure list_variables
 
     !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
     module procedure find_coordinate
-        integer :: i, k, dot
+        integer :: k, dot, type_of
 
         number = 0
         dot = index(text, '.')
         if (dot == 0) dot = len_trim(text) + 1
-        k = 0
-        do i = 1, size(self%joints)
-            if (self%joints(i)%name == text(:dot - 1)) k = i
-        end do
-        if (k == 0) then
+        call self%find_element(text(:dot - 1), type_of, k)
+        if (type_of /= of_joint) then
             call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
             return
         end if

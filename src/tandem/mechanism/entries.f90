@@ -3,6 +3,7 @@
 !> may be texts, which are expressions of the parameters. Later values of a key replace earlier ones at their place.
 module tandem_mechanism_entries
     use tandem_kinds, only: wp
+    use tandem_name_index, only: longest_name, name_index_type
     implicit none (type, external)
     private
 
@@ -48,6 +49,8 @@ module tandem_mechanism_entries
         !> The first `n` are in use.
         type(entry_type), allocatable :: list(:)
         integer :: n = 0
+        !> Where keys are in the list.
+        type(name_index_type), private :: places
     contains
         generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
         procedure :: append
@@ -81,6 +84,10 @@ contains
         class(entries_type), intent(in) :: self
         character(len=*), intent(in) :: key
 
+        if (len(key) <= longest_name) then
+            find = self%places%get(key)
+            return
+        end if
         do find = self%n, 1, -1
             if (len(self%list(find)%key) /= len(key)) cycle
             if (self%list(find)%key == key) return
@@ -123,6 +130,7 @@ contains
         end if
         self%n = self%n + 1
         self%list(self%n) = entry
+        call self%places%put(entry%key, self%n)
     end subroutine append
 
     pure subroutine set_number(self, key, value, place)

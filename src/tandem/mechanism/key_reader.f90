@@ -68,6 +68,7 @@ module tandem_mechanism_key_reader
         procedure :: refuse
         procedure :: gives
         procedure :: is_text_at
+        procedure :: has_text
         procedure :: keys_below
         procedure :: get_number
         procedure :: get_numbers
@@ -451,6 +452,18 @@ contains
             if (is_text_at) is_text_at = value%atoms(1)%kind == is_text
         end associate
     end function is_text_at
+
+    !> Whether a key of the element is given by a text, or by a list with one in it.
+    pure logical function has_text(self, key)
+        class(key_reader_type), intent(in) :: self
+        character(len=*), intent(in) :: key
+        integer :: k
+
+        k = 0
+        if (.not. self%failed()) k = self%find(key)
+        has_text = k > 0
+        if (k > 0) has_text = any(self%entries%list(k)%value%atoms%kind == is_text)
+    end function has_text
 
     !> The names below a key of the element, which now count as known.
     subroutine keys_below(self, key, names)

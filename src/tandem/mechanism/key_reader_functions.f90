@@ -109,7 +109,7 @@ contains
                 select case (given%atoms(i)%kind)
                 case (is_number)
                     write (number, '(es25.16e3)') given%atoms(i)%number
-                    call parse_expression(expressions(i), number, variables, self%error)
+                    call parse_expression(expressions(i), number, [character(len=1) ::], self%error)
                 case (is_text)
                     call parse_expression(expressions(i), given%atoms(i)%text, variables, self%error, names, values, &
                         self%entries%list(k)%key)

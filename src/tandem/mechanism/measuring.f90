@@ -26,22 +26,28 @@ contains
 
     !> What the sensors give.
     module procedure list_quantities
-        integer :: i, k, m
+        type(quantity_type), allocatable :: all_of_them(:)
+        integer :: i, k, m, n
 
         if (size(self%sensors) == 0) return
         self%measure => measure
-        allocate (self%quantities(0))
+        allocate (all_of_them(16))
+        n = 0
         do i = 1, size(self%sensors)
             associate (list => quantities_of(self%sensors(i)))
                 self%sensors(i)%width = sum(max(1, list%width))
-                self%sensors(i)%first = size(self%quantities) + 1
+                self%sensors(i)%first = n + 1
                 self%sensors(i)%n_quantities = size(list)
-                self%quantities = [quantity_type :: self%quantities, list]
+                ! Room for many more: a sensor more must not cost a copy of all before.
+                if (n + size(list) > size(all_of_them)) all_of_them = [quantity_type :: all_of_them, all_of_them, list]
+                all_of_them(n + 1:n + size(list)) = list
+                n = n + size(list)
             end associate
             associate (rows => self%sensors(i)%rows)
                 where (rows < 0) rows = self%n_holonomic - rows
             end associate
         end do
+        self%quantities = all_of_them(:n)
         self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
         if (.not. any(self%sensors%kind == sensed_reaction .or. self%sensors%kind == sensed_balance .or. &
             self%sensors%is_pressed)) return

@@ -16,13 +16,15 @@ module tandem_mechanism
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
+    use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: pack_sensor
-    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
+    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings, &
+        evaluate_pins
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -44,6 +46,9 @@ module tandem_mechanism
         real(wp), allocatable, private :: f(:, :)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
+        !> Meetings and dots that are hinges in space, and the numbers of the others.
+        type(hinge_type), allocatable, private :: hinges(:)
+        integer, allocatable, private :: loose_meetings(:), loose_dots(:)
         !> Rows of the Euler parameters begin after this one, and bodies that have them.
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
@@ -160,7 +165,10 @@ contains
         integer :: n_bodies
 
         n_bodies = 0
-        if (allocated(self%bodies)) n_bodies = size(self%bodies)
+        if (allocated(self%bodies)) then
+            call self%fit()
+            n_bodies = size(self%bodies)
+        end if
         if (n_bodies == 0) then
             call set_error(error, status_invalid_model, 'the mechanism has no body', 'add one')
             return
@@ -173,6 +181,7 @@ contains
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
+        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
         call name_rows(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
@@ -302,8 +311,15 @@ contains
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
-            if (size(self%meetings) > 0) call evaluate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, terms)
-            if (size(self%dots) > 0) call evaluate_dots(self%dots, need, self%pose, self%f, terms)
+            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
+            if (size(self%loose_meetings) > 0) then
+                if (self%planar) then
+                    call evaluate_pins(self%meetings, need, self%pose, terms)
+                else
+                    call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
+                end if
+            end if
+            if (size(self%loose_dots) > 0) call evaluate_dots(self%loose_dots, self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
             if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &

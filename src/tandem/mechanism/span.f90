@@ -12,7 +12,7 @@ module tandem_mechanism_span
     private
 
     public :: span_type, span_way, span_gradient, span_second
-    public :: evaluate_meetings, differentiate_meetings, evaluate_distances, differentiate_distances
+    public :: evaluate_meetings, evaluate_pins, differentiate_meetings, evaluate_distances, differentiate_distances
 
     type :: span_type
         !> The two bodies, 0 for the ground, and the (first) row.
@@ -91,35 +91,37 @@ contains
         end associate
     end subroutine span_second
 
-    !> Points that meet: as many rows as there are directions.
-    pure subroutine evaluate_meetings(meetings, n_rows, need, pose, terms)
+    !> Points that meet in space: three rows.
+    pure subroutine evaluate_meetings(numbers, meetings, need, pose, terms)
+        !> Which of them.
+        integer, intent(in) :: numbers(:)
         type(span_type), intent(in) :: meetings(:)
-        !> 2 in the plane, 3 in space.
-        integer, intent(in) :: n_rows, need
+        integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         type(terms_type), intent(inout) :: terms
         real(wp) :: v1(3), v2(3)
         integer :: i, k
 
-        do i = 1, size(meetings)
-            associate (span => meetings(i), one => pose(meetings(i)%first), two => pose(meetings(i)%second))
+        do i = 1, size(numbers)
+            associate (span => meetings(numbers(i)), one => pose(meetings(numbers(i))%first), &
+                two => pose(meetings(numbers(i))%second))
                 if (iand(need, need_phi) /= 0) then
                     call turn(one%a(:, :, 0), span%s1, v1)
                     call turn(two%a(:, :, 0), span%s2, v2)
-                    do k = 1, n_rows
+                    do k = 1, 3
                         terms%phi(span%row + k - 1) = two%r(k, 0) - one%r(k, 0) + v2(k) - v1(k)
                     end do
                 end if
                 if (iand(need, need_jacobian) /= 0) then
                     associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
-                        call put_end(one, span%s1, -1.0_wp, n_rows, span%row, m, width, terms%jacobian)
-                        call put_end(two, span%s2, 1.0_wp, n_rows, span%row, m, width, terms%jacobian)
+                        call put_end(one, span%s1, -1.0_wp, span%row, m, width, terms%jacobian)
+                        call put_end(two, span%s2, 1.0_wp, span%row, m, width, terms%jacobian)
                     end associate
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     call turn(one%a(:, :, 2), span%s1, v1)
                     call turn(two%a(:, :, 2), span%s2, v2)
-                    do k = 1, n_rows
+                    do k = 1, 3
                         terms%gamma(span%row + k - 1) = v2(k) - v1(k)
                     end do
                 end if
@@ -128,32 +130,76 @@ contains
     end subroutine evaluate_meetings
 
     !> The columns of one end of d.
-    pure subroutine put_end(pose, s, sign, n_rows, row, m, width, jacobian)
+    pure subroutine put_end(pose, s, sign, row, m, width, jacobian)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), sign
-        !> How many rows, the first of them, and the shape of the C that is set, which may be compressed.
-        integer, intent(in) :: n_rows, row, m, width
+        !> The first row, and the shape of the C that is set, which may be compressed.
+        integer, intent(in) :: row, m, width
         real(wp), intent(inout) :: jacobian(m, width)
-        real(wp) :: b(3, 4), v(3)
+        real(wp) :: b(3, 4)
         integer :: j, k
 
         do k = 1, pose%n_place
             jacobian(row + k - 1, pose%place_column + k - 1) = sign
         end do
         if (pose%n_turn == 0) return
-        if (pose%n_turn == 1) then
-            v = turned(pose, 0, s)
-            jacobian(row, pose%turn_column) = -sign*v(2)
-            jacobian(row + 1, pose%turn_column) = sign*v(1)
-            return
-        end if
         b = gradient_matrix(pose, 0, s)
         do j = 1, 4
-            do k = 1, n_rows
+            do k = 1, 3
                 jacobian(row + k - 1, pose%turn_column + j - 1) = sign*b(k, j)
             end do
         end do
     end subroutine put_end
+
+    !> Points that meet in the plane: two rows, by the arms A s' of the points.
+    pure subroutine evaluate_pins(pins, need, pose, terms)
+        type(span_type), intent(in) :: pins(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        type(terms_type), intent(inout) :: terms
+        real(wp) :: x1, x2, y1, y2
+        integer :: i
+
+        do i = 1, size(pins)
+            associate (pin => pins(i), row => pins(i)%row, one => pose(pins(i)%first), two => pose(pins(i)%second))
+                x1 = one%a(1, 1, 0)*pin%s1(1) + one%a(1, 2, 0)*pin%s1(2)
+                y1 = one%a(2, 1, 0)*pin%s1(1) + one%a(2, 2, 0)*pin%s1(2)
+                x2 = two%a(1, 1, 0)*pin%s2(1) + two%a(1, 2, 0)*pin%s2(2)
+                y2 = two%a(2, 1, 0)*pin%s2(1) + two%a(2, 2, 0)*pin%s2(2)
+                if (iand(need, need_phi) /= 0) then
+                    terms%phi(row) = two%r(1, 0) - one%r(1, 0) + x2 - x1
+                    terms%phi(row + 1) = two%r(2, 0) - one%r(2, 0) + y2 - y1
+                end if
+                if (iand(need, need_jacobian) /= 0) then
+                    associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
+                        call put_arm(one, x1, y1, -1.0_wp, row, m, width, terms%jacobian)
+                        call put_arm(two, x2, y2, 1.0_wp, row, m, width, terms%jacobian)
+                    end associate
+                end if
+                if (iand(need, need_gamma) /= 0) then
+                    ! The arms' second derivatives without qdd.
+                    terms%gamma(row) = x1*one%p(1, 1)**2 - x2*two%p(1, 1)**2
+                    terms%gamma(row + 1) = y1*one%p(1, 1)**2 - y2*two%p(1, 1)**2
+                end if
+            end associate
+        end do
+    end subroutine evaluate_pins
+
+    !> The columns of one end in the plane.
+    pure subroutine put_arm(pose, x, y, sign, row, m, width, jacobian)
+        type(pose_type), intent(in) :: pose
+        !> Its arm.
+        real(wp), intent(in) :: x, y, sign
+        integer, intent(in) :: row, m, width
+        real(wp), intent(inout) :: jacobian(m, width)
+
+        if (pose%n_place == 0) return
+        jacobian(row, pose%place_column) = sign
+        jacobian(row + 1, pose%place_column + 1) = sign
+        if (pose%n_turn == 0) return
+        jacobian(row, pose%turn_column) = -sign*y
+        jacobian(row + 1, pose%turn_column) = sign*x
+    end subroutine put_arm
 
     !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)

@@ -80,9 +80,10 @@ contains
         type(options_type), intent(in) :: options
         type(error_type), allocatable, intent(out) :: error
 
-        if (method%partner /= '' .and. .not. options%is_adaptive()) then
+        if (.not. (method%has_fixed_steps() .or. options%is_adaptive())) then
             call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" chooses between '// &
-                'methods by what their steps cost under error control, but rtol is not set', &
+                trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control, but rtol is '// &
+                'not set', &
                 'set rtol, or choose a method for fixed steps')
         else if (options%projection /= projections(1) .and. method%partner /= '') then
             call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but '// &

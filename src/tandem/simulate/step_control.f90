@@ -26,6 +26,7 @@ module tandem_simulate_step_control
         !> rtol and atol s for q and for qd (n).
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
         real(wp), private :: max_step = huge(1.0_wp)
+        integer, private :: order = 4
         real(wp), private :: exponent = 0.2_wp, last_norm = 1.0e-4_wp
         !> A step is this part of the one whose error norm would be 1, and the norm that it aims at.
         real(wp), private :: safety = 0.8_wp, aim = 0.8_wp**5
@@ -44,6 +45,7 @@ module tandem_simulate_step_control
     contains
         procedure :: initialize
         procedure :: set_method
+        procedure :: set_order
         procedure :: set_weights
         procedure :: accept
         procedure :: reject
@@ -97,6 +99,7 @@ contains
         class(step_control_type), intent(inout) :: self
         type(properties_type), intent(in) :: method
 
+        self%order = method%estimate_order
         self%exponent = 1.0_wp/real(method%estimate_order + 1, wp)
         ! Implicit steppers have no integral part: their errors jump with Newton's.
         self%safety = 0.8_wp
@@ -112,6 +115,18 @@ contains
         self%stability_limit = method%stability_limit
         self%is_predictive = method%is_predictive
     end subroutine set_method
+
+    !> The order of the error estimate has changed: two errors of different ones foresee nothing.
+    pure subroutine set_order(self, estimate_order)
+        class(step_control_type), intent(inout) :: self
+        integer, intent(in) :: estimate_order
+
+        if (estimate_order == self%order) return
+        self%order = estimate_order
+        self%exponent = 1.0_wp/real(estimate_order + 1, wp)
+        self%aim = self%safety**(1.0_wp/self%exponent)
+        self%last_step = 0.0_wp
+    end subroutine set_order
 
     !> Weights for a step from (q0, qd0) to (q, qd).
     pure subroutine set_weights(self, q0, q, qd0, qd)
@@ -239,8 +254,12 @@ contains
     subroutine pack_state(self, pack)
         class(step_control_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
+        integer :: order
 
+        order = self%order
         call pack%item(self%h)
+        call pack%item(order)
+        call self%set_order(order)
         call pack%item(self%last_norm)
         call pack%item(self%last_step)
         call pack%item(self%lambda)

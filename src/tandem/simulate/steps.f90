@@ -345,6 +345,7 @@ contains
         end if
         call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
         call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
+        if (self%method%varies) call self%control%set_order(self%stepper%order_of_estimate())
         if (.not. norm <= 1.0_wp) then
             outcome = misses_tolerance
             return

@@ -6,6 +6,7 @@ module tandem_stepper_factory
     use tandem_stepper_auto, only: auto_type
     use tandem_stepper_dop853, only: dop853_type
     use tandem_stepper_dopri5, only: dopri5_type
+    use tandem_stepper_radau, only: radau_type
     use tandem_stepper_radau5, only: radau5_type
     use tandem_stepper_rk4, only: rk4_type
     use tandem_stepper_sdirk54, only: sdirk54_type
@@ -36,6 +37,8 @@ contains
             allocate (sdirk54_type :: stepper)
         case ('radau5')
             allocate (radau5_type :: stepper)
+        case ('radau')
+            allocate (radau_type :: stepper)
         case ('auto')
             allocate (auto_type :: stepper)
         case default

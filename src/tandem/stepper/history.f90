@@ -10,8 +10,9 @@ module tandem_stepper_history
 
     public :: history_type
 
-    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less).
-    integer, parameter :: capacity = 10, most_nodes = 5
+    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less): where nothing else is
+    !> said, and at most.
+    integer, parameter :: capacity = 10, usual_nodes = 5, most_nodes = 9
 
     type :: history_type
         private
@@ -24,6 +25,8 @@ module tandem_stepper_history
         procedure, public :: continue_from
         procedure, public :: push
         procedure, public :: extrapolate
+        procedure, public :: knows
+        procedure, public :: difference
         procedure, public :: drop
         procedure, public :: curvature
         procedure, public :: pack_state
@@ -82,24 +85,28 @@ contains
     end subroutine push
 
     !> The polynomial through the nearest rates, at t (Lagrange's form).
-    subroutine extrapolate(self, t, qd, qdd)
+    subroutine extrapolate(self, t, qd, qdd, most)
         class(history_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
-        integer :: nodes(most_nodes), n_nodes, i, j, k
+        !> How many of them.
+        integer, intent(in), optional :: most
+        integer :: nodes(most_nodes), n_most, n_nodes, i, j, k
         real(wp) :: weight
 
+        n_most = usual_nodes
+        if (present(most)) n_most = min(most, most_nodes)
         n_nodes = 0
         do k = 1, self%n_kept
             ! Insertion into the list of the nearest.
             i = n_nodes + 1
             do while (i > 1)
                 if (abs(self%t(nodes(i - 1)) - t) <= abs(self%t(k) - t)) exit
-                if (i <= most_nodes) nodes(i) = nodes(i - 1)
+                if (i <= n_most) nodes(i) = nodes(i - 1)
                 i = i - 1
             end do
-            if (i <= most_nodes) nodes(i) = k
-            n_nodes = min(n_nodes + 1, most_nodes)
+            if (i <= n_most) nodes(i) = k
+            n_nodes = min(n_nodes + 1, n_most)
         end do
         qd = 0.0_wp
         qdd = 0.0_wp
@@ -112,6 +119,38 @@ contains
             qdd = qdd + weight*self%qdd(:, nodes(i))
         end do
     end subroutine extrapolate
+
+    !> Whether the last rates suffice for a divided difference of an order.
+    pure logical function knows(self, order)
+        class(history_type), intent(in) :: self
+        integer, intent(in) :: order
+
+        knows = self%n_kept > order
+    end function knows
+
+    !> The divided difference of the last rates, the derivative of that order over its factorial.
+    subroutine difference(self, order, qd, qdd)
+        class(history_type), intent(in) :: self
+        !> One less than the rates that it takes.
+        integer, intent(in) :: order
+        real(wp), intent(out), contiguous :: qd(:), qdd(:)
+        real(wp) :: weight
+        integer :: i, j, nodes(capacity)
+
+        do i = 0, order
+            nodes(i + 1) = modulo(self%last - 1 - i, capacity) + 1
+        end do
+        qd = 0.0_wp
+        qdd = 0.0_wp
+        do i = 1, order + 1
+            weight = 1.0_wp
+            do j = 1, order + 1
+                if (j /= i) weight = weight/(self%t(nodes(i)) - self%t(nodes(j)))
+            end do
+            qd = qd + weight*self%qd(:, nodes(i))
+            qdd = qdd + weight*self%qdd(:, nodes(i))
+        end do
+    end subroutine difference
 
     !> Take back what was pushed after a time, because its step was rejected.
     pure subroutine drop(self, t)

@@ -31,8 +31,12 @@ module tandem_stepper
         logical :: damps = .false.
         !> Whether the step size controller foresees the next error from the last two (Gustafsson).
         logical :: is_predictive = .false.
+        !> Whether its order changes in a run: then what is said here is true of its first steps.
+        logical :: varies = .false.
         !> The stepper that takes its place where a run shows that it is cheaper; blank for none.
         character(len=16) :: partner = ''
+    contains
+        procedure :: has_fixed_steps
     end type properties_type
 
     !> A one-step method: each file of this folder extends it.
@@ -49,6 +53,7 @@ module tandem_stepper
         procedure :: interpolate
         procedure :: stiffness
         procedure :: longest_next
+        procedure :: order_of_estimate
     end type stepper_type
 
     abstract interface
@@ -109,6 +114,13 @@ module tandem_stepper
     end interface
 
 contains
+
+    !> Whether there are fixed steps of it: not where errors and costs under error control decide what a step is.
+    pure logical function has_fixed_steps(self)
+        class(properties_type), intent(in) :: self
+
+        has_fixed_steps = self%partner == '' .and. .not. self%varies
+    end function has_fixed_steps
 
     !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and
     !> acceleration at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of h^5, which
@@ -177,6 +189,13 @@ contains
 
         longest_next = huge(1.0_wp)
     end function longest_next
+
+    !> Of a method whose order varies, the order of the error estimate of the last step; 0 for others.
+    pure integer function order_of_estimate(self)
+        class(stepper_type), intent(in) :: self
+
+        order_of_estimate = 0
+    end function order_of_estimate
 
     !> Root mean square of weighted errors of q and qd.
     pure real(wp) function weighted_norm(error_q, error_qd, weight_q, weight_qd)

@@ -32,6 +32,7 @@ contains
             new_unittest('redundant-rows', test_redundant), &
             new_unittest('stiff-springs-cost-no-steps', test_stiff), &
             new_unittest('auto-exchanges-and-resumes-bitwise', test_auto), &
+            new_unittest('radau-changes-its-order-and-resumes-bitwise', test_radau), &
             new_unittest('choice', test_choice), &
             new_unittest('profile', test_profile), &
             new_unittest('refusals', test_refusals)]
@@ -388,6 +389,51 @@ contains
         call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
             all(abs(first%state%qd - again%state%qd) <= 0.0_wp), 'it goes on otherwise')
     end subroutine test_auto
+
+    !> The stages of `radau` become more on the sparse chart too, for fewer corrections than those of radau5 and the motion of the
+    !> dense chart; a run that is taken up across that goes on bitwise.
+    subroutine test_radau(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two, three, four
+        type(simulation_type) :: first, again, five, dense
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        type(statistics_type) :: statistics, of_five
+        real(wp), parameter :: rtol = 1.0e-11_wp, t_end = 0.3_wp
+
+        call begin('spatial_chain', 9, controlled('radau', rtol, 'sparse'), one, first, error)
+        call begin('spatial_chain', 9, controlled('radau', rtol, 'sparse'), two, again, error)
+        call begin('spatial_chain', 9, controlled('radau5', rtol, 'sparse'), three, five, error)
+        call begin('spatial_chain', 9, controlled('radau5', rtol, 'dense'), four, dense, error)
+        call go_on(five, t_end, error)
+        call go_on(dense, t_end, error)
+        call go_on(first, 1.0e-4_wp, error)
+        if (allocated(error)) return
+        statistics = first%statistics()
+        call check_true(error, statistics%implicit_stages == 3*(statistics%steps + statistics%rejected + statistics%failed), &
+            'three stages at first')
+        call first%save_state(words, failure)
+        if (.not. allocated(failure)) call again%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(again, 0.15_wp, error)
+        call go_on(first, t_end, error)
+        if (allocated(error)) return
+        call again%save_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(again, t_end, error)
+        call first%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(first, t_end, error)
+        if (allocated(error)) return
+        statistics = first%statistics()
+        of_five = five%statistics()
+        call check_true(error, statistics%implicit_stages > 3*(statistics%steps + statistics%rejected + statistics%failed), &
+            'more stages than three')
+        call check_below(error, real(statistics%newton_corrections, wp), 0.9_wp*of_five%newton_corrections, 'corrections')
+        call check_close(error, first%state%q, dense%state%q, 100*rtol, 'q of radau5 on the dense chart')
+        call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
+            all(abs(first%state%qd - again%state%qd) <= 0.0_wp), 'it goes on otherwise')
+    end subroutine test_radau
 
     !> A door on two hinges, with a weight on a spring: five rows say what others say, and the motion is that of a door on one. With
     !> a stiff spring `auto` exchanges its charts, and the rows are left out again.

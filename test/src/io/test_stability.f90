@@ -341,7 +341,8 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             do l = 1, size(stepper_choices)
-                do k = merge(1, 0, stepper_choices(l) == 'auto'), merge(0, 1, stepper_choices(l) == 'rk4')
+                ! Those that are no method of their own have no fixed steps.
+                do k = merge(0, 1, any(stepper_names == stepper_choices(l))), merge(0, 1, stepper_choices(l) == 'rk4')
                     options = subject%options
                     options%stepper = stepper_choices(l)
                     options%rtol = k*subject%rtol
@@ -452,8 +453,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=case_name_length), parameter :: cases(2) = [character(len=case_name_length) :: 'edge', 'speed_0']
         type(stability_type), target :: at_once, first, second
-        !> Two cases, each stepper with fixed steps and all but rk4 with tolerances.
-        integer, parameter :: n_rows = 2*(2*size(stepper_names) - 1 + 1)
+        !> Two cases, each method with fixed steps, and all choices but rk4 with tolerances.
+        integer, parameter :: n_rows = 2*(size(stepper_names) + size(stepper_choices) - 1)
         integer :: row
 
         call run_study(cases, 'at_once', 99, .true., at_once, error)

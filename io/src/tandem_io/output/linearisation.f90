@@ -71,7 +71,7 @@ contains
         call file%attach('/', 'study', 'linearisation')
         call file%attach('/', 'scene', scene)
         call file%add_group(group)
-        call file%attach(group, 'kind', 'equilibrium')
+        call file%attach(group, 'kind', trim(merge('steady motion', 'equilibrium  ', it%frame%moves)))
         call file%attach(group, 'time', it%t)
         call file%attach(group, 'residual', it%residual)
         call file%attach(group, 'shift_re', real(it%shift, wp))

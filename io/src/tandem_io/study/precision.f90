@@ -118,7 +118,7 @@ contains
             if (.not. any(steppers == stepper_choices(i))) cycle
             call new_stepper(stepper_choices(i), stepper)
             properties = stepper%properties()
-            if (properties%partner == '') self%series = [self%series, series_type(stepper_choices(i), by_step)]
+            if (properties%has_fixed_steps()) self%series = [self%series, series_type(stepper_choices(i), by_step)]
             if (properties%estimate_order > 0) self%series = [self%series, series_type(stepper_choices(i), by_rtol)]
         end do
     end subroutine start

@@ -101,7 +101,7 @@ contains
 
         call new_stepper(name, stepper)
         properties = stepper%properties()
-        has_run = subject%with_step .and. properties%partner == ''
+        has_run = subject%with_step .and. properties%has_fixed_steps()
         if (control == 'step') return
         has_run = subject%with_rtol .and. properties%estimate_order > 0
     end function has_run

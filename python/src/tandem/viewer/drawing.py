@@ -20,6 +20,9 @@ COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW)
 #: Of arrows, darker than bodies; the first is that of a single one.
 ARROWS = (RED, "#862E9C", "#1864AB", "#2B8A3E", "#7A4100", "#C2255C", "#3C4043")
 
+#: The largest force is as long as this part of all that is seen, and the arc of the largest torque has such a radius.
+LONGEST, LARGEST_ARC = 0.5, 0.12
+
 
 @dataclass
 class Piece:
@@ -70,7 +73,7 @@ class Track:
 
 @dataclass
 class Arrow:
-    """A vector at a place, both at the frames; its length is scaled so that the largest one can be seen."""
+    """A force (N) or a torque (N m) at a place, both at the frames; each kind is scaled so that its largest can be seen."""
 
     name: str
     places: np.ndarray
@@ -79,6 +82,16 @@ class Arrow:
     unit: str
     #: The body that it acts on, as the legend says it.
     on: str = ""
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a torque, which is drawn as an arc about it."""
+        return self.unit == "N m"
+
+    @property
+    def largest(self) -> float:
+        """Its largest size at any frame."""
+        return float(np.linalg.norm(np.nan_to_num(self.vectors), axis=1).max(initial=0))
 
 
 @dataclass
@@ -114,6 +127,11 @@ class Drawing:
     extent: float = 0.0
     #: Words about the run, below its name.
     about: str = ""
+
+    def scale(self, turns: bool, size: float) -> float:
+        """How long a newton is drawn where all that is seen has that size, or how large an arc a newton metre has."""
+        largest = max([arrow.largest for arrow in self.arrows if arrow.turns == turns] or [0.0])
+        return (LARGEST_ARC if turns else LONGEST)*size/largest if largest else 0.0
 
     def body(self, name: str) -> Body:
         return next(body for body in self.bodies if body.name == name)

@@ -104,7 +104,7 @@ def page(drawing: Drawing) -> str:
     channels, steps = channels_of(drawing, 1e-7*look["size"])
     # The page multiplies by what is written: so it is rounded by these numbers too.
     steps = np.array(rounded(steps))
-    largest = max([float(np.linalg.norm(np.nan_to_num(arrow.vectors), axis=1).max(initial=0)) for arrow in drawing.arrows] or [1.0]) or 1.0
+    scales = {turns: drawing.scale(turns, look["size"]) for turns in (False, True)}
     nf = len(drawing.times)
     content = {
         **look, "name": drawing.name,
@@ -118,9 +118,9 @@ def page(drawing: Drawing) -> str:
                     for spring in drawing.springs],
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}
                    for track in drawing.tracks],
-        "arrows": [{"name": arrow.name, "colour": arrow.colour, "unit": arrow.unit, "on": arrow.on, "scale": 0.5*look["size"]/largest}
-                   for arrow in drawing.arrows],
-        "longest": f"{largest:.3g} {drawing.arrows[0].unit}" if drawing.arrows else "",
+        "arrows": [{"name": arrow.name, "colour": arrow.colour, "unit": arrow.unit, "on": arrow.on, "turns": arrow.turns,
+                    "scale": scales[arrow.turns]} for arrow in drawing.arrows],
+        "largest": largest_of(drawing),
         "curves": [{"name": curve.name, "unit": curve.unit, **limits(curve.values)} for curve in drawing.curves],
         "ground": rounded(drawing.ground) if drawing.ground is not None else None,
         "steps": steps.tolist(),
@@ -138,6 +138,14 @@ def page(drawing: Drawing) -> str:
     text = (HERE / "page" / "page.html").read_text(encoding="utf-8")
     parts = text.split("@")
     return "".join(texts.get(part, part) if i % 2 else part for i, part in enumerate(parts))
+
+
+def largest_of(drawing: Drawing) -> str:
+    """How large forces and torques become, in words."""
+    found = {word: max([arrow.largest for arrow in drawing.arrows if arrow.turns == turns] or [0.0])
+             for word, turns in (("forces", False), ("torques", True))}
+    units = {"forces": "N", "torques": "N m"}
+    return ", ".join(f"{word} up to {largest:.3g} {units[word]}" for word, largest in found.items() if largest)
 
 
 def limits(values: np.ndarray) -> dict[str, float]:

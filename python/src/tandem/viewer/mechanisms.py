@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .drawing import ARROWS, BLUE, COLOURS, DARK, GREY, ORANGE, Arrow, Body, Drawing, Piece, Spring, Track, bar, wheel
+from .arrows import add_arrows
+from .drawing import BLUE, COLOURS, DARK, GREY, ORANGE, Body, Drawing, Piece, Spring, Track, bar, wheel
 from .expressions import Numbers, evaluate, written_out
-from .motion import interpolated
 from .rotations import IDENTITY, carrying, conjugate, continuous, from_angle, from_matrix, from_vector, normalised, turned
 
 
@@ -372,45 +372,6 @@ def add_sensors(found: Mechanism, drawing: Drawing) -> None:
         if isinstance(keys.get("point"), str):
             drawing.tracks.append(Track(name, found.track(keys["point"]), COLOURS[k % len(COLOURS)]))
             k += 1
-
-
-def add_arrows(found: Mechanism, drawing: Drawing, joints: list) -> None:
-    """Forces of joints, wheels, distances and springs where the file has them (N, three components in the axes of the world): at the
-    place of the joint, where the wheel touches, at the second point."""
-    places = {name: (bodies, place) for name, _, bodies, place in joints}
-    contacts = {track.name: track.places for track in drawing.tracks if track.is_contact}
-    # Forces are those on the second of two bodies, and on the wheel.
-    acts_on = {name: bodies[1] for name, _, bodies, _ in joints if len(bodies) == 2}
-    acts_on |= {name: keys["at"].partition(":")[0].partition(".")[0] for name, keys in found.elements["wheel"].items()
-                if isinstance(keys.get("at"), str)}
-    for kind in ("force", "constraint"):
-        for name, keys in found.elements[kind].items():
-            if len(keys.get("between", [])) == 2:
-                acts_on[name] = keys["between"][1].partition(":")[0].partition(".")[0]
-                if name not in contacts:
-                    contacts[name] = found.track(keys["between"][1])
-
-    def add(name, places, vectors, element):
-        colour = ARROWS[len(drawing.arrows) % len(ARROWS)]
-        drawing.arrows.append(Arrow(name, places, vectors, colour, "N", acts_on.get(element, "")))
-
-    groups = [found.result.groups.get(kind, {}) for kind in ("joints", "wheels", "constraints", "forces")]
-    for all_ in (*groups, found.result.sensors):
-        for name, whats in all_.items():
-            for what, one in whats.items():
-                if one.unit != "N" or one.values.ndim != 2 or one.values.shape[1] != 3 or "body" in what:
-                    continue
-                vectors = interpolated(found.result.time, one.values, None, None, found.times)
-                sensor = found.elements["sensor"].get(name, {})
-                joint = sensor.get("reaction", sensor.get("force", name))
-                if joint in contacts:
-                    add(f"{name} {what}", contacts[joint], vectors, joint)
-                elif joint in places and places[joint][1] is not None:
-                    bodies, place = places[joint]
-                    carrier = next((body for body in reversed(bodies) if body in found.bodies), None)
-                    if carrier:
-                        at = found.bodies[carrier].point(found.to_body(carrier, place))
-                        add(f"{name} {what}", at, vectors, joint)
 
 
 def place_ground(found: Mechanism, drawing: Drawing) -> None:

@@ -1,21 +1,30 @@
 # SPDX-License-Identifier: MIT
-"""A drawing as VTKHDF, for ParaView and what else reads VTK's files: polygons of all bodies, lines of all springs and of all arrows, whose
+"""A drawing as VTKHDF, for ParaView and what else reads VTK's files: polygons of all bodies, lines of all springs, arrows and tracks, whose
 corners have a place at each frame. What is connected to what is there once. Cells have the number of their body and a colour.
 
 The format is that of VTK's documentation (VTKHDF 2.0, PolyData with Steps). A mode follows the other where there are several."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from .drawing import Arrow, Body, Drawing
+from .drawing import Arrow, Body, Drawing, Spring, Track
 from .gltf import flat_mesh, mesh_of
-from .rotations import turned
+from .html import filled
+from .rotations import carrying, turned
 
 #: About so many numbers are in memory at a time.
 BLOCK = 3_000_000
+#: Corners of a torque's arc, and the most of a track.
+ARC, MOST_PLACES = 25, 200
+
+
+def rgb(colour: str) -> list[int]:
+    return [int(colour[k:k + 2], 16) for k in (1, 3, 5)]
 
 
 def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
@@ -32,7 +41,7 @@ def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarr
             own.append(piece.at + turned(piece.turn, places*np.asarray(piece.size)))
             triangles.append(first + faces)
             owners.append(np.full(len(faces), i))
-            colours.append(np.tile([int(piece.colour[k:k + 2], 16) for k in (1, 3, 5)], (len(faces), 1)))
+            colours.append(np.tile(rgb(piece.colour), (len(faces), 1)))
             first += len(places)
         corners.append(np.concatenate(own))
     if not triangles:
@@ -40,30 +49,81 @@ def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarr
     return corners, np.concatenate(triangles), np.concatenate(owners), np.concatenate(colours)
 
 
-def scale_of(drawing: Drawing) -> float:
-    """The length of a newton: as in pages, the largest arrow has half the size of all."""
-    largest = max([float(np.linalg.norm(np.nan_to_num(arrow.vectors), axis=1).max(initial=0)) for arrow in drawing.arrows] or [0.0])
-    return 0.5*float(np.max(np.subtract(*drawing.bounds()[::-1])))/largest if largest else 0.0
+@dataclass
+class Strand:
+    """Corners that lines join: a spring, an arrow, a track. `places` gives them at frames of a take (nf, np, 3)."""
+
+    #: What the cells have as their body.
+    number: int
+    colour: str
+    #: Which of its corners its lines join (nl, 2).
+    lines: np.ndarray
+    places: Callable[[dict[str, Body], np.ndarray], np.ndarray]
 
 
-def colours_of(arrows: list[Arrow]) -> np.ndarray:
-    """Of each arrow its colour (number, 3)."""
-    return np.array([[int(arrow.colour[k:k + 2], 16) for k in (1, 3, 5)] for arrow in arrows], int).reshape(-1, 3)
+def in_a_row(count: int) -> np.ndarray:
+    """The lines from each of so many corners to the next."""
+    return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
 
 
-def places_at(drawing: Drawing, bodies: list[Body], corners: list[np.ndarray], frames: slice, scale: float = 0.0) -> np.ndarray:
-    """All corners at frames (nf, np, 3): those of the bodies, then both ends of each spring and of each arrow, a newton as long as `scale`."""
-    known = {body.name: body for body in bodies}
-    nf = len(range(*frames.indices(len(drawing.times))))
-    made = [body.place[frames, None] + turned(body.turn[frames, None], np.broadcast_to(own, (nf, *own.shape)))
-            for body, own in zip(bodies, corners, strict=True)]
-    for spring in drawing.springs:
-        for name, place in zip(spring.bodies, spring.places, strict=True):
-            made.append(known[name].point(place)[frames, None] if name else np.broadcast_to(place, (nf, 1, 3)))
-    for arrow in drawing.arrows:
+def spring_of(spring: Spring) -> Strand:
+    def places(known: dict[str, Body], frames: np.ndarray) -> np.ndarray:
+        return np.stack([known[name].point(place)[frames] if name else np.broadcast_to(place, (len(frames), 3))
+                         for name, place in zip(spring.bodies, spring.places, strict=True)], axis=1)
+
+    return Strand(-1, "#3C3C3C", in_a_row(2), places)
+
+
+def force_of(arrow: Arrow, number: int, scale: float) -> Strand:
+    """From where it acts to as far as it is large."""
+    def places(_, frames: np.ndarray) -> np.ndarray:
         place = np.nan_to_num(arrow.places[frames])
-        made.append(np.stack([place, place + scale*np.nan_to_num(arrow.vectors[frames])], axis=1))
-    return np.concatenate([np.zeros((nf, 0, 3)), *made], axis=1)
+        return np.stack([place, place + scale*np.nan_to_num(arrow.vectors[frames])], axis=1)
+
+    return Strand(number, arrow.colour, in_a_row(2), places)
+
+
+def torque_of(arrow: Arrow, number: int, scale: float) -> Strand:
+    """Three quarters of a circle about it, as a right hand turns, whose radius is how large it is; and its axis, as long as that."""
+    angles = np.linspace(0, 1.5*np.pi, ARC)
+
+    def places(_, frames: np.ndarray) -> np.ndarray:
+        place, vector = np.nan_to_num(arrow.places[frames]), scale*np.nan_to_num(arrow.vectors[frames])
+        size = np.linalg.norm(vector, axis=1, keepdims=True)
+        turn = np.array([carrying(one) for one in np.where(size > 0, vector, [0.0, 0.0, 1.0])])
+        circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(ARC)], axis=1)
+        around = turned(turn[:, None], np.broadcast_to(circle, (len(turn), ARC, 3)))*size[:, None]
+        return np.concatenate([place[:, None] + around, place[:, None], (place + vector)[:, None]], axis=1)
+
+    return Strand(number, arrow.colour, np.concatenate([in_a_row(ARC), [[ARC, ARC + 1]]]), places)
+
+
+def track_of(track: Track, number: int) -> Strand:
+    """It grows: what is still to come lies where the motion is."""
+    whole = filled(track.places)
+    at = np.unique(np.linspace(0, len(whole) - 1, min(len(whole), MOST_PLACES)).round().astype(int))
+
+    def places(_, frames: np.ndarray) -> np.ndarray:
+        return whole[np.minimum(at, frames[:, None])]
+
+    return Strand(number, track.colour, in_a_row(len(at)), places)
+
+
+def strands_of(drawing: Drawing) -> list[Strand]:
+    """Springs, then arrows, numbered from -2 downwards, then tracks, numbered on."""
+    size = float(np.max(np.subtract(*drawing.bounds()[::-1])))
+    scales = {turns: drawing.scale(turns, size) for turns in (False, True)}
+    made = [spring_of(spring) for spring in drawing.springs]
+    made += [(torque_of if arrow.turns else force_of)(arrow, -2 - i, scales[arrow.turns]) for i, arrow in enumerate(drawing.arrows)]
+    return made + [track_of(track, -2 - len(drawing.arrows) - i) for i, track in enumerate(drawing.tracks)]
+
+
+def places_at(bodies: list[Body], corners: list[np.ndarray], strands: list[Strand], frames: np.ndarray) -> np.ndarray:
+    """All corners at frames (nf, np, 3): those of the bodies, then those of the strands."""
+    known = {body.name: body for body in bodies}
+    made = [body.place[frames, None] + turned(body.turn[frames, None], np.broadcast_to(own, (len(frames), *own.shape)))
+            for body, own in zip(bodies, corners, strict=True)]
+    return np.concatenate([np.zeros((len(frames), 0, 3)), *made, *(strand.places(known, frames) for strand in strands)], axis=1)
 
 
 def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
@@ -71,11 +131,13 @@ def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
     import h5py
 
     corners, triangles, owners, colours = corners_of(drawing)
-    bodies_at = sum(len(own) for own in corners)
-    n_springs, n_arrows = len(drawing.springs), len(drawing.arrows)
-    lines = bodies_at + np.arange(2*(n_springs + n_arrows)).reshape(-1, 2)
-    takes = [bodies for _, bodies in drawing.takes] or [drawing.bodies]
-    count, nf = bodies_at + lines.size, len(drawing.times)
+    strands = strands_of(drawing)
+    count, lines = sum(len(own) for own in corners), [np.zeros((0, 2), int)]
+    for strand in strands:
+        lines.append(count + strand.lines)
+        count += strand.lines.max() + 1
+    lines, of = np.concatenate(lines), np.array([len(strand.lines) for strand in strands], int)
+    takes, nf = [bodies for _, bodies in drawing.takes] or [drawing.bodies], len(drawing.times)
     times = np.concatenate([drawing.times + k*(drawing.times[-1] - drawing.times[0]) for k in range(len(takes))])
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF")
@@ -84,19 +146,20 @@ def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
         root["NumberOfPoints"] = np.array([count])
         points = root.create_dataset("Points", (len(times)*count, 3), "<f4", chunks=(max(1, min(count, 100_000)), 3), compression=1,
                                      shuffle=True)
-        block, scale = max(1, BLOCK//(3*max(1, count))), scale_of(drawing)
+        block = max(1, BLOCK//(3*max(1, count)))
         for k, bodies in enumerate(takes):
             for f in range(0, nf, block):
-                places = places_at(drawing, bodies, corners, slice(f, f + block), scale).reshape(-1, 3)
+                places = places_at(bodies, corners, strands, np.arange(f, min(nf, f + block))).reshape(-1, 3)
                 points[(k*nf + f)*count:(k*nf + f)*count + len(places)] = places
         for name, cells in (("Vertices", np.zeros((0, 1), int)), ("Lines", lines), ("Polygons", triangles), ("Strips", np.zeros((0, 1), int))):
             group = root.create_group(name)
             group["NumberOfCells"], group["NumberOfConnectivityIds"] = np.array([len(cells)]), np.array([cells.size])
             group["Connectivity"], group["Offsets"] = cells.reshape(-1), np.arange(len(cells) + 1)*cells.shape[1]
-        # VTK counts the cells in this order: vertices, lines, polygons. A spring belongs to no body, nor does an arrow: -2, -3, ...
+        # VTK counts the cells in this order: vertices, lines, polygons. Lines belong to no body: those of a spring have -1.
         data = root.create_group("CellData")
-        data["body"] = np.concatenate([np.full(n_springs, -1), -2 - np.arange(n_arrows), owners]).astype("<i4")
-        data["colour"] = np.concatenate([np.full((n_springs, 3), 60), colours_of(drawing.arrows), colours]).astype("u1")
+        data["body"] = np.concatenate([np.repeat([strand.number for strand in strands], of).astype(int), owners]).astype("<i4")
+        drawn = np.array([rgb(strand.colour) for strand in strands], int).reshape(-1, 3)
+        data["colour"] = np.concatenate([np.repeat(drawn, of, axis=0), colours]).astype("u1")
         steps = root.create_group("Steps")
         steps.attrs["NSteps"] = len(times)
         steps["Values"] = times
@@ -110,5 +173,7 @@ def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
         file["bodies"] = [body.name for body in drawing.bodies]
         if drawing.arrows:
             file["arrows"] = [f"{arrow.name}{' on ' if arrow.on else ''}{arrow.on} [{arrow.unit}]" for arrow in drawing.arrows]
+        if drawing.tracks:
+            file["tracks"] = [track.name for track in drawing.tracks]
         if drawing.takes:
             file["modes"] = [name for name, _ in drawing.takes]

@@ -93,7 +93,7 @@ module tandem_chart_dense
         !> how firmly it was tied at best.
         integer, allocatable :: massless(:)
         integer :: n_massless = 0, loosest = 0
-        real(wp), allocatable :: ties(:, :), tie_weight(:)
+        real(wp), allocatable :: ties(:, :), tied(:, :), tie_weight(:)
         real(wp) :: weakest_tie = 0.0_wp, best_tie = 0.0_wp
         !> Where bases are kept: C X there (m, m), and its factors.
         real(wp), allocatable :: origin_c_x(:, :)

@@ -100,9 +100,10 @@ contains
         end if
         ! Columns that have turned far have small pivots too; these are those of A' A.
         associate (m => self%m, n => self%n, k => self%n_massless, from => self%step_jacobian, to => self%model%terms%jacobian)
-            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%ties, self%tie_weight, self%loosest, &
-                before, keeps)
-            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%ties, self%tie_weight, self%loosest, after, keeps)
+            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%ties, self%tied, self%tie_weight, &
+                self%loosest, before, keeps)
+            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%ties, self%tied, self%tie_weight, &
+                self%loosest, after, keeps)
         end associate
         before = sqrt(max(before, 0.0_wp))
         after = sqrt(max(after, 0.0_wp))
@@ -178,8 +179,8 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
 
-        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%tie_weight, &
-            self%loosest, self%weakest_tie, keeps_ties)
+        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%tied, &
+            self%tie_weight, self%loosest, self%weakest_tie, keeps_ties)
         if (.not. keeps_ties) self%failed_coordinate = self%loosest
     end function keeps_ties
 
@@ -214,20 +215,19 @@ contains
 
     !> Whether det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
     !> rows and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
-    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weight, weakest, smallest, is_positive)
+    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weighted, weight, weakest, smallest, is_positive)
         !> Rows, columns, those to compare and their numbers.
         integer, intent(in) :: m, n, k, columns(n)
         !> Scales of the unknowns, A and B.
         real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space; what the rows weigh.
-        real(wp), intent(inout) :: product(m, m)
+        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns; what the rows weigh.
+        real(wp), intent(inout) :: product(m, m), weighted(m, m)
         real(wp), intent(in) :: weight(m)
         !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive
-        !> W A of these columns, transposed, so that the innermost loops run along columns.
-        real(wp) :: weighted(k, m), f
+        real(wp) :: f
         integer :: i, j, l
 
         weakest = 0

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Products, inverses and solutions of small blocks. Heights that joints have, 5 in space and 2 in the plane, are constants to the
+!> Products and solutions of small blocks. Heights that joints have, 5 in space and 2 in the plane, are constants to the
 !> compiler: loops of known length are several times as fast. Work space has a fixed size: of a length that is known at run time it
 !> would be allocated by each call.
 module tandem_chart_sparse_blocks
@@ -7,7 +7,7 @@ module tandem_chart_sparse_blocks
     implicit none (type, external)
     private
 
-    public :: invert, invert_some, subtract_product, multiply_transposed, apply_inverse
+    public :: subtract_product, multiply_right, subtract_update, keep_both, apply_inverse
     public :: multiply_inverse, set_owned, subtract_rows, subtract_transposed, add_moved
     public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates, read_behind
 
@@ -20,126 +20,6 @@ module tandem_chart_sparse_blocks
 
 contains
 
-    !> The inverse of a symmetric matrix in place, definite with the sign; pivots are compared with what they would be alone.
-    pure subroutine invert(s, x, alone, sign, least, worst)
-        integer, intent(in) :: s
-        real(wp), intent(inout) :: x(s*s)
-        !> On entry the comparison, then the pivots against it.
-        real(wp), intent(inout) :: alone(s)
-        real(wp), intent(in) :: sign, least
-        !> The first pivot that is not larger than the least part of that, 0 for none.
-        integer, intent(out) :: worst
-
-        select case (s)
-        case (5)
-            call invert_sized(5, x, alone, sign, least, worst)
-        case (2)
-            call invert_sized(2, x, alone, sign, least, worst)
-        case (4)
-            call invert_sized(4, x, alone, sign, least, worst)
-        case (3)
-            call invert_sized(3, x, alone, sign, least, worst)
-        case (1)
-            call invert_sized(1, x, alone, sign, least, worst)
-        case default
-            call invert_sized(s, x, alone, sign, least, worst)
-        end select
-    end subroutine invert
-
-    !> Pivot by pivot, x := x - u u'/p with u = x(:, k): symmetric throughout, and every column is a vector.
-    pure subroutine invert_sized(s, x, alone, sign, least, worst)
-        integer, intent(in), value :: s
-        real(wp), intent(inout) :: x(s, s), alone(s)
-        real(wp), intent(in) :: sign, least
-        integer, intent(out) :: worst
-        real(wp) :: pivot, u(most_coordinates), v(most_coordinates)
-        integer :: i, j, k
-
-        worst = 0
-        !GCC$ UNROLL 5
-        do k = 1, s
-            pivot = sign*x(k, k)
-            if (.not. pivot > least*alone(k)) then
-                worst = k
-                return
-            end if
-            alone(k) = pivot/alone(k)
-            pivot = 1.0_wp/x(k, k)
-            do i = 1, s
-                u(i) = x(i, k)
-                v(i) = u(i)*pivot
-            end do
-            do j = 1, s
-                do i = 1, s
-                    x(i, j) = x(i, j) - u(i)*v(j)
-                end do
-            end do
-            do i = 1, s
-                x(i, k) = v(i)
-                x(k, i) = v(i)
-            end do
-            x(k, k) = -pivot
-        end do
-        do j = 1, s
-            do i = 1, s
-                x(i, j) = -x(i, j)
-            end do
-        end do
-    end subroutine invert_sized
-
-    !> The same without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
-    !> sought, the largest first, and rows are left out that have none.
-    pure subroutine invert_some(s, x, alone, sign, least, chooses, is_out, worst)
-        integer, intent(in) :: s
-        real(wp), intent(inout) :: x(s, s), alone(s)
-        real(wp), intent(in) :: sign, least
-        logical, intent(in) :: chooses
-        logical, intent(inout) :: is_out(s)
-        integer, intent(out) :: worst
-        logical :: is_done(most_coordinates)
-        real(wp) :: factor
-        integer :: i, j, k, pass
-
-        worst = 0
-        is_done(:s) = is_out
-        do pass = 1, s
-            k = 0
-            do i = 1, s
-                if (is_done(i)) cycle
-                if (k == 0) k = i
-                if (chooses .and. sign*x(i, i)*alone(k) > sign*x(k, k)*alone(i)) k = i
-            end do
-            if (k == 0) exit
-            is_done(k) = .true.
-            factor = sign*x(k, k)
-            if (.not. factor > least*alone(k)) then
-                if (.not. (chooses .and. abs(factor) <= huge(1.0_wp))) then
-                    worst = k
-                    return
-                end if
-                is_out(k) = .true.
-                cycle
-            end if
-            alone(k) = factor/alone(k)
-            factor = 1.0_wp/x(k, k)
-            x(k, k) = 1.0_wp
-            x(:, k) = x(:, k)*factor
-            do j = 1, s
-                if (j == k) cycle
-                factor = x(k, j)
-                x(k, j) = 0.0_wp
-                x(:, j) = x(:, j) - factor*x(:, k)
-            end do
-        end do
-        do i = 1, s
-            if (.not. is_out(i)) cycle
-            ! What of it the others do not give.
-            alone(i) = max(sign*x(i, i), 0.0_wp)/max(alone(i), tiny(1.0_wp))
-            x(i, :) = 0.0_wp
-            x(:, i) = 0.0_wp
-        end do
-    end subroutine invert_some
-
     !> x := x - c y for c (s, n), y (n, p), x (s, p). Up to `read_behind` entries behind c are read.
     pure subroutine subtract_product(s, p, n, c, y, x)
         integer, intent(in), value :: s, p, n
@@ -147,9 +27,7 @@ contains
         real(wp), intent(inout) :: x(s*p)
 
         if (s == 5 .and. p == 5 .and. n == 7) then
-            call subtract_product_sized(5, 8, 5, 7, c, y, x)
-        else if (s == 5 .and. p == 5 .and. n == 5) then
-            call subtract_product_sized(5, 8, 5, 5, c, y, x)
+            call subtract_five_product(5, 7, c, y, x)
         else if (s == 2 .and. p == 2 .and. n == 3) then
             call subtract_product_sized(2, 2, 2, 3, c, y, x)
         else if (s == 2 .and. p == 2 .and. n == 2) then
@@ -161,11 +39,23 @@ contains
         else if (s == 7 .and. p == 7 .and. n == 5) then
             call subtract_product_sized(7, 8, 7, 5, c, y, x)
         else if (s == 5) then
-            call subtract_product_sized(5, 8, p, n, c, y, x)
+            call subtract_five_product(p, n, c, y, x)
         else
             call subtract_product_sized(s, s, p, n, c, y, x)
         end if
     end subroutine subtract_product
+
+    !> Column by column as `subtract_five_rows`.
+    pure subroutine subtract_five_product(p, n, c, y, x)
+        integer, intent(in), value :: p, n
+        real(wp), intent(in) :: c(5, n), y(n, p)
+        real(wp), intent(inout) :: x(5, p)
+        integer :: j
+
+        do j = 1, p
+            call subtract_five_rows(n, c, y(1, j), x(1, j))
+        end do
+    end subroutine subtract_five_product
 
     !> Columns are added as registers: lanes behind the last row hold what nobody uses.
     pure subroutine subtract_product_sized(s, lanes, p, n, c, y, x)
@@ -190,44 +80,160 @@ contains
         end do
     end subroutine subtract_product_sized
 
-    !> z := x y' for a symmetric x (s, s) and y (p, s), z (s, p). Up to `read_behind` entries behind x are read.
-    pure subroutine multiply_transposed(s, p, x, y, z)
-        integer, intent(in), value :: s, p
-        real(wp), intent(in) :: x(*), y(p*s)
-        real(wp), intent(out) :: z(s*p)
+    !> l := b x for b (p, s), x (s, s); columns of l are `padded(p)` apart. Up to `read_behind` entries behind b are read.
+    pure subroutine multiply_right(p, s, b, x, l)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: b(*), x(s*s)
+        real(wp), intent(out) :: l(*)
 
-        if (s == 5 .and. p == 5) then
-            call multiply_transposed_sized(5, 8, 5, x, y, z)
-        else if (s == 5) then
-            call multiply_transposed_sized(5, 8, p, x, y, z)
-        else if (s == 2 .and. p == 2) then
-            call multiply_transposed_sized(2, 2, 2, x, y, z)
+        if (p == 5 .and. s == 5) then
+            call multiply_right_sized(5, 8, 5, b, x, l)
+        else if (p == 2 .and. s == 2) then
+            call multiply_right_sized(2, 2, 2, b, x, l)
+        else if (p == 3 .and. s == 3) then
+            call multiply_right_sized(3, 4, 3, b, x, l)
+        else if (p == 7 .and. s == 5) then
+            call multiply_right_sized(7, 8, 5, b, x, l)
         else
-            call multiply_transposed_sized(s, s, p, x, y, z)
+            call multiply_right_sized(p, padded(p), s, b, x, l)
         end if
-    end subroutine multiply_transposed
+    end subroutine multiply_right
 
-    pure subroutine multiply_transposed_sized(s, lanes, p, x, y, z)
-        integer, intent(in), value :: s, lanes, p
-        real(wp), intent(in) :: x(*), y(p, s)
-        real(wp), intent(out) :: z(s, p)
+    pure subroutine multiply_right_sized(p, lanes, s, b, x, l)
+        integer, intent(in), value :: p, lanes, s
+        real(wp), intent(in) :: b(*), x(s, s)
+        real(wp), intent(out) :: l(lanes, s)
         real(wp) :: total(most_coordinates)
         integer :: i, j, k
 
-        do j = 1, p
+        do j = 1, s
             do i = 1, lanes
-                total(i) = x(i)*y(j, 1)
+                total(i) = b(i)*x(1, j)
             end do
             do k = 2, s
                 do i = 1, lanes
-                    total(i) = total(i) + x((k - 1)*s + i)*y(j, k)
+                    total(i) = total(i) + b((k - 1)*p + i)*x(k, j)
                 end do
             end do
-            do i = 1, s
-                z(i, j) = total(i)
+            do i = 1, lanes
+                l(i, j) = total(i)
             end do
         end do
-    end subroutine multiply_transposed_sized
+    end subroutine multiply_right_sized
+
+    !> x := x - l b' for an l of `multiply_right` (p, s), b (q, s), x (p, q).
+    pure subroutine subtract_update(p, q, s, l, b, x)
+        integer, intent(in), value :: p, q, s
+        real(wp), intent(in) :: l(*), b(q*s)
+        real(wp), intent(inout) :: x(p*q)
+
+        if (p == 5 .and. q == 5 .and. s == 5) then
+            call subtract_five_update(5, 5, l, b, x)
+        else if (p == 2 .and. q == 2 .and. s == 2) then
+            call subtract_update_sized(2, 2, 2, 2, l, b, x)
+        else if (p == 3 .and. q == 3 .and. s == 3) then
+            call subtract_update_sized(3, 4, 3, 3, l, b, x)
+        else if (p == 7 .and. q == 7 .and. s == 5) then
+            call subtract_update_sized(7, 8, 7, 5, l, b, x)
+        else
+            call subtract_update_sized(p, padded(p), q, s, l, b, x)
+        end if
+    end subroutine subtract_update
+
+    !> Of five rows, as `subtract_five_rows`.
+    pure subroutine subtract_five_update(q, s, l, b, x)
+        integer, intent(in), value :: q, s
+        real(wp), intent(in) :: l(8, s), b(q, s)
+        real(wp), intent(inout) :: x(5, q)
+        real(wp) :: t(4), r
+        integer :: i, j, k
+
+        do j = 1, q
+            do i = 1, 4
+                t(i) = x(i, j)
+            end do
+            r = x(5, j)
+            !GCC$ UNROLL 5
+            do k = 1, s
+                do i = 1, 4
+                    t(i) = t(i) - l(i, k)*b(j, k)
+                end do
+                r = r - l(5, k)*b(j, k)
+            end do
+            do i = 1, 4
+                x(i, j) = t(i)
+            end do
+            x(5, j) = r
+        end do
+    end subroutine subtract_five_update
+
+    pure subroutine subtract_update_sized(p, lanes, q, s, l, b, x)
+        integer, intent(in), value :: p, lanes, q, s
+        real(wp), intent(in) :: l(lanes, s), b(q, s)
+        real(wp), intent(inout) :: x(p, q)
+        real(wp) :: total(most_coordinates)
+        integer :: i, j, k
+
+        do j = 1, q
+            do i = 1, lanes
+                total(i) = l(i, 1)*b(j, 1)
+            end do
+            do k = 2, s
+                do i = 1, lanes
+                    total(i) = total(i) + l(i, k)*b(j, k)
+                end do
+            end do
+            do i = 1, p
+                x(i, j) = x(i, j) - total(i)
+            end do
+        end do
+    end subroutine subtract_update_sized
+
+    !> The l of `multiply_right` (p, s) as it is, and its transpose.
+    pure subroutine keep_both(p, s, l, x, y)
+        integer, intent(in), value :: p, s
+        real(wp), intent(in) :: l(*)
+        real(wp), intent(inout) :: x(p*s), y(s*p)
+
+        if (p == 5 .and. s == 5) then
+            call keep_both_sized(5, 8, 5, l, x, y)
+        else if (p == 2 .and. s == 2) then
+            call keep_both_sized(2, 2, 2, l, x, y)
+        else if (p == 3 .and. s == 3) then
+            call keep_both_sized(3, 4, 3, l, x, y)
+        else if (p == 7 .and. s == 5) then
+            call keep_both_sized(7, 8, 5, l, x, y)
+        else
+            call keep_both_sized(p, padded(p), s, l, x, y)
+        end if
+    end subroutine keep_both
+
+    pure subroutine keep_both_sized(p, lanes, s, l, x, y)
+        integer, intent(in), value :: p, lanes, s
+        real(wp), intent(in) :: l(lanes, s)
+        real(wp), intent(inout) :: x(p, s), y(s, p)
+        integer :: i, j
+
+        do j = 1, s
+            do i = 1, p
+                x(i, j) = l(i, j)
+            end do
+        end do
+        do j = 1, p
+            do i = 1, s
+                y(i, j) = l(j, i)
+            end do
+        end do
+    end subroutine keep_both_sized
+
+    !> How far apart columns of p rows stand in work space.
+    pure integer function padded(p)
+        integer, intent(in), value :: p
+
+        padded = p
+        if (p == 3) padded = 4
+        if (p >= 5 .and. p <= 7) padded = 8
+    end function padded
 
     !> y := W c' (nb, s) for c (s, nb) and a body's W, compressed as its M.
     pure subroutine apply_inverse(kind, s, nb, block_first, first, ldw, w, c, y)
@@ -298,30 +304,52 @@ contains
         end do
     end subroutine apply_any
 
-    !> z := x z for x (s, s), and a copy of it. Up to `read_behind` entries behind x are read.
-    pure subroutine multiply_inverse(s, x, z, y)
+    !> z := x z for x (s, s). Up to `read_behind` entries behind x are read.
+    pure subroutine multiply_inverse(s, x, z)
         integer, intent(in), value :: s
         real(wp), intent(in) :: x(*)
         real(wp), intent(inout) :: z(s)
-        real(wp), intent(out) :: y(s)
 
         select case (s)
         case (5)
-            call multiply_inverse_sized(5, 8, x, z, y)
+            call multiply_five(x, z)
         case (2)
-            call multiply_inverse_sized(2, 2, x, z, y)
+            call multiply_inverse_sized(2, 2, x, z)
         case (3)
-            call multiply_inverse_sized(3, 4, x, z, y)
+            call multiply_inverse_sized(3, 4, x, z)
         case default
-            call multiply_inverse_sized(s, s, x, z, y)
+            call multiply_inverse_sized(s, s, x, z)
         end select
     end subroutine multiply_inverse
 
-    pure subroutine multiply_inverse_sized(s, lanes, x, z, y)
+    !> Of five rows, as `subtract_five_rows`.
+    pure subroutine multiply_five(x, z)
+        real(wp), intent(in) :: x(5, 5)
+        real(wp), intent(inout) :: z(5)
+        real(wp) :: t(4), r
+        integer :: i, j
+
+        do i = 1, 4
+            t(i) = x(i, 1)*z(1)
+        end do
+        r = x(5, 1)*z(1)
+        !GCC$ UNROLL 4
+        do j = 2, 5
+            do i = 1, 4
+                t(i) = t(i) + x(i, j)*z(j)
+            end do
+            r = r + x(5, j)*z(j)
+        end do
+        do i = 1, 4
+            z(i) = t(i)
+        end do
+        z(5) = r
+    end subroutine multiply_five
+
+    pure subroutine multiply_inverse_sized(s, lanes, x, z)
         integer, intent(in), value :: s, lanes
         real(wp), intent(in) :: x(*)
         real(wp), intent(inout) :: z(s)
-        real(wp), intent(out) :: y(s)
         real(wp) :: total(most_coordinates)
         integer :: i, j
 
@@ -335,7 +363,6 @@ contains
         end do
         do i = 1, s
             z(i) = total(i)
-            y(i) = total(i)
         end do
     end subroutine multiply_inverse_sized
 
@@ -369,11 +396,11 @@ contains
 
         select case (16*s + n)
         case (16*5 + 7)
-            call subtract_rows_sized(5, 8, 7, c, x, g)
+            call subtract_five_rows(7, c, x, g)
         case (16*7 + 5)
-            call subtract_rows_sized(7, 8, 5, c, x, g)
+            call subtract_seven_rows(5, c, x, g)
         case (16*5 + 5)
-            call subtract_rows_sized(5, 8, 5, c, x, g)
+            call subtract_five_rows(5, c, x, g)
         case (16*2 + 3)
             call subtract_rows_sized(2, 2, 3, c, x, g)
         case (16*3 + 2)
@@ -388,7 +415,7 @@ contains
             call subtract_rows_sized(3, 4, 3, c, x, g)
         case default
             if (s == 7) then
-                call subtract_rows_sized(7, 8, n, c, x, g)
+                call subtract_seven_rows(n, c, x, g)
             else if (s == 3) then
                 call subtract_rows_sized(3, 4, n, c, x, g)
             else if (s == 1) then
@@ -398,6 +425,62 @@ contains
             end if
         end select
     end subroutine subtract_rows
+
+    !> Rows that no register holds at once are taken as four and the rest: so they are read as they were written, and none waits.
+    pure subroutine subtract_five_rows(n, c, x, g)
+        integer, intent(in), value :: n
+        real(wp), intent(in) :: c(5, n), x(n)
+        real(wp), intent(inout) :: g(5)
+        real(wp) :: t(4), r
+        integer :: i, j
+
+        do i = 1, 4
+            t(i) = g(i)
+        end do
+        r = g(5)
+        !GCC$ UNROLL 7
+        do j = 1, n
+            do i = 1, 4
+                t(i) = t(i) - c(i, j)*x(j)
+            end do
+            r = r - c(5, j)*x(j)
+        end do
+        do i = 1, 4
+            g(i) = t(i)
+        end do
+        g(5) = r
+    end subroutine subtract_five_rows
+
+    !> The same of seven rows.
+    pure subroutine subtract_seven_rows(n, c, x, g)
+        integer, intent(in), value :: n
+        real(wp), intent(in) :: c(7, n), x(n)
+        real(wp), intent(inout) :: g(7)
+        real(wp) :: t(4), u(2), r
+        integer :: i, j
+
+        do i = 1, 4
+            t(i) = g(i)
+        end do
+        u(1) = g(5)
+        u(2) = g(6)
+        r = g(7)
+        !GCC$ UNROLL 5
+        do j = 1, n
+            do i = 1, 4
+                t(i) = t(i) - c(i, j)*x(j)
+            end do
+            u(1) = u(1) - c(5, j)*x(j)
+            u(2) = u(2) - c(6, j)*x(j)
+            r = r - c(7, j)*x(j)
+        end do
+        do i = 1, 4
+            g(i) = t(i)
+        end do
+        g(5) = u(1)
+        g(6) = u(2)
+        g(7) = r
+    end subroutine subtract_seven_rows
 
     !> Columns are added as registers: lanes behind the last row hold what nobody uses.
     pure subroutine subtract_rows_sized(s, lanes, n, c, x, g)

@@ -4,8 +4,9 @@
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
-    use tandem_chart_sparse_blocks, only: apply_inverse, invert, invert_some, most_coordinates, multiply_transposed, &
-        of_rigid_body, read_behind, subtract_product, subtract_rows
+    use tandem_chart_sparse_blocks, only: apply_inverse, keep_both, most_coordinates, multiply_right, of_rigid_body, read_behind, &
+        subtract_product, subtract_rows, subtract_update
+    use tandem_chart_sparse_inverses, only: invert, invert_some
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
@@ -26,8 +27,8 @@ module tandem_chart_sparse_factor
         !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows), and what a unit of its own row
         !> gives to the node, -c R (most_rows, links; none where no body goes with a row of its own).
         real(wp), allocatable :: y(:), sent(:, :)
-        !> Inverse diagonal blocks D^-1 of the factor, and the others, B, as they were when their turn came. D^-1 B', without
-        !> diagonal blocks.
+        !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came. L',
+        !> without diagonal blocks.
         real(wp), allocatable :: blocks(:), above(:)
         !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a
         !> kept body (n_bodies).
@@ -454,21 +455,22 @@ contains
         end subroutine refuse
     end subroutine eliminate
 
-    !> D^-1 B' of the neighbours behind a node, and what the node takes from their blocks.
+    !> L = B D^-1 of the neighbours behind a node, and what the node takes from their blocks, L B'. From the last one on, since
+    !> those before it are needed as they were.
     pure subroutine pass_on(s, n_later, diagonal, shift, behind, update_target, above, blocks)
         integer, intent(in) :: s, n_later, diagonal, shift, behind(3, n_later), update_target(*)
         real(wp), intent(inout) :: above(*), blocks(*)
+        real(wp) :: l(most_coordinates*most_coordinates)
         integer :: d, j, k
 
-        d = 0
-        do j = 1, n_later
+        do j = n_later, 1, -1
+            d = j*(j - 1)/2
             associate (p => behind(2, j), block => behind(3, j))
-                call multiply_transposed(s, p, blocks(diagonal + 1), blocks(block + 1), above(block - shift + 1))
+                call multiply_right(p, s, blocks(block + 1), blocks(diagonal + 1), l)
                 do k = 1, j
-                    d = d + 1
-                    call subtract_product(p, behind(2, k), s, blocks(block + 1), above(behind(3, k) - shift + 1), &
-                        blocks(update_target(d) + 1))
+                    call subtract_update(p, behind(2, k), s, l, blocks(behind(3, k) + 1), blocks(update_target(d + k) + 1))
                 end do
+                call keep_both(p, s, l, blocks(block + 1), above(block - shift + 1))
             end associate
         end do
     end subroutine pass_on

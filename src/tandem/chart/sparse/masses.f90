@@ -4,7 +4,8 @@
 !> A body with a row of its own, c'x = g, has the inverse W = N - u u'/(c'u), R = u/(c'u) with N = (M + a c c')^-1, u = N c: M need
 !> be definite across c only, and any a > 0 gives the same.
 module tandem_chart_sparse_masses
-    use tandem_chart_sparse_blocks, only: invert, most_coordinates
+    use tandem_chart_sparse_blocks, only: most_coordinates
+    use tandem_chart_sparse_inverses, only: invert
     use tandem_kinds, only: wp
     implicit none (type, external)
     private

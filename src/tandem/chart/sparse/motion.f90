@@ -9,7 +9,8 @@ module tandem_chart_sparse_motion
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_chart_sparse_system, only: system_type
     use tandem_error, only: error_type, set_error
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: lane, wp
+    use tandem_linalg_kernels, only: is_finite
     use tandem_model, only: model_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
     use tandem_options, only: options_type
@@ -373,16 +374,32 @@ contains
     pure real(wp) function largest(n, x, weight)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), weight(n)
-        real(wp) :: total
-        integer :: i
+        real(wp) :: most(lane), total(lane), rest
+        integer :: b, i
 
+        do i = 1, lane
+            most(i) = 0.0_wp
+            total(i) = 0.0_wp
+        end do
+        ! Sums and maxima of their own for each place of a register: none waits for the one before it.
+        do b = 0, n - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                total(i) = total(i) + abs(x(b + i))
+                most(i) = max(most(i), abs(x(b + i))*weight(b + i))
+            end do
+        end do
+        rest = 0.0_wp
         largest = 0.0_wp
-        total = 0.0_wp
-        do i = 1, n
-            total = total + abs(x(i))
+        do i = n - modulo(n, lane) + 1, n
+            rest = rest + abs(x(i))
             largest = max(largest, abs(x(i))*weight(i))
         end do
-        if (.not. total <= huge(1.0_wp)) largest = total
+        do i = 1, lane
+            rest = rest + total(i)
+            largest = max(largest, most(i))
+        end do
+        if (.not. rest <= huge(1.0_wp)) largest = rest
     end function largest
 
     !> Whether a correction can be trusted to have left less than is wanted.
@@ -516,7 +533,7 @@ contains
                     qdd = qdd + s%x
                 end do
             end associate
-            if (.not. sum(abs(qdd)) <= huge(1.0_wp)) then
+            if (.not. is_finite(self%n, qdd)) then
                 stat = status_not_finite
                 call s%name_infinite(stat)
                 self%failed_term = trim(s%model%failed_term)

@@ -1,6 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The order in which a symmetric matrix of blocks is eliminated: always the block with the fewest neighbours that may go (minimum
-!> degree). Neighbours of what is gone become each other's, and these lists are the structure of the factor.
+!> degree). Neighbours of what is gone become each other's, and these lists are the structure of the factor. Of blocks with as many,
+!> the one that has waited longest goes: a chain is eliminated from both of its ends in turn, so that a processor has two blocks to
+!> work on of which neither waits for the other.
 module tandem_chart_sparse_order
     implicit none (type, external)
     private
@@ -13,10 +15,10 @@ module tandem_chart_sparse_order
         integer, allocatable :: item(:)
     end type list_type
 
-    !> Nodes by their number of neighbours: of each the first node, then chains in both directions.
+    !> Nodes by their number of neighbours: of each the first and the last node, and chains in both directions.
     type :: queue_type
         integer :: least = 0
-        integer, allocatable :: head(:), next(:), before(:), degree(:)
+        integer, allocatable :: head(:), tail(:), next(:), before(:), degree(:)
     contains
         procedure :: enter
         procedure :: leave
@@ -47,10 +49,14 @@ contains
         integer, intent(in) :: node
 
         associate (degree => self%degree(node))
-            self%before(node) = 0
-            self%next(node) = self%head(degree)
-            if (self%next(node) > 0) self%before(self%next(node)) = node
-            self%head(degree) = node
+            self%before(node) = self%tail(degree)
+            self%next(node) = 0
+            if (self%before(node) > 0) then
+                self%next(self%before(node)) = node
+            else
+                self%head(degree) = node
+            end if
+            self%tail(degree) = node
             self%least = min(self%least, degree)
         end associate
     end subroutine enter
@@ -65,10 +71,14 @@ contains
         else
             self%head(self%degree(node)) = self%next(node)
         end if
-        if (self%next(node) > 0) self%before(self%next(node)) = self%before(node)
+        if (self%next(node) > 0) then
+            self%before(self%next(node)) = self%before(node)
+        else
+            self%tail(self%degree(node)) = self%before(node)
+        end if
     end subroutine leave
 
-    !> The node with the fewest neighbours, of these the one that entered last; some node is there.
+    !> The node with the fewest neighbours, of these the one that entered first; some node is there.
     pure subroutine take(self, node)
         class(queue_type), intent(inout) :: self
         integer, intent(out) :: node
@@ -95,7 +105,7 @@ contains
         integer :: i, k, n, v
 
         n = size(neighbours)
-        allocate (queue%head(0:n), queue%next(n), queue%before(n), queue%degree(n), waits(n), mark(n), source=0)
+        allocate (queue%head(0:n), queue%tail(0:n), queue%next(n), queue%before(n), queue%degree(n), waits(n), mark(n), source=0)
         allocate (is_gone(n), source=.false.)
         allocate (awaited(n))
         do v = 1, n
@@ -105,8 +115,7 @@ contains
                 call append(awaited(waits_for(v)%item(k)), v)
             end do
         end do
-        ! The first comes out first, and then its neighbours: what follows each other stands side by side in memory.
-        do v = n, 1, -1
+        do v = 1, n
             if (waits(v) == 0) call queue%enter(v)
         end do
         do i = 1, n

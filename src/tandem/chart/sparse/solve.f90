@@ -5,9 +5,6 @@ submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
     use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_transposed
     implicit none (type, external)
 
-    !> The most unknowns of a node.
-    integer, parameter :: most = max(most_rows, most_coordinates)
-
 contains
 
     !> Bodies forward, nodes forward and back, bodies back.
@@ -170,7 +167,7 @@ contains
         end do
     end subroutine fetch_links
 
-    !> K z = z in place.
+    !> K z = z in place. What a node waits for on the way is one product: that with D^-1 is made when nothing waits for it.
     pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, above, z)
         integer, intent(in) :: n_nodes, n_behind, node(5, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
         real(wp), intent(in) :: blocks(*), above(*)
@@ -178,40 +175,39 @@ contains
         integer :: n
 
         do n = 1, n_nodes
-            associate (place => node(1, n), d => node(3, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
-                call eliminate_node(node(2, n), place, d, later, behind(1, from), blocks, z)
+            associate (from => later_start(n), later => later_start(n + 1) - later_start(n))
+                call eliminate_node(node(2, n), node(1, n), later, behind(1, from), blocks, z)
             end associate
         end do
         do n = n_nodes, 1, -1
-            associate (place => node(1, n), from => later_start(n), later => later_start(n + 1) - later_start(n))
-                call find_node(node(2, n), place, node(5, n), later, behind(1, from), above, z)
+            associate (from => later_start(n), later => later_start(n + 1) - later_start(n))
+                call find_node(node(2, n), node(1, n), node(3, n), node(5, n), later, behind(1, from), blocks, above, z)
             end associate
         end do
     end subroutine solve_nodes
 
-    !> Divide a node by its block, and take from later nodes what it gives them.
-    pure subroutine eliminate_node(s, place, diagonal, n_later, behind, blocks, z)
-        integer, intent(in), value :: s, place, diagonal, n_later
+    !> Take from later nodes what a node gives them.
+    pure subroutine eliminate_node(s, place, n_later, behind, blocks, z)
+        integer, intent(in), value :: s, place, n_later
         integer, intent(in) :: behind(3, n_later)
         real(wp), intent(in) :: blocks(*)
         real(wp), intent(inout) :: z(*)
-        real(wp) :: y(most)
         integer :: k
 
-        call multiply_inverse(s, blocks(diagonal + 1), z(place + 1), y)
         do k = 1, n_later
-            call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), y, z(behind(1, k) + 1))
+            call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
         end do
     end subroutine eliminate_node
 
-    !> Take from a divided node what the unknowns behind it give it.
-    pure subroutine find_node(s, place, shift, n_later, behind, above, z)
-        integer, intent(in), value :: s, place, shift, n_later
+    !> Divide a node by its block, and take from it what the unknowns behind it give it.
+    pure subroutine find_node(s, place, diagonal, shift, n_later, behind, blocks, above, z)
+        integer, intent(in), value :: s, place, diagonal, shift, n_later
         integer, intent(in) :: behind(3, n_later)
-        real(wp), intent(in) :: above(*)
+        real(wp), intent(in) :: blocks(*), above(*)
         real(wp), intent(inout) :: z(*)
         integer :: k
 
+        call multiply_inverse(s, blocks(diagonal + 1), z(place + 1))
         do k = 1, n_later
             call subtract_rows(s, behind(2, k), above(behind(3, k) - shift + 1), z(behind(1, k) + 1), z(place + 1))
         end do

@@ -228,8 +228,22 @@ function makeArrow(scene, arrow, size) {
         head.position.y = length;
         shaft.scale.set(part, Math.max(1e-9 * size, length - 0.05 * part), part);
     };
-    return { group, stretch };
+    const point = (length, direction) => { stretch(length); group.quaternion.setFromUnitVectors(UP, direction); };
+    return { group, point };
 }
+
+/** A torque: an arc about its axis with a head, as a right hand turns, and the axis itself, for who looks at the arc from the side. */
+function makeArc(scene, arrow) {
+    const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({ color: arrow.colour, fog: false });
+    const arc = new THREE.Mesh(new THREE.TorusGeometry(1, 0.05, 6, 24, 1.5 * Math.PI), material);
+    const head = new THREE.Mesh(new THREE.ConeGeometry(0.17, 0.5, 14).rotateZ(-Math.PI / 2).translate(0.25, -1, 0), material);
+    const axis = new THREE.Mesh(new THREE.CylinderGeometry(0.03, 0.03, 1, 6).rotateX(Math.PI / 2).translate(0, 0, 0.5), material);
+    group.add(arc, head, axis);
+    scene.add(group);
+    const point = (radius, direction) => { group.scale.setScalar(radius); group.quaternion.setFromUnitVectors(AHEAD, direction); };
+    return { group, point };
+}
+const UP = new THREE.Vector3(0, 1, 0), AHEAD = new THREE.Vector3(0, 0, 1);
 
 /** Which arrow is which: its colour, its element, the body that it acts on, how large it is now. The one that is pointed at is seen alone. */
 function makeLegend(arrows) {
@@ -418,7 +432,7 @@ export async function show(drawing, buffer) {
         return makeLine(scene, track, node, channels, channel - 3, frames, size);
     });
     const movePieces = isSoft ? makeMerged(scene, owners, up, toSun.clone().normalize(), size) : makeInstances(scene, owners);
-    const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...makeArrow(scene, arrow, size), from: channel - 6, arrow }; });
+    const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...(arrow.turns ? makeArc(scene, arrow) : makeArrow(scene, arrow, size)), from: channel - 6, arrow }; });
     const coilGeometry = coil();
     const springs = drawing.springs.map(spring => {
         const line = new THREE.Line(coilGeometry, new THREE.LineBasicMaterial({ color: 0x3c4043 }));
@@ -430,7 +444,7 @@ export async function show(drawing, buffer) {
 
     const state = { frame: 0, playing: false, speed: 1, follow: drawing.follow, drawn: 0 };
     const before = new THREE.Quaternion(), after = new THREE.Quaternion();
-    const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1), y = new THREE.Vector3(0, 1, 0);
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), z = new THREE.Vector3(0, 0, 1);
 
     const showArrows = element("arrows"), legend = makeLegend(arrows);
 
@@ -460,12 +474,12 @@ export async function show(drawing, buffer) {
         }
         // Numbers that change sixty times a second nobody reads.
         if (!state.playing || near % 6 === 0) legend.tell(channels, near);
-        for (const { group, stretch, from, arrow } of arrows) {
+        for (const { group, point, from, arrow } of arrows) {
             group.position.set(channels[from][near], channels[from + 1][near], channels[from + 2][near]);
             b.set(channels[from + 3][near], channels[from + 4][near], channels[from + 5][near]);
             const length = b.length() * arrow.scale;
             group.visible = showArrows.checked && length > 1e-3 * size && (!legend.alone || legend.alone === arrow);
-            if (group.visible) { stretch(length); group.quaternion.setFromUnitVectors(y, b.normalize()); }
+            if (group.visible) point(length, b.normalize());
         }
     }
 
@@ -578,7 +592,7 @@ export async function show(drawing, buffer) {
     element("tracks").addEventListener("change", event => { lines.forEach(({ line, node }) => { line.visible = event.target.checked; node.scale.setScalar(line.visible ? 1 : 1e-9); }); set(state.frame); });
     if (arrows.length) {
         element("arrows-label").hidden = false;
-        element("arrows-label").append(` up to ${drawing.longest}`);
+        element("arrows-label").append(drawing.largest);
     }
     element("arrows").addEventListener("change", () => { element("legend").hidden = !showArrows.checked; set(state.frame); });
     legend.whenAlone = () => set(state.frame);

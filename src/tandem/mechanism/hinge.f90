@@ -1,0 +1,219 @@
+! SPDX-License-Identifier: MIT
+!> Hinges in space, the joint that large mechanisms have most: two points that meet and a direction of the second body that stays
+!> perpendicular to two of the first,
+!>     Phi = [r2 + A2 s2' - r1 - A1 s1'; (A1 x').(A2 z'); (A1 y').(A2 z')].
+!> These five rows stand among the meetings and the dots too, where derivatives take them from. Here they are evaluated together:
+!> what both have in common once, and nothing that a hinge does not have.
+module tandem_mechanism_hinge
+    use tandem_kinds, only: wp
+    use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_pose, only: pose_type, turn
+    use tandem_mechanism_span, only: span_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
+    use tandem_rigid_euler_parameters, only: b_matrix, b_row
+    implicit none (type, external)
+    private
+
+    public :: hinge_type, gather_hinges, evaluate_hinges
+
+    type :: hinge_type
+        !> The two bodies, 0 for the ground, and the first row.
+        integer :: first = 0, second = 0, row = 0
+        !> The points and the directions, each in its body's frame.
+        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, x(3) = 0.0_wp, y(3) = 0.0_wp, z(3) = 0.0_wp
+    end type hinge_type
+
+contains
+
+    !> The meetings that two dots behind them make hinges, and the numbers of the meetings and dots that are left.
+    pure subroutine gather_hinges(meetings, dots, pose, n_rows, hinges, loose_meetings, loose_dots)
+        type(span_type), intent(in) :: meetings(:)
+        type(dot_type), intent(in) :: dots(:)
+        !> Of the bodies, whose coordinates are numbered; 0 the ground.
+        type(pose_type), intent(in) :: pose(0:)
+        !> How many rows there are.
+        integer, intent(in) :: n_rows
+        type(hinge_type), allocatable, intent(out) :: hinges(:)
+        integer, allocatable, intent(out) :: loose_meetings(:), loose_dots(:)
+        integer :: dot_of_row(n_rows + 2), i, n
+        logical :: is_hinge(size(meetings)), is_taken(size(dots))
+
+        dot_of_row = 0
+        do i = 1, size(dots)
+            dot_of_row(dots(i)%row) = i
+        end do
+        is_taken = .false.
+        do i = 1, size(meetings)
+            associate (span => meetings(i))
+                is_hinge(i) = is_solid(span%first) .and. is_solid(span%second) .and. span%row + 4 <= n_rows
+                if (.not. is_hinge(i)) cycle
+                associate (x => dot_of_row(span%row + 3), y => dot_of_row(span%row + 4))
+                    is_hinge(i) = x > 0 .and. y > 0
+                    if (is_hinge(i)) is_hinge(i) = fits(span, dots(x)) .and. fits(span, dots(y)) .and. &
+                        .not. any(abs(dots(x)%b - dots(y)%b) > 0.0_wp)
+                    if (.not. is_hinge(i)) cycle
+                    is_taken([x, y]) = .true.
+                end associate
+            end associate
+        end do
+        loose_meetings = pack([(i, i=1, size(meetings))], .not. is_hinge)
+        loose_dots = pack([(i, i=1, size(dots))], .not. is_taken)
+        allocate (hinges(count(is_hinge)))
+        n = 0
+        do i = 1, size(meetings)
+            if (.not. is_hinge(i)) cycle
+            n = n + 1
+            associate (span => meetings(i), x => dots(dot_of_row(meetings(i)%row + 3)), y => dots(dot_of_row(meetings(i)%row + 4)))
+                hinges(n) = hinge_type(span%first, span%second, span%row, span%s1, span%s2, x%a, y%a, y%b)
+            end associate
+        end do
+
+    contains
+
+        !> Whether a side is the ground or a body that turns in space.
+        pure logical function is_solid(body)
+            integer, intent(in) :: body
+
+            is_solid = body == 0 .or. pose(body)%n_turn == 4
+        end function is_solid
+
+        !> Whether a dot is that of two directions of the bodies that meet, without a function of time.
+        pure logical function fits(span, dot)
+            type(span_type), intent(in) :: span
+            type(dot_type), intent(in) :: dot
+
+            fits = dot%first == span%first .and. dot%second == span%second .and. dot%motion == 0 .and. .not. dot%is_point .and. &
+                .not. dot%is_turning .and. .not. abs(dot%c) > 0.0_wp
+        end function fits
+    end subroutine gather_hinges
+
+    !> Every hinge's part of the terms. What of C is not set here stays zero, as it was allocated.
+    pure subroutine evaluate_hinges(hinges, need, pose, terms)
+        type(hinge_type), intent(in) :: hinges(:)
+        integer, intent(in) :: need
+        type(pose_type), intent(in) :: pose(0:)
+        type(terms_type), intent(inout) :: terms
+        integer :: i
+
+        if (iand(need, need_phi) /= 0) then
+            do i = 1, size(hinges)
+                associate (hinge => hinges(i))
+                    call set_phi(hinge, pose(hinge%first), pose(hinge%second), terms%phi(hinge%row:hinge%row + 4))
+                end associate
+            end do
+        end if
+        if (iand(need, need_jacobian) /= 0) then
+            do i = 1, size(hinges)
+                associate (hinge => hinges(i))
+                    call put_rows(hinge, pose(hinge%first), pose(hinge%second), size(terms%jacobian, 1), &
+                        size(terms%jacobian, 2), terms%jacobian)
+                end associate
+            end do
+        end if
+        if (iand(need, need_gamma) /= 0) then
+            do i = 1, size(hinges)
+                associate (hinge => hinges(i))
+                    call set_gamma(hinge, pose(hinge%first), pose(hinge%second), terms%gamma(hinge%row:hinge%row + 4))
+                end associate
+            end do
+        end if
+    end subroutine evaluate_hinges
+
+    pure subroutine set_phi(hinge, one, two, phi)
+        type(hinge_type), intent(in) :: hinge
+        type(pose_type), intent(in) :: one, two
+        real(wp), intent(out) :: phi(5)
+        real(wp) :: v1(3), v2(3), x(3), y(3), z(3)
+        integer :: k
+
+        call turn(one%a(:, :, 0), hinge%s1, v1)
+        call turn(two%a(:, :, 0), hinge%s2, v2)
+        call turn(one%a(:, :, 0), hinge%x, x)
+        call turn(one%a(:, :, 0), hinge%y, y)
+        call turn(two%a(:, :, 0), hinge%z, z)
+        do k = 1, 3
+            phi(k) = two%r(k, 0) - one%r(k, 0) + v2(k) - v1(k)
+        end do
+        phi(4) = dot3(x, z)
+        phi(5) = dot3(y, z)
+    end subroutine set_phi
+
+    !> The five rows of C.
+    pure subroutine put_rows(hinge, one, two, m, width, jacobian)
+        type(hinge_type), intent(in) :: hinge
+        type(pose_type), intent(in) :: one, two
+        !> The shape of the C that is set, which may be compressed.
+        integer, intent(in) :: m, width
+        real(wp), intent(inout) :: jacobian(m, width)
+        real(wp) :: b(3, 4), of_x(4), of_y(4), x(3), y(3), z(3)
+        integer :: j, k
+
+        associate (row => hinge%row)
+            if (one%n_turn > 0) then
+                call turn(two%a(:, :, 0), hinge%z, z)
+                b = b_matrix(one%p(:, 0), hinge%s1)
+                of_x = b_row(one%p(:, 0), hinge%x, z)
+                of_y = b_row(one%p(:, 0), hinge%y, z)
+                do k = 0, 2
+                    jacobian(row + k, one%place_column + k) = -1.0_wp
+                end do
+                do j = 0, 3
+                    do k = 0, 2
+                        jacobian(row + k, one%turn_column + j) = -b(k + 1, j + 1)
+                    end do
+                    jacobian(row + 3, one%turn_column + j) = of_x(j + 1)
+                    jacobian(row + 4, one%turn_column + j) = of_y(j + 1)
+                end do
+            end if
+            if (two%n_turn > 0) then
+                call turn(one%a(:, :, 0), hinge%x, x)
+                call turn(one%a(:, :, 0), hinge%y, y)
+                b = b_matrix(two%p(:, 0), hinge%s2)
+                of_x = b_row(two%p(:, 0), hinge%z, x)
+                of_y = b_row(two%p(:, 0), hinge%z, y)
+                do k = 0, 2
+                    jacobian(row + k, two%place_column + k) = 1.0_wp
+                end do
+                do j = 0, 3
+                    do k = 0, 2
+                        jacobian(row + k, two%turn_column + j) = b(k + 1, j + 1)
+                    end do
+                    jacobian(row + 3, two%turn_column + j) = of_x(j + 1)
+                    jacobian(row + 4, two%turn_column + j) = of_y(j + 1)
+                end do
+            end if
+        end associate
+    end subroutine put_rows
+
+    !> The second derivatives of Phi along the motion without qdd.
+    pure subroutine set_gamma(hinge, one, two, gamma)
+        type(hinge_type), intent(in) :: hinge
+        type(pose_type), intent(in) :: one, two
+        real(wp), intent(out) :: gamma(5)
+        real(wp), dimension(3) :: v1, v2, x, x1, x2, y, y1, y2, z, z1, z2
+        integer :: k
+
+        call turn(one%a(:, :, 2), hinge%s1, v1)
+        call turn(two%a(:, :, 2), hinge%s2, v2)
+        call turn(one%a(:, :, 0), hinge%x, x)
+        call turn(one%a(:, :, 1), hinge%x, x1)
+        call turn(one%a(:, :, 2), hinge%x, x2)
+        call turn(one%a(:, :, 0), hinge%y, y)
+        call turn(one%a(:, :, 1), hinge%y, y1)
+        call turn(one%a(:, :, 2), hinge%y, y2)
+        call turn(two%a(:, :, 0), hinge%z, z)
+        call turn(two%a(:, :, 1), hinge%z, z1)
+        call turn(two%a(:, :, 2), hinge%z, z2)
+        do k = 1, 3
+            gamma(k) = v2(k) - v1(k)
+        end do
+        gamma(4) = dot3(x2, z) + 2*dot3(x1, z1) + dot3(x, z2)
+        gamma(5) = dot3(y2, z) + 2*dot3(y1, z1) + dot3(y, z2)
+    end subroutine set_gamma
+
+    pure real(wp) function dot3(x, y)
+        real(wp), intent(in) :: x(3), y(3)
+
+        dot3 = x(1)*y(1) + x(2)*y(2) + x(3)*y(3)
+    end function dot3
+end module tandem_mechanism_hinge

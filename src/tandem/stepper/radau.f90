@@ -1,0 +1,517 @@
+! SPDX-License-Identifier: MIT
+!> Radau IIA with 3, 5 or 7 stages: orders 5, 9 and 13, stage order the number of stages, L-stable, stiffly accurate. The stages are
+!> solved together: the eigenvalues of A part their Newton system into one real and complex pairs of the size of one stage.
+!>
+!> How many stages a step has is chosen from step to step, where there is a choice: those whose work a unit of time is the least,
+!> as the errors and the convergence of the last steps foretell it.
+!> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., sections IV.5 and IV.8; E. Hairer, G. Wanner, Stiff
+!> differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
+module tandem_stepper_radau
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
+    use tandem_stepper_history, only: history_type
+    use tandem_stepper_newton, only: newton_type
+    use tandem_stepper_radau_choice, only: choice_type
+    use tandem_stepper_radau_tableau, only: most_stages, tableau_of, tableau_type
+    use tandem_stepper_state, only: state_type
+    use tandem_status, only: status_newton_failed, status_ok
+    use tandem_chart, only: chart_type
+    implicit none (type, external)
+    private
+
+    public :: radau_type
+
+    !> The method whose order the program chooses.
+    type, extends(stepper_type) :: radau_type
+        !> Stages of a step: the fewest, and the most. Set before `initialize`.
+        integer :: least = 3, most = most_stages
+        type(newton_type), private :: newton
+        type(history_type), private :: history
+        !> The method of the last step; how many stages the next one is to have, and what they are chosen from.
+        type(tableau_type), private :: tableau
+        integer, private :: wanted = 3
+        type(choice_type), private :: choice
+        !> Rates of the stages and where they lie (n, stages), residuals and corrections (3 n, stages), those transformed.
+        real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :), residual(:, :), transformed(:, :)
+        !> Increments and rates at the start of the step, errors (n).
+        real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), &
+            dqd(:)
+        real(wp), private :: t_start = 0.0_wp, tolerance = 0.0_wp, standstill = 0.0_wp
+        !> theta/(1 - theta) of the last step's Newton iteration.
+        real(wp), private :: remainder = 1.0_wp
+        !> Whether the step before was not rejected, so that its error says what the next one's will be.
+        logical, private :: is_settled = .false.
+        !> Steps beyond this have stages that are hard to solve for; whether those of the last one were.
+        real(wp), private :: easy = huge(1.0_wp)
+        logical, private :: was_hard = .false.
+    contains
+        procedure, nopass :: properties
+        procedure :: initialize
+        procedure :: advance
+        procedure :: estimate
+        procedure :: interpolate
+        procedure :: longest_next
+        procedure :: order_of_estimate
+        procedure :: pack_state
+        procedure, private :: iterate
+    end type radau_type
+
+    interface
+        !> Solve the three stages where no matrix that the past offers does: from the end of a shorter step; if that fails too, with
+        !> matrices made where the iteration stood, and at last stage by stage.
+        module subroutine rescue(self, chart, state, h, t_end, stat)
+            implicit none (type, external)
+            class(radau_type), intent(inout) :: self
+            class(chart_type), intent(inout) :: chart
+            !> The state at the start of the step.
+            type(state_type), intent(in) :: state
+            !> The step and where it ends.
+            real(wp), intent(in) :: h, t_end
+            integer, intent(out) :: stat
+        end subroutine rescue
+    end interface
+
+contains
+
+    !> What the method is: with the fewest stages, from which it begins.
+    pure function properties() result(properties_)
+        type(properties_type) :: properties_
+
+        properties_ = properties_type('radau', 5, 3, .true., 3, 'L-stable, stiffly accurate; orders 5, 9, 13', &
+            'Hairer, Wanner II, sections IV.5, IV.8', dense_order=3, damps=.true., is_predictive=.true., varies=.true.)
+    end function properties
+
+    !> Allocate the work space.
+    subroutine initialize(self, scale, newton_tolerance)
+        class(radau_type), intent(inout) :: self
+        real(wp), intent(in) :: scale(:)
+        real(wp), intent(in) :: newton_tolerance
+        integer :: n
+
+        n = size(scale)
+        self%tolerance = newton_tolerance
+        self%standstill = 1.0e3_wp*newton_tolerance
+        self%remainder = 1.0_wp
+        self%is_settled = .false.
+        self%easy = huge(1.0_wp)
+        self%was_hard = .false.
+        self%wanted = self%least
+        self%tableau = tableau_of(self%least)
+        self%choice = choice_type()
+        call self%newton%allocate(scale, newton_tolerance, [1.0_wp])
+        call self%history%allocate(n)
+        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
+            self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)
+        associate (most => self%most)
+            allocate (self%rate_q(n, most), self%rate_qd(n, most), self%q(n, most), self%qd(n, most), self%residual(3*n, most), &
+                self%transformed(3*n, most), self%start_dq(n), self%start_dqd(n), self%start_q(n), self%start_qd(n), &
+                self%error_q(n), self%error_qd(n), self%dq(n), self%dqd(n), source=0.0_wp)
+        end associate
+    end subroutine initialize
+
+    !> One step: from the extrapolated past; if that fails with an old matrix, with a new one; then with fewer stages, if there may
+    !> be fewer: in a shorter step, since one that was made for more would be too long for them.
+    subroutine advance(self, chart, state, h, next, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: h
+        type(state_type), intent(inout) :: next
+        integer, intent(out) :: stat
+        logical :: continues
+        integer :: i
+
+        self%t_start = state%t
+        self%start_dq = state%dq
+        self%start_dqd = state%dqd
+        self%start_q = state%qd
+        self%start_qd = state%qdd
+        call self%history%continue_from(state, continues)
+        if (.not. continues) then
+            self%is_settled = .false.
+            self%wanted = self%least
+            call self%choice%forget()
+        end if
+        if (self%wanted /= self%tableau%stages) call change_stages(self)
+        associate (m => self%tableau, s => self%tableau%stages)
+            call chart%expect_pairs(m%ratio(:(s - 1)/2))
+            call self%newton%prepare(chart, self%history, state, h, m%diagonal*h, continues, stat)
+            if (stat /= status_ok) return
+            call solve_stages(self, chart, state, h, next%t, stat)
+            if (stat == status_ok) then
+                call combine(size(self%dq), size(self%dq), s - 1, m%a(:, s), self%rate_q, self%newton%base_dq)
+                call combine(size(self%dq), size(self%dq), s - 1, m%a(:, s), self%rate_qd, self%newton%base_dqd)
+                self%newton%base_dq = state%dq + h*self%newton%base_dq
+                self%newton%base_dqd = state%dqd + h*self%newton%base_dqd
+                self%newton%rate_q = self%rate_q(:, s)
+                self%newton%rate_qd = self%rate_qd(:, s)
+                call self%newton%finish(chart, h*m%a(s, s), next, stat)
+            end if
+            if (stat /= status_ok) then
+                call self%history%clear()
+                self%is_settled = .false.
+                if (s > self%least) call self%choice%note_failure()
+                self%wanted = max(self%least, s - 2)
+                return
+            end if
+            do i = 1, s - 1
+                call self%history%push(state%t + m%c(i)*h, self%rate_q(:, i), self%rate_qd(:, i))
+            end do
+            call self%history%push(next%t, next%qd, next%qdd)
+        end associate
+    end subroutine advance
+
+    !> Go on with another number of stages.
+    subroutine change_stages(self)
+        class(radau_type), intent(inout) :: self
+
+        call self%choice%restart(self%wanted > self%tableau%stages)
+        self%tableau = tableau_of(self%wanted)
+        self%remainder = 1.0_wp
+        ! What its corrections have cost so far is no measure for another number of stages.
+        self%newton%is_worn = .true.
+    end subroutine change_stages
+
+    !> Solve for all stages.
+    subroutine solve_stages(self, chart, state, h, t_end, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        !> The step and where it ends.
+        real(wp), intent(in) :: h, t_end
+        integer, intent(out) :: stat
+        !> Corrections before another start value or matrix is tried.
+        integer, parameter :: few = 12
+        logical :: is_new
+        integer :: failure
+
+        call predict(self, h)
+        call self%iterate(chart, h, t_end, few, stat)
+        do while (stat /= status_ok)
+            call self%newton%renew_in_step(chart, self%history, state, h, self%tableau%diagonal*h, is_new, failure)
+            if (.not. is_new) exit
+            stat = failure
+            if (stat /= status_ok) exit
+            call predict(self, h)
+            call self%iterate(chart, h, t_end, few, stat)
+        end do
+        if (chart%follows_stiffness .and. self%tableau%stages == 3) call judge_stages(self, h, stat /= status_ok)
+        if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
+    end subroutine solve_stages
+
+    !> How long a step may be after one whose stages were hard to solve for: half as long, and a tenth longer each time after that.
+    !> Where the half was no easier, as near a loss of rank, the length is not to blame. Where complements do not follow what
+    !> is stiff, stages become hard with the stiffness, and such steps would grow in number with it.
+    pure subroutine judge_stages(self, h, is_hard)
+        class(radau_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        logical, intent(in) :: is_hard
+
+        if (.not. is_hard) then
+            self%easy = 1.1_wp*min(self%easy, huge(1.0_wp)/2)
+        else if (self%was_hard) then
+            self%easy = huge(1.0_wp)
+        else
+            self%easy = 0.5_wp*h
+        end if
+        self%was_hard = is_hard
+    end subroutine judge_stages
+
+    !> Start values of the stages from the past.
+    subroutine predict(self, h)
+        class(radau_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        integer :: i
+
+        do i = 1, self%tableau%stages
+            call self%history%extrapolate(self%t_start + self%tableau%c(i)*h, self%rate_q(:, i), self%rate_qd(:, i), &
+                self%tableau%stages + 2)
+        end do
+    end subroutine predict
+
+    !> Newton's iteration for all stages.
+    subroutine iterate(self, chart, h, t_end, most_corrections, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The step and where it ends.
+        real(wp), intent(in) :: h, t_end
+        integer, intent(in) :: most_corrections
+        integer, intent(out) :: stat
+        !> A contraction of corrections that are rounding.
+        real(wp), parameter :: creeping = 0.7_wp
+        !> By how much the second correction may exceed the first.
+        real(wp), parameter :: coupling = 10.0_wp
+        real(wp) :: change, last_change, theta
+        integer :: k
+
+        last_change = 1.0_wp
+        chart%counts%implicit_stages = chart%counts%implicit_stages + self%tableau%stages
+        do k = 1, most_corrections
+            call correct(self, chart, h, t_end, change, stat)
+            if (stat /= status_ok) return
+            if (k == 1) then
+                self%remainder = max(self%remainder, epsilon(1.0_wp))**0.8_wp
+            else
+                theta = change/last_change
+                call self%choice%note_contraction(theta)
+                if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
+                ! What the first correction leaves of a coupling between stages shows in the second, and is gone with the third.
+                if (k > 2 .or. .not. theta < coupling) then
+                    if (.not. theta < 0.95_wp) exit
+                    ! What the corrections that are left cannot reach is not tried.
+                    if (theta**(most_corrections - k)*change > (1.0_wp - theta)*self%standstill) exit
+                end if
+                self%remainder = 1.0_wp
+                if (theta < 0.95_wp) self%remainder = theta/(1.0_wp - theta)
+            end if
+            if (self%remainder*change <= self%tolerance) return
+            last_change = max(change, tiny(1.0_wp))
+        end do
+        self%remainder = 1.0_wp
+        stat = status_newton_failed
+    end subroutine iterate
+
+    !> One correction of all stages.
+    subroutine correct(self, chart, h, t_end, change, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The step and where it ends.
+        real(wp), intent(in) :: h, t_end
+        !> The largest that it changes a stage by.
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        real(wp) :: stage_change, t
+        integer :: i, j, m, n
+
+        n = size(self%dq)
+        m = chart%n_residual
+        change = 0.0_wp
+        associate (s => self%tableau%stages, tableau => self%tableau)
+            do i = 1, s
+                call combine(n, n, s, tableau%a(:, i), self%rate_q, self%dq)
+                call combine(n, n, s, tableau%a(:, i), self%rate_qd, self%dqd)
+                self%dq = self%start_dq + h*self%dq
+                self%dqd = self%start_dqd + h*self%dqd
+                t = self%t_start + tableau%c(i)*h
+                if (i == s) t = t_end
+                call chart%restore_position(t, self%dq, self%q(:, i), stat)
+                if (stat == status_ok) call chart%restore_velocity(t, self%q(:, i), self%dqd, self%qd(:, i), stat)
+                if (stat /= status_ok) return
+                ! What a stage's rates have that the chart ignores is changed below all stages only.
+                self%residual(:m, i) = 0.0_wp
+                call chart%find_residual(i, t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
+                    self%residual(:m, i), stat)
+                if (stat /= status_ok) return
+            end do
+            do j = 1, s
+                call combine(m, 3*n, s, tableau%t_inverse(:, j), self%residual, self%transformed(:, j))
+            end do
+            call chart%solve_real(self%transformed(:m, 1))
+            do j = 1, (s - 1)/2
+                call chart%solve_pair(j, self%transformed(:m, 2*j), self%transformed(:m, 2*j + 1))
+            end do
+            do i = 1, s
+                call combine(m, 3*n, s, tableau%t(:, i), self%transformed, self%residual(:, i))
+                call chart%move_rates(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
+                    self%rate_q(:, i), self%rate_qd(:, i), stage_change, stat)
+                if (stat /= status_ok) return
+                change = max(change, stage_change)
+            end do
+        end associate
+    end subroutine correct
+
+    !> y(:m) := sum_j weight(j) x(:m, j); three at once, as most steps have them.
+    pure subroutine combine(m, height, columns, weight, x, y)
+        !> Rows that count, rows and columns of x.
+        integer, intent(in) :: m, height, columns
+        real(wp), intent(in) :: weight(columns), x(height, columns)
+        real(wp), intent(inout) :: y(height)
+        integer :: i, j
+
+        if (columns == 3) then
+            do i = 1, m
+                y(i) = weight(1)*x(i, 1) + weight(2)*x(i, 2) + weight(3)*x(i, 3)
+            end do
+            return
+        end if
+        y(:m) = weight(1)*x(:m, 1)
+        do j = 2, columns
+            y(:m) = y(:m) + weight(j)*x(:m, j)
+        end do
+    end subroutine combine
+
+    !> The error of the last step (IV.8.19); where it is large and the step the first, or one after a rejection, with the rates at
+    !> the state that it leads to (IV.8.20), which do not take a fast transient for an error.
+    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        real(wp), intent(out) :: norm
+        integer :: stat
+
+        call embed(self, h)
+        call chart%filter_error(self%error_q, self%error_qd)
+        norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+        if (norm >= 1.0_wp .and. .not. self%is_settled) then
+            self%dq = self%start_dq + self%error_q
+            self%dqd = self%start_dqd + self%error_qd
+            associate (q => self%q(:, 1), qd => self%qd(:, 1))
+                call chart%restore_position(self%t_start, self%dq, q, stat)
+                if (stat == status_ok) call chart%restore_velocity(self%t_start, q, self%dqd, qd, stat)
+                if (stat == status_ok) call chart%solve_dynamics(self%t_start, q, qd, self%dqd, stat)
+                if (stat == status_ok) then
+                    self%start_q = qd
+                    self%start_qd = self%dqd
+                    call embed(self, h)
+                    call chart%filter_error(self%error_q, self%error_qd)
+                    norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+                end if
+            end associate
+        end if
+        self%is_settled = norm < 1.0_wp
+        if (self%is_settled .and. self%most > self%least) call choose_stages(self, chart, h, weight_q, weight_qd, norm)
+    end subroutine estimate
+
+    !> The difference to the embedded formula.
+    subroutine embed(self, h)
+        class(radau_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+        real(wp) :: weight
+        integer :: j
+
+        associate (m => self%tableau)
+            self%error_q = (m%diagonal*h)*self%start_q
+            self%error_qd = (m%diagonal*h)*self%start_qd
+            do j = 1, m%stages
+                weight = m%diagonal*h*m%weight(j)
+                self%error_q = self%error_q + weight*self%rate_q(:, j)
+                self%error_qd = self%error_qd + weight*self%rate_qd(:, j)
+            end do
+        end associate
+    end subroutine embed
+
+    !> Choose the stages of the next step, where it is time to.
+    subroutine choose_stages(self, chart, h, weight_q, weight_qd, norm)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        !> The error of the last step.
+        real(wp), intent(in) :: norm
+        real(wp) :: fewer, more
+
+        associate (s => self%tableau%stages)
+            call self%choice%note_step(h, real(chart%counts%newton_corrections, wp) + &
+                chart%matrix_cost()*real(chart%counts%newton_matrices, wp))
+            if (.not. self%choice%is_due(norm)) return
+            fewer = huge(1.0_wp)
+            more = huge(1.0_wp)
+            if (s > self%least) fewer = error_with(s - 2)
+            if (s < self%most .and. self%history%knows(s + 2)) more = error_with(s + 2)
+            call self%choice%choose(s, h, norm, fewer, more, self%wanted)
+        end associate
+
+    contains
+
+        !> The error that the last step would have had with another number of stages, as the divided difference of the last rates
+        !> tells it.
+        real(wp) function error_with(stages)
+            integer, intent(in) :: stages
+            type(tableau_type) :: other
+            real(wp) :: factor
+
+            other = tableau_of(stages)
+            call self%history%difference(stages, self%error_q, self%error_qd)
+            factor = other%principal*h**(stages + 1)
+            self%error_q = factor*self%error_q
+            self%error_qd = factor*self%error_qd
+            call chart%filter_error(self%error_q, self%error_qd)
+            error_with = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+        end function error_with
+    end subroutine choose_stages
+
+    !> The collocation polynomial: increments of the order of the stages between the ends, whatever is stiff. Its integrals are made
+    !> with the method's own nodes, which are right for polynomials of twice its degree.
+    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: start, arrived
+        real(wp), intent(in) :: t
+        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
+        integer, intent(out) :: stat
+        real(wp) :: h, integral, slope, x
+        integer :: j, k
+
+        stat = 0
+        h = arrived%t - start%t
+        x = (t - start%t)/h
+        dq = start%dq
+        dqd = start%dqd
+        slope_q = 0.0_wp
+        slope_qd = 0.0_wp
+        associate (m => self%tableau, s => self%tableau%stages)
+            do j = 1, s
+                slope = part(m%c(:s), j, x)
+                integral = 0.0_wp
+                do k = 1, s
+                    integral = integral + h*x*m%a(k, s)*part(m%c(:s), j, x*m%c(k))
+                end do
+                dq = dq + integral*self%rate_q(:, j)
+                dqd = dqd + integral*self%rate_qd(:, j)
+                slope_q = slope_q + slope*self%rate_q(:, j)
+                slope_qd = slope_qd + slope*self%rate_qd(:, j)
+            end do
+        end associate
+    end subroutine interpolate
+
+    !> Lagrange's polynomial of a node.
+    pure real(wp) function part(c, j, x)
+        real(wp), intent(in) :: c(:)
+        integer, intent(in) :: j
+        real(wp), intent(in) :: x
+        integer :: i
+
+        part = 1.0_wp
+        do i = 1, size(c)
+            if (i /= j) part = part*(x - c(i))/(c(j) - c(i))
+        end do
+    end function part
+
+    !> Stages of long steps that take many corrections cost more than those of several shorter steps; and a step for fewer stages
+    !> than the last one had must be shorter.
+    pure real(wp) function longest_next(self)
+        class(radau_type), intent(in) :: self
+
+        longest_next = min(self%easy, self%choice%longest)
+    end function longest_next
+
+    !> The error estimate of the last step goes with its length to this power, less one.
+    pure integer function order_of_estimate(self)
+        class(radau_type), intent(in) :: self
+
+        order_of_estimate = self%tableau%stages
+    end function order_of_estimate
+
+    !> What the next steps start from, and the dense output of the last.
+    subroutine pack_state(self, pack)
+        class(radau_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: stages
+
+        stages = self%tableau%stages
+        call pack%item(stages)
+        self%tableau = tableau_of(stages)
+        call pack%item(self%wanted)
+        call self%choice%pack_state(pack)
+        call self%newton%pack_state(pack)
+        call self%history%pack_state(pack)
+        call pack%item(self%rate_q)
+        call pack%item(self%rate_qd)
+        call pack%item(self%remainder)
+        call pack%item(self%is_settled)
+        call pack%item(self%easy)
+        call pack%item(self%was_hard)
+    end subroutine pack_state
+end module tandem_stepper_radau

@@ -1,0 +1,175 @@
+! SPDX-License-Identifier: MIT
+!> What a step of Radau IIA with three stages tries before it fails.
+submodule(tandem_stepper_radau) tandem_stepper_radau_rescue
+    use tandem_stepper_radau_tableau, only: a => a3
+    implicit none (type, external)
+
+    !> A = L U, U with a unit diagonal; l(:, i) is the row of stage i.
+    real(wp), parameter :: u12 = a(2, 1)/a(1, 1), u13 = a(3, 1)/a(1, 1), l22 = a(2, 2) - a(1, 2)*u12, &
+        l32 = a(2, 3) - a(1, 3)*u12, u23 = (a(3, 2) - a(1, 2)*u13)/l22
+    real(wp), parameter :: l(3, 3) = reshape([a(1, 1), 0.0_wp, 0.0_wp, a(1, 2), l22, 0.0_wp, &
+        a(1, 3), l32, a(3, 3) - a(1, 3)*u13 - l32*u23], [3, 3])
+
+    !> Corrections of an iteration that starts from less than the past: where they cost less than a failure.
+    integer, parameter :: many = 60
+
+contains
+
+    !> Solve the three stages where no matrix that the past offers does.
+    module procedure rescue
+        !> Matrices made in the middle of the step before it is given up.
+        integer, parameter :: most_matrices = 2
+        integer :: k
+
+        call continue_from_short(self, chart, state, h, t_end, stat)
+        do k = 1, most_matrices
+            if (stat /= status_newton_failed) exit
+            ! Where the iteration stood, in the middle of the step, the motion may be nearer to what the stages need.
+            associate (m => self%tableau)
+                call self%newton%renew(chart, state%t + m%c(2)*h, self%q(:, 2), self%qd(:, 2), self%rate_qd(:, 2), &
+                    m%diagonal*h, stat)
+            end associate
+            self%newton%is_worn = .true.
+            if (stat /= status_ok) exit
+            call hold(self, state%qd, state%qdd)
+            call self%iterate(chart, h, t_end, many, stat)
+        end do
+        if (stat == status_newton_failed) then
+            call hold(self, state%qd, state%qdd)
+            call solve_in_turn(self, chart, h, t_end, stat)
+        end if
+    end procedure rescue
+
+    !> Start values of the stages from the end of shorter steps, each four times as long as the one before: a transient that rates
+    !> at the start of the step would carry far away is over there. The last of them is the step itself.
+    subroutine continue_from_short(self, chart, state, h, t_end, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: h, t_end
+        integer, intent(out) :: stat
+        integer, parameter :: most_quarters = 3
+        real(wp) :: part, t
+        logical :: can
+        integer :: k
+
+        stat = status_newton_failed
+        do k = most_quarters, 0, -1
+            if (stat == status_ok) then
+                call hold(self, self%rate_q(:, 3), self%rate_qd(:, 3))
+            else
+                call hold(self, state%qd, state%qdd)
+            end if
+            part = h*0.25_wp**k
+            t = state%t + part
+            if (k == 0) t = t_end
+            call chart%reuse_stage(self%tableau%diagonal*part, can)
+            stat = status_ok
+            if (.not. can) call self%newton%renew(chart, state%t, state%q, state%qd, state%qdd, self%tableau%diagonal*part, stat)
+            if (stat == status_ok) call self%iterate(chart, part, t, many, stat)
+        end do
+    end subroutine continue_from_short
+
+    !> The same start value for all stages.
+    subroutine hold(self, rate_q, rate_qd)
+        class(radau_type), intent(inout) :: self
+        real(wp), intent(in) :: rate_q(size(self%dq)), rate_qd(size(self%dq))
+        integer :: i
+
+        do i = 3, 1, -1
+            self%rate_q(:, i) = rate_q
+            self%rate_qd(:, i) = rate_qd
+        end do
+    end subroutine hold
+
+    !> The stages one after the other, each with a matrix of its own, over and over: what is stiff at the end of the step and soft
+    !> at its start has no matrix that serves all stages. With L in the place of A for the new rates and A - L for the old ones,
+    !> each sweep leaves 0.67 of an error or less, whatever each stage's Jacobian on the test equation in the left half-plane, 0.51
+    !> where stiffness grows along the step, and 0.35 where it stays. Source: P. J. van der Houwen, J. J. B. de Swart, Triangularly
+    !> implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors computed here.
+    subroutine solve_in_turn(self, chart, h, t_end, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The step and where it ends.
+        real(wp), intent(in) :: h, t_end
+        integer, intent(out) :: stat
+        !> Sweeps before the step is given up.
+        integer, parameter :: most_sweeps = 80
+        real(wp) :: change, last_change, stage_change, theta
+        integer :: i, k, n
+
+        n = size(self%dq)
+        last_change = huge(1.0_wp)
+        chart%counts%implicit_stages = chart%counts%implicit_stages + 3
+        do k = 1, most_sweeps
+            self%residual(:n, :) = self%rate_q
+            self%residual(n + 1:2*n, :) = self%rate_qd
+            change = 0.0_wp
+            do i = 1, 3
+                call solve_alone(self, chart, i, h, t_end, stage_change, stat)
+                if (stat /= status_ok) return
+                change = max(change, stage_change)
+            end do
+            theta = change/last_change
+            last_change = max(change, tiny(1.0_wp))
+            if (k == 1) cycle
+            if (change <= self%standstill .and. .not. theta < 0.95_wp) exit
+            if (theta < 0.95_wp .and. theta*change <= (1.0_wp - theta)*self%tolerance) exit
+        end do
+        if (k > most_sweeps) then
+            stat = status_newton_failed
+            return
+        end if
+        ! The matrix of the method, for the error and what a next step may take over.
+        call self%newton%renew(chart, t_end, self%q(:, 3), self%qd(:, 3), self%rate_qd(:, 3), self%tableau%diagonal*h, stat)
+        self%newton%is_worn = .true.
+        self%remainder = 1.0_wp
+    end subroutine solve_in_turn
+
+    !> One of the stages, with the new rates of those before it.
+    subroutine solve_alone(self, chart, i, h, t_end, first_change, stat)
+        class(radau_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        !> The stage.
+        integer, intent(in) :: i
+        real(wp), intent(in) :: h, t_end
+        !> The first correction, which shows what the rates of others have changed.
+        real(wp), intent(out) :: first_change
+        integer, intent(out) :: stat
+        !> Corrections, and the part of the first one below which they change no more than a sweep leaves.
+        integer, parameter :: most_corrections = 6
+        real(wp), parameter :: enough = 0.05_wp
+        real(wp) :: change, t
+        integer :: j, k, n
+
+        n = size(self%dq)
+        first_change = 0.0_wp
+        t = self%t_start + self%tableau%c(i)*h
+        if (i == 3) t = t_end
+        associate (base_q => self%newton%base_dq, base_qd => self%newton%base_dqd, rate_q => self%rate_q(:, i), &
+            rate_qd => self%rate_qd(:, i), q => self%q(:, i), qd => self%qd(:, i))
+            base_q = self%start_dq
+            base_qd = self%start_dqd
+            do j = 1, 3
+                base_q = base_q + h*(a(j, i) - l(j, i))*self%residual(:n, j)
+                base_qd = base_qd + h*(a(j, i) - l(j, i))*self%residual(n + 1:2*n, j)
+            end do
+            do j = 1, i - 1
+                base_q = base_q + h*l(j, i)*self%rate_q(:, j)
+                base_qd = base_qd + h*l(j, i)*self%rate_qd(:, j)
+            end do
+            do k = 1, most_corrections
+                self%dq = base_q + (h*l(i, i))*rate_q
+                self%dqd = base_qd + (h*l(i, i))*rate_qd
+                call chart%restore_position(t, self%dq, q, stat)
+                if (stat == status_ok) call chart%restore_velocity(t, q, self%dqd, qd, stat)
+                if (stat == status_ok .and. k == 1) call self%newton%renew(chart, t, q, qd, rate_qd, h*l(i, i), stat)
+                if (stat /= status_ok) return
+                call chart%correct_stage(t, q, qd, h*l(i, i), rate_q, rate_qd, change, stat)
+                if (stat /= status_ok) return
+                if (k == 1) first_change = change
+                if (change <= max(enough*first_change, self%tolerance)) return
+            end do
+        end associate
+    end subroutine solve_alone
+end submodule tandem_stepper_radau_rescue

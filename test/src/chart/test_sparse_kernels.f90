@@ -1,0 +1,192 @@
+! SPDX-License-Identifier: MIT
+!> Tests of what the sparse chart's steps consist of against plain formulas: inverses and products of small blocks of every size,
+!> and the rows of hinges that are evaluated together.
+module test_sparse_kernels
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+    use asserts, only: check_close, check_count, check_no_failure
+    use large_mechanisms, only: make_large
+    use tandem, only: failure_type => error_type, mechanism_type, wp
+    use tandem_chart_sparse_blocks, only: keep_both, most_coordinates, multiply_right, read_behind, subtract_update
+    use tandem_chart_sparse_inverses, only: invert
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
+    use tandem_rigid_euler_parameters, only: rotation
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_sparse_kernels
+
+contains
+
+    !> The suite.
+    subroutine collect_sparse_kernels(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('inverses', test_inverses), &
+            new_unittest('dependent-rows-of-a-block', test_dependent), &
+            new_unittest('products', test_products), &
+            new_unittest('hinges', test_hinges)]
+    end subroutine collect_sparse_kernels
+
+    !> Numbers between -1 and 1 without a pattern.
+    pure function scattered(n, seed) result(x)
+        integer, intent(in) :: n, seed
+        real(wp) :: x(n)
+        integer :: i
+
+        do i = 1, n
+            x(i) = 12345.678_wp*sin(1.0_wp + seed + 78.233_wp*i)
+            x(i) = 2*(x(i) - floor(x(i))) - 1
+        end do
+    end function scattered
+
+    !> A symmetric matrix that is definite.
+    pure function definite(s, seed) result(a)
+        integer, intent(in) :: s, seed
+        real(wp) :: a(s, s)
+        integer :: i
+
+        a = reshape(scattered(s*s, seed), [s, s])
+        a = matmul(a, transpose(a))
+        do i = 1, s
+            a(i, i) = a(i, i) + 0.5_wp
+        end do
+    end function definite
+
+    !> A A^-1 = 1, of either sign, and the pivots are those of Gauss.
+    subroutine test_inverses(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: a(most_coordinates, most_coordinates), inverse(most_coordinates**2), product(most_coordinates**2)
+        real(wp) :: alone(most_coordinates), pivots(most_coordinates), sign
+        integer :: i, k, pass, s, worst
+
+        do s = 1, most_coordinates
+            do pass = 1, 2
+                sign = 3.0_wp - 2*pass
+                a(:s, :s) = sign*definite(s, s + pass)
+                inverse(:s*s) = reshape(a(:s, :s), [s*s])
+                alone(:s) = [(abs(a(i, i)), i=1, s)]
+                call invert(s, inverse(:s*s), alone(:s), sign, 1.0e-12_wp, worst)
+                call check_count(error, worst, 0, 'a pivot that is too small')
+                product(:s*s) = reshape(matmul(a(:s, :s), reshape(inverse(:s*s), [s, s])), [s*s])
+                do i = 1, s
+                    product((i - 1)*s + i) = product((i - 1)*s + i) - 1
+                end do
+                call check_close(error, product(:s*s), spread(0.0_wp, 1, s*s), 1.0e-13_wp, 'A A^-1 and 1')
+                pivots(:s) = [(1/abs(a(i, i)), i=1, s)]
+                do k = 1, s
+                    pivots(k) = sign*a(k, k)*pivots(k)
+                    do i = k + 1, s
+                        a(i, k + 1:s) = a(i, k + 1:s) - a(i, k)/a(k, k)*a(k, k + 1:s)
+                    end do
+                end do
+                call check_close(error, alone(:s), pivots(:s), 1.0e-13_wp, 'pivots')
+            end do
+        end do
+    end subroutine test_inverses
+
+    !> Of rows that depend on those before them, the first one is named, and so is a NaN.
+    subroutine test_dependent(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: a(most_coordinates, most_coordinates), x(most_coordinates**2), alone(most_coordinates)
+        integer :: i, k, s, worst
+
+        do s = 2, 7
+            do k = 2, s
+                a(:s, :s) = definite(s, s)
+                a(k, :s) = 2*a(1, :s)
+                a(:s, k) = 2*a(:s, 1)
+                a(k, k) = 4*a(1, 1)
+                x(:s*s) = reshape(a(:s, :s), [s*s])
+                alone(:s) = [(a(i, i), i=1, s)]
+                call invert(s, x(:s*s), alone(:s), 1.0_wp, 1.0e-10_wp, worst)
+                call check_count(error, worst, k, 'the row that depends on the first')
+                a(:s, :s) = definite(s, s)
+                x(:s*s) = reshape(a(:s, :s), [s*s])
+                alone(:s) = [(a(i, i), i=1, s)]
+                x((k - 1)*s + k) = ieee_value(1.0_wp, ieee_quiet_nan)
+                call invert(s, x(:s*s), alone(:s), 1.0_wp, 1.0e-10_wp, worst)
+                call check_count(error, worst, k, 'the row with a NaN')
+            end do
+        end do
+    end subroutine test_dependent
+
+    !> L = B D^-1, X - L B', L' for blocks of all sizes.
+    subroutine test_products(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: b(:), c(:), found(:), x(:), y(:)
+        real(wp) :: l(most_coordinates**2)
+        integer :: p, q, s
+
+        do s = 1, 7
+            do p = 1, 7
+                b = [scattered(p*s, 3), spread(huge(1.0_wp), 1, read_behind)]
+                x = reshape(definite(s, 4), [s*s])
+                call multiply_right(p, s, b, x, l)
+                associate (expected => matmul(reshape(b(:p*s), [p, s]), reshape(x, [s, s])))
+                    do q = 1, 7
+                        c = scattered(q*s, 5)
+                        found = scattered(p*q, 6)
+                        call subtract_update(p, q, s, l, c, found)
+                        call check_close(error, found, scattered(p*q, 6) - &
+                            reshape(matmul(expected, transpose(reshape(c, [q, s]))), [p*q]), 1.0e-13_wp, 'X - L B''')
+                    end do
+                    found = spread(0.0_wp, 1, p*s)
+                    y = found
+                    call keep_both(p, s, l, found, y)
+                    call check_close(error, found, reshape(expected, [p*s]), 1.0e-14_wp, 'L')
+                    call check_close(error, y, reshape(transpose(expected), [p*s]), 1.0e-14_wp, 'L''')
+                end associate
+            end do
+        end do
+    end subroutine test_products
+
+    !> Rows of a chain of hinges at any coordinates, beside the constraints too: Phi by rotations, C and gamma by differences.
+    subroutine test_hinges(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: step = 1.0e-5_wp
+        real(wp), allocatable :: q(:), qd(:), slope(:), curve(:)
+        type(terms_type) :: here, before, behind
+        real(wp) :: a(3, 3), last(3, 3), r(3), at(3), axis(3), x(3)
+        integer :: i, stat
+
+        call make_large('spatial_chain', 3, mechanism, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        associate (n => mechanism%n, m => mechanism%n_holonomic)
+            allocate (q(n), qd(n))
+            call mechanism%start(q, qd)
+            q = q + 0.3_wp*scattered(n, 1)
+            qd = scattered(n, 2)
+            call here%allocate(n, m, 0)
+            call before%allocate(n, m, 0)
+            call behind%allocate(n, m, 0)
+            call mechanism%evaluate(need_phi + need_jacobian + need_gamma, 0.0_wp, q, qd, here, stat)
+            call mechanism%evaluate(need_phi + need_jacobian, 0.0_wp, q - step*qd, qd, before, stat)
+            call mechanism%evaluate(need_phi + need_jacobian, 0.0_wp, q + step*qd, qd, behind, stat)
+            last = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+            at = 0.0_wp
+            do i = 1, 3
+                r = q(7*i - 6:7*i - 4)
+                a = rotation(q(7*i - 3:7*i))
+                ! Rods of 1 m along x: ends that meet, an axis of the drawing that both have.
+                call check_close(error, here%phi(5*i - 4:5*i - 2), r - matmul(a, [0.5_wp, 0.0_wp, 0.0_wp]) - at, 1.0e-14_wp, &
+                    'Phi of points that meet')
+                axis = merge([0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 0.8_wp, 0.6_wp], mod(i, 2) == 1)
+                ! What is left of the axis across the other body's, where directions across it are of unit length.
+                x = matmul(transpose(last), matmul(a, axis))
+                x = x - dot_product(x, axis)*axis
+                call check_close(error, [norm2(here%phi(5*i - 1:5*i))], [norm2(x)], 1.0e-14_wp, 'Phi of axes')
+                at = r + matmul(a, [0.5_wp, 0.0_wp, 0.0_wp])
+                last = a
+            end do
+            slope = (behind%phi - before%phi)/(2*step)
+            call check_close(error, matmul(here%jacobian, qd), slope, 1.0e-8_wp, 'C qd')
+            curve = matmul(behind%jacobian - before%jacobian, qd)/(2*step)
+            call check_close(error, here%gamma, curve, 1.0e-8_wp, 'gamma')
+        end associate
+    end subroutine test_hinges
+end module test_sparse_kernels
