@@ -47,6 +47,7 @@ contains
         real(wp), intent(in) :: q(:), qd(:), qdd(:)
         type(error_type), allocatable, intent(out) :: error
         type(affine_motion_type), allocatable :: motions(:)
+        character(len=motion_name_length), allocatable :: names(:)
         real(wp), allocatable :: rates(:)
         real(wp) :: rest(size(qd)), rest_qdd(size(qd)), x(size(qd))
         logical :: of_world(size(qd))
@@ -87,7 +88,8 @@ contains
         end do
         where (abs(rates) <= rounding*maxval(abs(rates))) rates = 0.0_wp
         call add_up(self%field, motions, rates)
-        self%names = pack(motions%name, abs(rates) > 0.0_wp)
+        names = [character(len=motion_name_length) :: (motions(k)%name, k=1, size(motions))]
+        self%names = pack(names, abs(rates) > 0.0_wp)
         self%rates = pack(rates, abs(rates) > 0.0_wp)
         rest = qd - self%velocity(q)
         if (maxval(abs(rest)) <= unexplained*maxval(abs(qd))) return
