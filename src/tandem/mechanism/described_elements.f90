@@ -7,6 +7,7 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_described_points, only: take_point, take_points
     use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive
     use tandem_mechanism_law, only: law_type
@@ -29,6 +30,7 @@ contains
         real(wp), allocatable :: length, factors(:)
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)
+        character(len=key_length), allocatable :: variables(:)
         type(error_type), allocatable :: error
         logical, allocatable :: locked
         integer :: i
@@ -54,13 +56,13 @@ contains
             if (reader%gives('locked')) locked = .true.
             if (allocated(locked)) call reader%get_truth('locked', locked, 'whether it begins locked; events lock and free it')
         case default
+            call list_variables(mechanism, variables)
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
                 required=.true.)
             if (allocated(texts)) call reader%get_expressions('coefficients', [(i, i=size(texts), size(texts))], &
-                [character(len=key_length) :: mechanism%variable_names()], coefficients, '', &
+                variables, coefficients, '', &
                 'one for each velocity; expressions of t and the state', required=.true.)
-            call reader%get_expressions('value', [1], [character(len=key_length) :: mechanism%variable_names()], rhs, '', &
-                '0 where it is not given')
+            call reader%get_expressions('value', [1], variables, rhs, '', '0 where it is not given')
         end select
         call reader%close()
         if (reader%failed()) return
@@ -211,7 +213,7 @@ contains
             allocate (variables(0))
             ! Their number grows with that of bodies, and most loads need none.
             if (reader%has_text('force') .or. reader%has_text('torque')) then
-                variables = [character(len=key_length) :: mechanism%variable_names()]
+                call list_variables(mechanism, variables)
             end if
             call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
                 'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
@@ -270,6 +272,18 @@ contains
         call mechanism%add_friction(name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
         call reader%blame(error)
     end subroutine read_friction
+
+    !> The variables that expressions may name. gfortran 12 gives a constructor with another length too little room for what a
+    !> function returns, and writes behind it.
+    subroutine list_variables(mechanism, variables)
+        type(mechanism_type), intent(in) :: mechanism
+        character(len=key_length), allocatable, intent(out) :: variables(:)
+        character(len=variable_name_length), allocatable :: names(:)
+
+        names = mechanism%variable_names()
+        allocate (variables(size(names)))
+        variables = names
+    end subroutine list_variables
 
     !> Expressions without variables are numbers.
     pure subroutine take_constants(expressions, numbers)
