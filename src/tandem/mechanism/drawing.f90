@@ -20,6 +20,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_load, only: load_type
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_rate_row, only: rate_row_type
+    use tandem_mechanism_row_index, only: row_index_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
@@ -89,11 +90,12 @@ module tandem_mechanism_drawing
         integer :: n_held = 0
         character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
             rolling_unit(:)
-        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, and a sensor
-        !> among the sensors.
+        type(row_index_type), private :: held_index, rolling_index
+        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, a sensor among
+        !> the sensors, and the first function of time of an element among these.
         character(len=name_length), allocatable, private :: names(:)
         integer, private :: n_names = 0
-        type(name_index_type), private :: name_index, point_index, sensor_index
+        type(name_index_type), private :: name_index, point_index, sensor_index, motion_index
         !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable, private :: types(:), numbers(:)
     contains
@@ -670,6 +672,9 @@ contains
         call self%name_index%clear()
         call self%point_index%clear()
         call self%sensor_index%clear()
+        call self%motion_index%clear()
+        call self%held_index%clear()
+        call self%rolling_index%clear()
         self%n_of = numbers_type()
     end subroutine clear
 
@@ -743,6 +748,7 @@ contains
         self%n_held = self%n_held + 1
         self%held_name(self%n_held) = name
         self%held_unit(self%n_held) = unit
+        call self%held_index%add(name)
     end subroutine new_row
 
     !> One row more at velocity level.
@@ -759,5 +765,6 @@ contains
             self%rolling_name(n) = name
             self%rolling_unit(n) = unit
         end associate
+        call self%rolling_index%add(name)
     end subroutine new_rolling_row
 end module tandem_mechanism_drawing

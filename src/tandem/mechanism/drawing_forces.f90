@@ -130,17 +130,21 @@ contains
         character(len=*), intent(in) :: joint
         type(press_type), intent(inout) :: press
         real(wp), intent(in), optional :: arm
-        character(len=len(joint) + 1) :: head
+        character(len=len(joint)) :: head
         integer :: i
 
         head = joint
         if (index(joint, '.') > 0) head = joint(:index(joint, '.') - 1)
-        do i = 1, self%n_held
+        i = self%held_index%first(head)
+        do while (i > 0)
             call take(i, self%held_name(i), self%held_unit(i))
+            i = self%held_index%next(i)
         end do
-        do i = 1, self%n_of%rolling_rows
+        i = self%rolling_index%first(head)
+        do while (i > 0)
             ! Until the mechanism is defined those at velocity level are negative.
             call take(-i, self%rolling_name(i), self%rolling_unit(i))
+            i = self%rolling_index%next(i)
         end do
 
     contains
@@ -150,8 +154,6 @@ contains
             character(len=*), intent(in) :: name, unit
             real(wp) :: weight
 
-            ! With the blank behind it.
-            if (name(:len_trim(head) + 1) /= head) return
             if (name == trim(head)//' motion') return
             weight = 0.0_wp
             if (unit == 'N') weight = 1.0_wp

@@ -482,7 +482,8 @@ contains
         longer(:size(self%rate_rows)) = self%rate_rows
         longer(size(longer)) = row
         call move_alloc(longer, self%rate_rows)
-        call self%keep_name(name, of_row, 0)
+        ! Couplings have positive numbers.
+        call self%keep_name(name, of_row, -size(self%rate_rows))
     end procedure add_rate_row
 
     !> A distance between two points that is held, by default that of the drawing, or imposed.

@@ -152,14 +152,8 @@ contains
             if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
         end associate
         if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
-        do k = 1, self%n_of%motions
-            if (self%motions(k)%name == element) sensor%is_driven = .true.
-        end do
-        do k = 1, size(self%rate_rows)
-            if (sensor%of == of_row .and. self%rate_rows(k)%row == -sensor%rows(1) .and. self%rate_rows(k)%rhs > 0) then
-                sensor%is_driven = .true.
-            end if
-        end do
+        sensor%is_driven = self%motion_index%get(element) > 0
+        if (sensor%of == of_row .and. sensor%number < 0) sensor%is_driven = self%rate_rows(-sensor%number)%rhs > 0
         call keep_sensor(self, sensor)
     end procedure add_reaction_sensor
 
@@ -169,15 +163,17 @@ contains
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: element
         type(sensor_type), intent(inout) :: sensor
-        integer :: i, k
+        integer :: i
 
-        ! With the blank behind it.
-        k = len_trim(element) + 1
-        do i = 1, self%n_held
-            if (self%held_name(i)(:k) == element) call add(i, self%held_unit(i))
+        i = self%held_index%first(element)
+        do while (i > 0)
+            call add(i, self%held_unit(i))
+            i = self%held_index%next(i)
         end do
-        do i = 1, self%n_of%rolling_rows
-            if (self%rolling_name(i)(:k) == element) call add(-i, self%rolling_unit(i))
+        i = self%rolling_index%first(element)
+        do while (i > 0)
+            call add(-i, self%rolling_unit(i))
+            i = self%rolling_index%next(i)
         end do
 
     contains

@@ -18,6 +18,7 @@ contains
         allocate (self%motions(number)%f, source=f)
         self%motions(number)%jump_order = jump_order
         self%motions(number)%name = name
+        call self%motion_index%put(name, number)
     end procedure take_motion
 
     !> Room for so many functions of time.

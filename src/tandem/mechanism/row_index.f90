@@ -1,0 +1,82 @@
+! SPDX-License-Identifier: MIT
+!> The rows of each element, whose names begin with its own, without looking through those of all others.
+module tandem_mechanism_row_index
+    use tandem_name_index, only: name_index_type
+    implicit none (type, external)
+    private
+
+    public :: row_index_type
+
+    !> Rows in the order of their numbers, from 1.
+    type :: row_index_type
+        private
+        integer :: n = 0
+        !> The first row of an element; the row of the same element that comes behind each, 0 for none; behind the first, the last.
+        type(name_index_type) :: heads
+        integer, allocatable :: behind(:), last(:)
+    contains
+        procedure :: add
+        procedure :: first
+        procedure :: next
+        procedure :: clear
+    end type row_index_type
+
+contains
+
+    !> Forget all rows.
+    pure subroutine clear(self)
+        class(row_index_type), intent(inout) :: self
+
+        self%n = 0
+        call self%heads%clear()
+        if (.not. allocated(self%behind)) allocate (self%behind(16), self%last(16))
+    end subroutine clear
+
+    !> One row more, after `clear`.
+    pure subroutine add(self, name)
+        class(row_index_type), intent(inout) :: self
+        !> An element's name, and what follows behind a blank.
+        character(len=*), intent(in) :: name
+        integer :: head
+
+        if (self%n == size(self%behind)) then
+            self%behind = [self%behind, self%behind]
+            self%last = [self%last, self%last]
+        end if
+        self%n = self%n + 1
+        self%behind(self%n) = 0
+        self%last(self%n) = self%n
+        head = self%first(name)
+        if (head > 0) then
+            self%behind(self%last(head)) = self%n
+            self%last(head) = self%n
+        else
+            call self%heads%put(name(:word_length(name)), self%n)
+        end if
+    end subroutine add
+
+    !> The first row of an element, 0 for none.
+    pure integer function first(self, element)
+        class(row_index_type), intent(in) :: self
+        !> What stands behind a blank in it does not count.
+        character(len=*), intent(in) :: element
+
+        first = self%heads%get(element(:word_length(element)))
+    end function first
+
+    !> The row of the same element that comes behind a row, 0 for none.
+    pure integer function next(self, row)
+        class(row_index_type), intent(in) :: self
+        integer, intent(in) :: row
+
+        next = self%behind(row)
+    end function next
+
+    !> How long the first word of a text is.
+    pure integer function word_length(text)
+        character(len=*), intent(in) :: text
+
+        word_length = index(text, ' ') - 1
+        if (word_length < 0) word_length = len(text)
+    end function word_length
+end module tandem_mechanism_row_index
