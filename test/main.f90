@@ -35,6 +35,7 @@ program main
     use test_linearisation, only: collect_linearisation
     use test_nearest, only: collect_nearest
     use test_nearest_steady, only: collect_nearest_steady
+    use test_sparse_steady, only: collect_sparse_steady
     use test_lists, only: collect_lists
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
@@ -169,6 +170,7 @@ program main
         new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('nearest', collect_nearest), &
         new_testsuite('nearest_steady', collect_nearest_steady), &
+        new_testsuite('sparse_steady', collect_sparse_steady), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &

@@ -17,7 +17,7 @@ module tandem_analysis_comoving
     implicit none (type, external)
     private
 
-    public :: comoving_type
+    public :: comoving_type, fit_rates
 
     type :: comoving_type
         !> Whether anything moves.
@@ -29,6 +29,7 @@ module tandem_analysis_comoving
         type(affine_motion_type), private :: field
     contains
         procedure :: find
+        procedure :: set
         procedure :: velocity
         procedure :: turned
         procedure :: carry
@@ -47,16 +48,55 @@ contains
         real(wp), intent(in) :: q(:), qd(:), qdd(:)
         type(error_type), allocatable, intent(out) :: error
         type(affine_motion_type), allocatable :: motions(:)
-        character(len=motion_name_length), allocatable :: names(:)
         real(wp), allocatable :: rates(:)
+        real(wp) :: rest(size(qd))
+        integer :: i
+
+        allocate (self%names(0), self%rates(0))
+        if (.not. any(abs(qd) > 0.0_wp)) return
+        call list_motions(model, motions)
+        call fit_rates(motions, q, qd, rates, qdd)
+        call self%set(motions, rates)
+        self%moves = .true.
+        rest = qd - self%velocity(q)
+        if (maxval(abs(rest)) <= unexplained*maxval(abs(qd))) return
+        i = maxloc(abs(rest), dim=1)
+        call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" moves otherwise than as a whole with bodies '// &
+            'that spin: the velocity of '//model%coordinate_label(i)//' would be '//to_text(qd(i) - rest(i))//', and is '// &
+            to_text(qd(i)), 'eigenvalues near a shift are those of an equilibrium or of a steady motion, for which ask by --steady')
+    end subroutine find
+
+    !> Take motions at given rates.
+    subroutine set(self, motions, rates)
+        class(comoving_type), intent(inout) :: self
+        type(affine_motion_type), intent(in) :: motions(:)
+        real(wp), intent(in) :: rates(:)
+        character(len=motion_name_length), allocatable :: names(:)
+        integer :: k
+
+        allocate (names(size(motions)))
+        do k = 1, size(motions)
+            names(k) = motions(k)%name
+        end do
+        self%names = pack(names, abs(rates) > 0.0_wp)
+        self%rates = pack(rates, abs(rates) > 0.0_wp)
+        self%moves = size(self%rates) > 0
+        call add_up(self%field, motions, rates)
+    end subroutine set
+
+    !> The rates of all motions of a mechanism that come nearest to velocities at a point: those of the world first, which places
+    !> tell, and those of bodies from what is left. Without accelerations a turn may be taken for a translation where one body alone
+    !> has no direction.
+    subroutine fit_rates(motions, q, qd, rates, qdd)
+        type(affine_motion_type), intent(in) :: motions(:)
+        !> (n)
+        real(wp), intent(in) :: q(:), qd(:)
+        real(wp), allocatable, intent(out) :: rates(:)
+        real(wp), intent(in), optional :: qdd(:)
         real(wp) :: rest(size(qd)), rest_qdd(size(qd)), x(size(qd))
         logical :: of_world(size(qd))
         integer :: i, k
 
-        allocate (self%names(0), self%rates(0))
-        self%moves = any(abs(qd) > 0.0_wp)
-        if (.not. self%moves) return
-        call list_motions(model, motions)
         allocate (rates(size(motions)), source=0.0_wp)
         ! Places tell how the world moves: no body's own turning changes them.
         of_world = .true.
@@ -66,9 +106,10 @@ contains
             of_world(motions(k)%place) = .false.
         end do
         rest = qd
-        rest_qdd = qdd
+        rest_qdd = 0.0_wp
+        if (present(qdd)) rest_qdd = qdd
         do i = 1, 2
-            call fit_world(motions, q, qd, of_world, rest, rest_qdd, rates)
+            call fit_world(motions, q, qd, of_world, present(qdd), rest, rest_qdd, rates)
         end do
         rest = qd
         do k = 1, size(motions)
@@ -87,17 +128,7 @@ contains
             if (abs(rates(k)) > rounding*maxval(abs(qd))) rest = rest - rates(k)*x
         end do
         where (abs(rates) <= rounding*maxval(abs(rates))) rates = 0.0_wp
-        call add_up(self%field, motions, rates)
-        names = [character(len=motion_name_length) :: (motions(k)%name, k=1, size(motions))]
-        self%names = pack(names, abs(rates) > 0.0_wp)
-        self%rates = pack(rates, abs(rates) > 0.0_wp)
-        rest = qd - self%velocity(q)
-        if (maxval(abs(rest)) <= unexplained*maxval(abs(qd))) return
-        i = maxloc(abs(rest), dim=1)
-        call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" moves otherwise than as a whole with bodies '// &
-            'that spin: the velocity of '//model%coordinate_label(i)//' would be '//to_text(qd(i) - rest(i))//', and is '// &
-            to_text(qd(i)), 'eigenvalues near a shift are those of an equilibrium or of a steady motion')
-    end subroutine find
+    end subroutine fit_rates
 
     !> Whether a motion is of all bodies together.
     pure logical function is_of_world(motion)
@@ -108,10 +139,10 @@ contains
 
     !> Add to the rates of motions of the world what fits best to velocities and accelerations of places, and take it off these. The
     !> latter tell a turn from a translation where one body alone has no direction.
-    subroutine fit_world(motions, q, qd, of_world, rest, rest_qdd, rates)
+    subroutine fit_world(motions, q, qd, of_world, uses_qdd, rest, rest_qdd, rates)
         type(affine_motion_type), intent(in) :: motions(:)
         real(wp), intent(in) :: q(:), qd(:)
-        logical, intent(in) :: of_world(:)
+        logical, intent(in) :: of_world(:), uses_qdd
         real(wp), intent(inout) :: rest(:), rest_qdd(:), rates(:)
         type(singular_type) :: svd
         real(wp), allocatable :: x(:, :), y(:, :), more(:)
@@ -129,7 +160,8 @@ contains
             where (.not. of_world) x(:, i) = 0.0_wp
             where (.not. of_world) y(:, i) = 0.0_wp
         end do
-        weight = sum(x**2)/max(sum(y**2), tiny(1.0_wp))
+        weight = 0.0_wp
+        if (uses_qdd) weight = sum(x**2)/max(sum(y**2), tiny(1.0_wp))
         call svd%allocate(size(numbers), size(numbers))
         call svd%factor(matmul(transpose(x), x) + weight*matmul(transpose(y), y))
         call svd%solve(matmul(transpose(x), rest) + weight*matmul(transpose(y), rest_qdd), more)

@@ -91,7 +91,7 @@ contains
         if (model%n > most_coordinates) then
             call set_error(error, status_work_limit, 'the model "'//model%name//'" has '//to_text(model%n)//' coordinates, too '// &
                 'many for matrices that are full ('//to_text(most_coordinates)//' at most)', &
-                'ask for the eigenvalues of an equilibrium near a shift, tandem linearise --near')
+                'ask for the eigenvalues near a shift (nearest_type, tandem linearise --near)')
             return
         end if
         allocate (point)

@@ -7,7 +7,7 @@
 !>
 !>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
 !>
-!> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q)_q/sigma in a steady motion
+!> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q - nu)_q/sigma, X = 0 at rest
 !> (`sparse_point.f90`, `comoving.f90`). The eigenvalues theta of that operator which are largest
 !> are those of A nearest to sigma, lambda = sigma + 1/theta.
 module tandem_analysis_nearest
@@ -75,6 +75,8 @@ module tandem_analysis_nearest
     real(wp), parameter :: balance_bound = 1.0e-9_wp
     !> Of residuals of the iteration: rounding leaves some 1e-14.
     real(wp), parameter :: tolerance = 1.0e-12_wp
+    character(len=*), parameter :: advice = 'eigenvalues near a shift are those of an equilibrium, for which ask by '// &
+        '--equilibrium, or of a steady motion, for which ask by --steady'
 
 contains
 
@@ -161,7 +163,7 @@ contains
         real(wp), intent(out) :: residual
         type(error_type), allocatable, intent(out) :: error
         real(wp), allocatable :: acceleration(:)
-        integer :: stat
+        integer :: i, stat
 
         residual = huge(residual)
         call point%look(t, q, stat)
@@ -179,16 +181,16 @@ contains
         call point%balance()
         residual = point%imbalance()
         associate (terms => point%evaluator%terms)
-            if (any(abs(terms%nu) > 0.0_wp) .or. (any(abs(terms%gamma) > 0.0_wp) .and. .not. point%frame%moves)) then
-                call set_error(error, status_no_equilibrium, 'the constraints of the model "'//point%model%name// &
-                    '" move it, so that it is not at rest', 'eigenvalues near a shift are those of an equilibrium')
+            i = maxloc(abs(terms%nu) + abs(terms%gamma), dim=1)
+            if (.not. point%frame%moves .and. any(abs(terms%nu) + abs(terms%gamma) > 0.0_wp)) then
+                call set_error(error, status_no_equilibrium, 'the constraint "'//point%model%row_name(i)//'" of the model "'// &
+                    point%model%name//'" moves it, so that it is not at rest', advice)
             else if (point%violation() > balance_bound) then
                 call set_error(error, status_inconsistent_start, 'the model "'//point%model%name//'" violates its '// &
                     'position constraints by '//to_text(point%violation())//' of their scale', 'give coordinates that satisfy them')
             else if (residual > balance_bound) then
                 call set_error(error, status_no_equilibrium, 'the model "'//point%model%name//'" is not at rest: '// &
-                    'its forces are out of balance by '//to_text(residual)//' of their size', &
-                    'eigenvalues near a shift are those of an equilibrium, for which ask by --equilibrium, or of a steady motion')
+                    'its forces are out of balance by '//to_text(residual)//' of their size', advice)
             end if
         end associate
     end subroutine rest_at

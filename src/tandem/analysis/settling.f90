@@ -15,7 +15,8 @@
 module tandem_analysis_settling
     use tandem_analysis_closeness, only: find_way_nearer, squared_distance
     use tandem_analysis_point, only: point_type
-    use tandem_analysis_sparse_settling, only: settle_sparsely
+    use tandem_analysis_sparse_settling, only: moved_reason, settle_sparsely
+    use tandem_analysis_sparse_steady, only: find_steady_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -56,9 +57,9 @@ module tandem_analysis_settling
         procedure, private :: refuse
     end type settling_type
 
-    !> From so many coordinates on the sparse form finds equilibria of models that have one; full matrices of more take minutes.
+    !> From so many coordinates on the sparse form settles models that have one, and tells of no families; full matrices of more
+    !> than the second take minutes.
     integer, parameter :: large = 250, most_full = 1000
-    character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
     !> Most iterations, steps along the forces, and along a family.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
     integer, parameter :: most_steps_nearer = 100
@@ -78,16 +79,16 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(point_type), allocatable :: point
         integer :: stat
-        logical :: is_sparse
+        logical :: has_form
 
         call check_model(model, error)
         if (allocated(error)) return
         call no_fields(self, model%n)
         self%q = q
         if (model%n >= large .and. allocated(model%pattern)) then
-            call settle_large(self, model, t, is_sparse, error)
+            call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, has_form, error)
             if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
-            if (is_sparse) return
+            if (has_form .or. model%n > most_full) return
             deallocate (error)
             self%q = q
         end if
@@ -105,31 +106,6 @@ contains
         end if
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_equilibrium
-
-    !> The same by the sparse form, which tells of no families.
-    subroutine settle_large(self, model, t, is_sparse, error)
-        class(settling_type), intent(inout) :: self
-        class(model_type), intent(inout), target :: model
-        real(wp), intent(in) :: t
-        !> False where the model has no sparse form, and the error says why, but is not too large for full matrices.
-        logical, intent(out) :: is_sparse
-        type(error_type), allocatable, intent(out) :: error
-        character(len=:), allocatable :: reason
-        logical :: constraints_move
-        integer :: stat
-
-        call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, constraints_move, stat, error)
-        is_sparse = .not. allocated(error) .or. model%n > most_full
-        if (allocated(error) .or. stat == status_ok) return
-        if (stat /= status_no_equilibrium) then
-            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its equilibrium')
-            return
-        end if
-        reason = ''
-        if (constraints_move) reason = moved_reason
-        call set_error(error, stat, 'no equilibrium of the model "'//model%name//'" was found in '//to_text(self%iterations)// &
-            ' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)
-    end subroutine settle_large
 
     !> The coordinate scales of a model (n).
     pure function scale_of(model) result(scale)
@@ -158,6 +134,15 @@ contains
 
         call check_model(model, error)
         if (allocated(error)) return
+        if (model%n >= large .and. allocated(model%pattern)) then
+            call no_fields(self, model%n)
+            self%q = q
+            self%qd = qd
+            call find_steady_sparsely(model, t, self%q, self%qd, self%iterations, error, names, held, held_at)
+            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
+            if (.not. allocated(error) .or. model%n > most_full) return
+            deallocate (self%held, self%held_at, self%symmetry%motions, self%symmetry%rates, error)
+        end if
         allocate (self%held(0), self%held_at(0), point)
         call point%initialize(model)
         call self%symmetry%find(point, t, q, qd, stat, names)

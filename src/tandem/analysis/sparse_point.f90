@@ -35,7 +35,7 @@ module tandem_analysis_sparse_point
         real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
         !> What the coordinates go along with.
         type(comoving_type) :: frame
-        !> (C X q - nu)_q of rows at velocity level, where it moves, compressed as C.
+        !> (C X q - nu)_q of rows at velocity level, compressed as C.
         real(wp), allocatable :: turning(:, :)
         !> Rows that depend on others (m): they take no part, and their multipliers are zero.
         logical, allocatable :: is_out(:)
@@ -51,9 +51,10 @@ module tandem_analysis_sparse_point
         real(wp), allocatable :: residual(:)
         !> What terms of it add up to (n).
         real(wp), allocatable :: sizes(:)
-        !> The body of each coordinate (n), neighbours of each body, their groups, and coordinates and rows in their order of
-        !> elimination (n + m).
-        integer, allocatable, private :: body_of(:), group(:), order(:)
+        !> Coordinates and rows in their order of elimination (n + m).
+        integer, allocatable :: order(:)
+        !> The body of each coordinate (n), neighbours of each body, their groups.
+        integer, allocatable, private :: body_of(:), group(:)
         type(list_type), allocatable, private :: neighbours(:)
         integer, private :: n_groups = 0
     contains
@@ -90,8 +91,8 @@ module tandem_analysis_sparse_point
             integer, intent(out) :: stat
         end subroutine differentiate
 
-        !> Whether K and D times a random direction are what differences along it say, and nu stays zero: forces between bodies that
-        !> the model does not tell of, or laws that change within a step of differences, are noticed.
+        !> Whether K and D times a random direction are what differences along it say: forces between bodies that the model does not
+        !> tell of, or laws that change within a step of differences, are noticed.
         module subroutine check_structure(self, error)
             implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
@@ -394,7 +395,7 @@ contains
     end subroutine multiply
 
     !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths; below, rows at velocity
-    !> level are C + ck/cd (C X q)_q where it moves and cd is not zero.
+    !> level are C + ck/cd (C X q - nu)_q where cd is not zero.
     subroutine assemble(self, c, a, order, unit)
         class(sparse_point_type), intent(in) :: self
         complex(wp), intent(in) :: c(3)
@@ -440,7 +441,7 @@ contains
                         do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
                             value = jacobian(i, pattern%column(j))/length
                             if (abs(value) > 0.0_wp) call put(j, number(self%n + i), value)
-                            if (i > self%nh .and. self%frame%moves .and. abs(c(2)) > 0.0_wp) value = value + &
+                            if (i > self%nh .and. abs(c(2)) > 0.0_wp) value = value + &
                                 c(3)/c(2)*self%turning(i, pattern%column(j))/length
                             if (abs(value) > 0.0_wp) call put(number(self%n + i), j, value)
                         end do

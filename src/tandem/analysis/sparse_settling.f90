@@ -7,7 +7,7 @@
 !> Rows at velocity level hold: the coordinates go where they let them.
 module tandem_analysis_sparse_settling
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
-    use tandem_error, only: error_type
+    use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
@@ -15,7 +15,9 @@ module tandem_analysis_sparse_settling
     implicit none (type, external)
     private
 
-    public :: settle_sparsely
+    public :: moved_reason, settle_sparsely
+
+    character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
 
     !> Most iterations of Newton, and implicit steps.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
@@ -26,28 +28,26 @@ module tandem_analysis_sparse_settling
 
 contains
 
-    !> Find the equilibrium near q.
-    subroutine settle_sparsely(model, t, q, iterations, relaxations, constraints_move, stat, error)
+    !> Find the equilibrium near q. Errors: no_equilibrium, invalid_model where there is no sparse form, and what evaluating the
+    !> model may give.
+    subroutine settle_sparsely(model, t, q, iterations, relaxations, has_form, error)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
         !> The start (n), which need not satisfy the constraints; the equilibrium.
         real(wp), intent(inout) :: q(:)
         integer, intent(out) :: iterations, relaxations
-        !> Whether the constraints move it, so that it cannot rest.
-        logical, intent(out) :: constraints_move
-        !> A status code.
-        integer, intent(out) :: stat
-        !> Where the model has no sparse form.
+        !> Whether the model has a sparse form.
+        logical, intent(out) :: has_form
         type(error_type), allocatable, intent(out) :: error
         type(sparse_point_type), allocatable :: point
         real(wp) :: start(size(q))
+        integer :: stat
 
         iterations = 0
         relaxations = 0
-        constraints_move = .false.
-        stat = status_no_equilibrium
         allocate (point)
         call point%initialize(model, error)
+        has_form = .not. allocated(error)
         if (allocated(error)) return
         start = q
         call iterate(point, t, q, iterations, stat)
@@ -56,8 +56,15 @@ contains
             call relax(point, t, q, relaxations, stat)
             if (stat == status_ok) call iterate(point, t, q, iterations, stat)
         end if
-        constraints_move = any(abs(point%evaluator%terms%nu) > 0.0_wp)
-        if (stat == status_ok .and. constraints_move) stat = status_no_equilibrium
+        associate (moves => any(abs(point%evaluator%terms%nu) > 0.0_wp))
+            if (stat /= status_ok .and. stat /= status_no_equilibrium) then
+                call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its equilibrium')
+            else if (stat == status_no_equilibrium .or. moves) then
+                call set_error(error, status_no_equilibrium, 'no equilibrium of the model "'//model%name//'" was found in '// &
+                    to_text(iterations)//' iterations and '//to_text(relaxations)//' steps along the forces'// &
+                    trim(merge(moved_reason, repeat(' ', len(moved_reason)), moves)))
+            end if
+        end associate
     end subroutine settle_sparsely
 
     !> Newton's iteration.

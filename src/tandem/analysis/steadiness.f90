@@ -17,7 +17,7 @@ module tandem_analysis_steadiness
     real(wp), parameter :: bound = 1.0e-8_wp
     !> How far the state beside is away, in coordinate scales.
     real(wp), parameter :: beside = 2.0_wp**(-6)
-    character(len=*), parameter :: advice = 'eigenvalues near a shift are those of an equilibrium or of a steady motion'
+    character(len=*), parameter :: advice = 'name the motions of a steady motion, or start in one'
 
 contains
 
@@ -26,33 +26,50 @@ contains
         type(sparse_point_type), intent(in) :: point
         type(error_type), allocatable, intent(inout) :: error
         real(wp), dimension(point%m) :: rows, sizes
+        integer :: i
 
         associate (terms => point%evaluator%terms, pattern => point%pattern)
-            call pattern%multiply(terms%jacobian, point%rest, .false., rows)
-            call pattern%multiply(terms%jacobian, point%rest, .true., sizes)
-            if (any(abs(rows - terms%nu) > bound*max(sizes, 1.0e-6_wp*maxval([0.0_wp, sizes])))) then
+            call velocity_rows(point, point%rest, rows, sizes)
+            if (any(abs(rows) > bound*sizes)) then
                 call set_error(error, status_inconsistent_start, 'the velocities of the model "'//point%model%name// &
-                    '" violate its constraints', 'let [initial] assemble find others')
+                    '" violate its constraints', 'let the start be assembled')
                 return
             end if
             call pattern%multiply(terms%jacobian, point%frame%turned(point%rest), .false., rows)
             call pattern%multiply(terms%jacobian, point%frame%turned(point%rest), .true., sizes)
             sizes = sizes + abs(terms%gamma)
-            if (any(abs(rows + terms%gamma) > bound*max(sizes, 1.0e-6_wp*maxval([0.0_wp, sizes])))) call set_error(error, &
-                status_no_equilibrium, 'the constraints of the model "'//point%model%name//'" lead it away from a steady motion', &
-                advice)
+            rows = abs(rows + terms%gamma)/max(sizes, 1.0e-6_wp*maxval([0.0_wp, sizes]), tiny(1.0_wp))
+            i = maxloc(rows, dim=1)
+            if (any(rows > bound)) call set_error(error, status_no_equilibrium, 'the constraint "'//point%model%row_name(i)// &
+                '" leads the model "'//point%model%name//'" away from a steady motion', advice)
         end associate
     end subroutine check_rows
+
+    !> C qd - nu of what the evaluator holds, and the sizes of its terms.
+    subroutine velocity_rows(point, qd, rows, sizes)
+        type(sparse_point_type), intent(in) :: point
+        !> (n), (m), (m).
+        real(wp), intent(in) :: qd(:)
+        real(wp), intent(out) :: rows(:), sizes(:)
+
+        associate (terms => point%evaluator%terms)
+            call point%pattern%multiply(terms%jacobian, qd, .false., rows)
+            call point%pattern%multiply(terms%jacobian, qd, .true., sizes)
+            rows = rows - terms%nu
+            sizes = sizes + abs(terms%nu)
+            sizes = max(sizes, 1.0e-6_wp*maxval([0.0_wp, sizes]))
+        end associate
+    end subroutine velocity_rows
 
     !> Refuse a field along which the equations change. The point is looked at again afterwards, with its multipliers.
     subroutine check_symmetry(point, error)
         type(sparse_point_type), intent(inout) :: point
         type(error_type), allocatable, intent(inout) :: error
         real(wp), dimension(point%n) :: q, qd, start
-        real(wp) :: vectors(point%n, 2), lambda(point%m), time, duration
+        real(wp) :: vectors(point%n, 2), lambda(point%m), rows(point%m), sizes(point%m), time, duration
         logical :: is_out(point%m)
         real(wp), allocatable :: acceleration(:)
-        integer :: seed, stat
+        integer :: i, seed, stat
 
         time = point%t
         start = point%q
@@ -70,9 +87,19 @@ contains
             call point%frame%carry(duration, q, vectors)
             call point%look(time + duration, q, stat, vectors(:, 1))
         end if
-        if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
+        if (stat == status_ok) then
+            ! Rows are told by name: functions of the time other than constant rates are the usual reason.
+            call velocity_rows(point, vectors(:, 1), rows, sizes)
+            i = maxloc(abs(rows)/max(sizes, tiny(1.0_wp)), dim=1)
+            if (any(abs(rows) > bound*sizes)) call set_error(error, status_no_equilibrium, 'the constraint "'// &
+                point%model%row_name(i)//'" of the model "'//point%model%name//'" changes as it goes on, so that it does not '// &
+                'move steadily', 'let its functions of time have constant rates')
+            call point%find_dependent_rows(acceleration, stat)
+        end if
         if (stat /= status_ok) then
             call set_error(error, stat, 'the model "'//point%model%name//'" cannot be evaluated beside its steady motion')
+        else if (allocated(error)) then
+            continue
         else if (any(abs(acceleration - vectors(:, 2)) > bound*point%scale*maxval(abs(acceleration/point%scale))) .or. &
             point%violation() > bound) then
             call set_error(error, status_no_equilibrium, 'the equations of the model "'//point%model%name// &
@@ -119,7 +146,7 @@ contains
         call point%assemble(mass_only, a, order, unit)
         call lu%factor(a, order, most_factor_entries, stat)
         if (stat /= 0) return
-        call point%pattern%multiply(point%evaluator%terms%jacobian, qd, .false., g)
+        call velocity_rows(point, qd, g, unused)
         call point%solve(a, lu, unit, none, -g, change, unused)
         qd = qd + change
     end subroutine go_beside

@@ -22,7 +22,7 @@ module tandem_analysis_symmetry
     implicit none (type, external)
     private
 
-    public :: symmetry_type, list_motions
+    public :: symmetry_type, is_named, list_motions
 
     type :: symmetry_type
         !> The fields that were tried.
