@@ -89,11 +89,13 @@ contains
         call self%release()
         allocate (self%unwanted)
         associate (terms => self%unwanted)
-            call terms%allocate(self%n, self%n_holonomic, self%n_nonholonomic)
+            call terms%allocate(self%n, self%n_holonomic, self%n_nonholonomic, fills_mass=.false.)
             self%elsewhere = [c_loc(terms%phi), c_loc(terms%jacobian), c_loc(terms%nu), c_loc(terms%gamma), c_loc(terms%mass), &
                 c_loc(terms%force)]
         end associate
-        self%work = spread(0.0_wp, 1, self%n*self%n)
+        ! Callers set all of it.
+        if (allocated(self%work)) deallocate (self%work)
+        allocate (self%work(self%n*self%n))
     end subroutine prepare
 
     !> Give the work space back.

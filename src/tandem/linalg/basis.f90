@@ -44,15 +44,20 @@ module tandem_linalg_basis
 contains
 
     !> Allocate for n coordinates, nh holonomic and m constraints in all.
-    subroutine allocate_basis(self, n, nh, m)
+    subroutine allocate_basis(self, n, nh, m, columns)
         class(basis_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
+        !> The most columns of Q that will be asked for, at least m; by default n, which singular values take.
+        integer, intent(in), optional :: columns
+        integer :: width
 
         self%n = n
         self%nh = nh
         self%m = m
         if (allocated(self%q)) deallocate (self%q, self%rows, self%tau, self%work, self%singular, self%order)
-        allocate (self%q(n, n), self%rows(n, max(m, 1)), self%tau(max(m, 1)), self%singular(max(m, 1)), source=0.0_wp)
+        width = n
+        if (present(columns)) width = columns
+        allocate (self%q(n, width), self%rows(n, max(m, 1)), self%tau(max(m, 1)), self%singular(max(m, 1)), source=0.0_wp)
         allocate (self%order(max(m, 1)), source=0)
         ! Enough for the blocked forms of all four routines: (n + 1) 32 for QR, 5 n for the SVD.
         allocate (self%work(32*(n + 1)), source=0.0_wp)
@@ -197,7 +202,7 @@ contains
         integer :: i
 
         a = 0.0_wp
-        do i = 1, size(a, 1)
+        do i = 1, min(size(a, 1), size(a, 2))
             a(i, i) = 1.0_wp
         end do
     end subroutine set_identity

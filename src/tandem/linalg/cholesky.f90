@@ -36,7 +36,7 @@ contains
 
         self%n = n
         if (allocated(self%factor_)) deallocate (self%factor_)
-        allocate (self%factor_(n, n), source=0.0_wp)
+        allocate (self%factor_(n, n))
     end subroutine allocate_cholesky
 
     !> Factor a matrix (n, n), of which the lower triangle is read. stat > 0: the leading minor of that order is not

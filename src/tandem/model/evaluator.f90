@@ -78,19 +78,23 @@ module tandem_model_evaluator
 contains
 
     !> Attach a checked model.
-    subroutine initialize(self, model, kept, compressed)
+    subroutine initialize(self, model, kept, compressed, wants_mass)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Numbers of the constraint rows to use, ascending; all of them where absent.
         integer, intent(in), optional :: kept(:)
         !> Whether the terms are to be held compressed, for a model with a pattern.
         logical, intent(in), optional :: compressed
-        logical :: compresses
+        !> False where M will not be asked for.
+        logical, intent(in), optional :: wants_mass
+        logical :: compresses, fills_mass
         integer :: nh, nd
 
         self%model => model
         compresses = .false.
         if (present(compressed)) compresses = compressed
+        fills_mass = .true.
+        if (present(wants_mass)) fills_mass = wants_mass
         self%mass_is_known = .false.
         self%mass_is_trusted = .false.
         self%mass_is_settled = .false.
@@ -134,9 +138,9 @@ contains
             integer, intent(in) :: nh, nd
 
             if (compresses) then
-                call terms%allocate(model%n, nh, nd, model%pattern)
+                call terms%allocate(model%n, nh, nd, fills_mass, model%pattern)
             else
-                call terms%allocate(model%n, nh, nd)
+                call terms%allocate(model%n, nh, nd, fills_mass)
             end if
         end subroutine allocate_terms
     end subroutine initialize

@@ -61,7 +61,7 @@ contains
 
         is_alone = .true.
         together = model%n_nonholonomic > 1
-        call evaluator%initialize(model)
+        call evaluator%initialize(model, wants_mass=.false.)
         forms%t = t
         forms%scale = scale
         seed = 12345
@@ -225,7 +225,7 @@ contains
         n = size(forms%rows, 2)
         can = n - n_rows >= least
         if (.not. can) return
-        call basis%allocate(n, n_rows, n_rows)
+        call basis%allocate(n, n_rows, n_rows, n_rows)
         call basis%factor_qr(forms%rows(:n_rows, :), spread(1.0_wp, 1, n), n_rows)
         can = .not. basis%deficient
         if (.not. can) return

@@ -70,7 +70,7 @@ contains
         self%failed_row = 0
         self%failed_level = 0
         self%q = q
-        call self%evaluator%initialize(model)
+        call self%evaluator%initialize(model, wants_mass=.false.)
         ! They take the memory of a model, which most do not need here.
         if (iand(self%evaluator%has, need_gamma) == 0) call self%differences%initialize(model, scale)
         call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
@@ -101,7 +101,7 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
-        call self%evaluator%initialize(model)
+        call self%evaluator%initialize(model, wants_mass=.false.)
         call self%evaluator%evaluate(need_jacobian, t, q, q, counts, stat)
         if (stat /= status_ok) return
         call split_rows(self%evaluator%terms%jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, &

@@ -53,10 +53,13 @@ module tandem_model_terms
 contains
 
     !> Allocate every term with zeros.
-    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, pattern)
+    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, fills_mass, pattern)
         class(terms_type), intent(inout) :: self
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
+        !> False leaves M as it is found, in memory that nobody touches: it is there for models that set more than they are asked
+        !> for.
+        logical, intent(in), optional :: fills_mass
         !> With it C and M are compressed.
         type(pattern_type), intent(in), optional :: pattern
         integer :: m, width, mass_width
@@ -76,7 +79,11 @@ contains
         if (allocated(self%jacobian)) deallocate (self%jacobian)
         allocate (self%jacobian(m, width), source=0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass)
-        allocate (self%mass(n, mass_width), source=0.0_wp)
+        allocate (self%mass(n, mass_width))
+        if (present(fills_mass)) then
+            if (.not. fills_mass) return
+        end if
+        self%mass = 0.0_wp
     end subroutine allocate_terms
 
     !> All values.

@@ -96,7 +96,7 @@ contains
         allocate (self%a(nh, size(self%free)), source=0.0_wp)
         if (allocated(self%pull)) deallocate (self%pull)
         allocate (self%pull(nh, self%n), source=0.0_wp)
-        call self%singular%allocate(nh, size(self%free))
+        if (nh > 0) call self%singular%allocate(nh, size(self%free))
     end subroutine initialize
 
     !> q := the nearest consistent position; one that is consistent stays bitwise. Statuses: inconsistent_start, callback_failed,

@@ -7,6 +7,8 @@ contains
 
     !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it.
     module procedure initialize
+        real(wp) :: start_q(model%n), start_qd(model%n)
+
         self%is_ready = .false.
         self%is_looking = .false.
         call check_input(model, options, t, q, qd, error)
@@ -31,19 +33,20 @@ contains
         else
             self%is_sparse = wants_sparse(model, options, self%method%implicit)
         end if
+        model%segment = 1
+        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        start_q = q
+        start_qd = qd
+        ! Before the chart has taken its memory.
+        if (present(assembly)) call assemble(model, assembly, t, start_q, start_qd, error)
+        if (allocated(error)) return
         call self%allocate_chart()
         call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return
         call allocate_work(self)
         self%state%t = t
-        self%state%q = q
-        self%state%qd = qd
-        model%segment = 1
-        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
-        if (present(assembly)) then
-            call assemble(model, assembly, t, self%state%q, self%state%qd, error)
-            if (allocated(error)) return
-        end if
+        self%state%q = start_q
+        self%state%qd = start_qd
         call self%accept_start(error)
         self%is_ready = .not. allocated(error)
         if (.not. present(assembly)) return

@@ -175,10 +175,12 @@ contains
         !> Whether a chart with all rows is impossible.
         logical, intent(in) :: is_deficient
         type(error_type), allocatable, intent(out) :: error
-        type(redundancy_type) :: redundancy
+        type(redundancy_type), allocatable :: redundancy
+        integer, allocatable :: kept(:)
         real(wp) :: scale(self%model%n)
         integer :: stat, i, k
 
+        allocate (redundancy)
         scale = 1.0_wp
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         associate (state => self%state, options => self%options, model => self%model)
@@ -219,7 +221,10 @@ contains
                 end if
             end do
         end associate
-        call use_rows(self, redundancy%kept, error)
+        call move_alloc(redundancy%kept, kept)
+        ! Its memory is as much as that of a chart.
+        deallocate (redundancy)
+        call use_rows(self, kept, error)
     end subroutine drop_redundant_rows
 
     !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.

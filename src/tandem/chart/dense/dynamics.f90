@@ -37,8 +37,9 @@ contains
 
         call self%reduced%allocate(k)
         if (allocated(self%rhs)) deallocate (self%mass_times_basis, self%reduced_mass, self%ambient, self%rhs, self%defect)
-        allocate (self%mass_times_basis(n, k), self%reduced_mass(k, k), self%ambient(n), &
-            self%rhs(k), self%defect(n - k), source=0.0_wp)
+        allocate (self%ambient(n), self%rhs(k), self%defect(n - k), source=0.0_wp)
+        ! Nobody touches them where other procedures do the work.
+        allocate (self%mass_times_basis(n, k), self%reduced_mass(k, k))
     end subroutine allocate_dynamics
 
     !> Factor D' M D.

@@ -46,7 +46,7 @@ contains
         if (allocated(self%cosines)) deallocate (self%cosines)
         if (allocated(self%equations)) deallocate (self%equations)
         if (self%secants) then
-            call self%basis%allocate(n, nh, m)
+            call self%basis%allocate(n, nh, m, m)
             allocate (self%cosines(m, m), source=0.0_wp)
         end if
         if (self%condition) then

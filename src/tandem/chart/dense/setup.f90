@@ -59,7 +59,7 @@ contains
             self%position%predicts = .not. (self%refines .or. implicit .or. options%chart == 'paper')
             call self%velocity_basis%allocate(n, m, way, options%h_tolerance())
             call self%dynamics%allocate(n, n - m)
-            call self%basis%allocate(n, nh, m)
+            call self%basis%allocate(n, nh, m, merge(n, m, self%has_bases .or. self%uses_svd))
             if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)

@@ -79,7 +79,9 @@ contains
         self%htol = htol
         if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h, &
             self%y)
-        allocate (self%y(m), self%held_h(m, m), self%right_inverse(n, m), self%null_space(n, n - m), source=0.0_wp)
+        allocate (self%y(m), self%held_h(m, m), source=0.0_wp)
+        ! Explicit steps of many coordinates never touch them, and need not have the memory.
+        allocate (self%right_inverse(n, m), self%null_space(n, n - m))
         if (way == by_elimination) then
             allocate (self%c_x(0, 0), self%c_w(0, 0))
             call self%elimination%allocate(m, n)
@@ -255,14 +257,14 @@ contains
         class(velocity_basis_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%right_inverse)
-        call pack%item(self%null_space)
+        call pack%item(self%is_complete)
+        if (self%is_complete) call pack%item(self%right_inverse)
+        if (self%is_complete) call pack%item(self%null_space)
         call pack%item(self%orientation)
         call pack%item(self%independence)
         call pack%item(self%is_measured)
         call pack%item(self%failed_row)
         call pack%item(self%most_corrections)
-        call pack%item(self%is_complete)
         call pack%item(self%c_x)
         if (self%way == by_elimination) then
             call self%elimination%pack_state(pack)
