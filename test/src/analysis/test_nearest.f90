@@ -439,7 +439,7 @@ contains
             'revolute', ''))
         call check_no_failure(error, failure)
         call nearest%find(scene%model, 0.0_wp, scene%q, (0.0_wp, 0.0_wp), 2, failure)
-        call check_failure(error, failure, 'no_equilibrium', 'move it')
+        call check_failure(error, failure, 'no_equilibrium', 'moves it')
     end subroutine test_refused
 
     !> A spring that the model does not tell of.
