@@ -43,6 +43,7 @@ program main
     use test_linalg_singular, only: collect_linalg_singular
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mass_blocks, only: collect_mass_blocks
+    use test_massless_wheel, only: collect_massless_wheel
     use test_mechanism_elements, only: collect_mechanism_elements
     use test_friction, only: collect_friction
     use test_mechanism_laws, only: collect_mechanism_laws
@@ -161,6 +162,7 @@ program main
         new_testsuite('mechanism_rows', collect_mechanism_rows), &
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('friction', collect_friction), &
+        new_testsuite('massless_wheel', collect_massless_wheel), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &

@@ -100,7 +100,7 @@ class References(Mechanism):
             self.near(drawn["trajectory/q"][:, :3], derived["trajectory/q"][:, :3], 1e-8)
 
     def test_motorcycles(self):
-        """The same with a fork and a wheel without mass; the models that were derived by hand have two coordinates for the contact."""
+        """The same with a massless wheel on a strut; the models that were derived by hand have two coordinates for the contact."""
         for drawn_name, derived_name in ("mechanism_motorcycle", "motorcycle"), ("mechanism_chopper", "motorcycle_chopper"):
             # Beyond the end of the steering, where velocities jump.
             steps = "solver.stepper=dop853", "solver.step=2e-3", "output.every=10", "time.end=7"
@@ -247,6 +247,22 @@ class Sensors(Mechanism):
             self.assertEqual(file["sensors/turn/time"], file["trajectory/time"])
             self.assertEqual(list(file["trajectory/q"].attrs["names"]), ["rod.x", "rod.y", "rod.angle"])
 
+
+    def test_massless_wheel(self):
+        """What a strut slides is a coordinate; along it, the plane pushes as the suspension does, and nothing has a mass."""
+        asked = 'sensor.travel.joint="front"', 'results.wheels=["front"]', 'results.forces="all"', "time.end=1", "output.every=50"
+        with self.went("mechanism_motorcycle", *asked, 'force.push={ type = "load", on = "chassis", force = ["20*front.speed", 0, 0] }') as file:
+            names = list(file["trajectory/q"].attrs["names"])
+            q, qd = file["trajectory/q"][:, names.index("front.way")], file["trajectory/qd"][:, names.index("front.way")]
+            for group in "sensors/travel", "wheels/front":
+                np.testing.assert_array_equal(file[group]["way"][:], q)
+                np.testing.assert_array_equal(file[group]["speed"][:], qd)
+            along = np.array([0, math.sin(0.2), -math.cos(0.2)])
+            self.near(file["wheels/front/force_body"][:] @ along, file["forces/suspension/force"][:], 1e-9)
+            self.assertGreater(np.ptp(file["forces/suspension/force"][:]), 0.01)
+            self.assertEqual(list(file["forces/suspension/force"].attrs["between"]), ["chassis", "front"])
+            self.near(file["wheels/front/place"][:, 2], 0, 1e-13)
+            self.near(file["forces/push/force"][:, 0], 20*qd, 1e-15)
 
     def test_turns_are_counted(self):
         """In space too, also where rows are far apart, and in a run that goes on."""
@@ -525,6 +541,11 @@ WRONG_IN_SPACE = [
     ("radius = 1\naxis = [1, 0, 0]", "radius = 1\naxis = [0, 0, 1]", ["w lies flat on its plane", "tilt it"]),
     ("radius = 1", "radius = -1", ["wheel.w.radius", "> 0"]),
     ("type = \"universal\"", 'type = "screw"', ["pitch"]),
+    ("type = \"disk\"", 'type = "massless"\nsteer = "t"', ["w is steered without saying about what", "about or along"]),
+    ("type = \"disk\"", 'type = "massless"\nabout = [0, 0, 1]', ["w is steered without saying about what"]),
+    ("type = \"disk\"", 'type = "massless"\nalong = [0, 1, 0]', ["w slides along its plane"]),
+    ("type = \"disk\"", 'type = "massless"\nturn = "t"', ["unknown key", "wheel.w"]),
+    ("radius = 1\naxis = [1, 0, 0]", 'radius = 1\naxis = [1, 0, 0]\n[force.f]\ntype = "torsion"\njoint = "w"', ["no joint w"]),
 ]
 
 

@@ -100,7 +100,8 @@ contains
         if (reader%failed()) return
         name = reader%name
         n_place = merge(2, 3, mechanism%planar)
-        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid'], required=.true.)
+        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid', &
+            'massless'], required=.true.)
         call reader%get_text('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
         if (reader%failed()) return
         call take_point(reader, 'at', text, mechanism, n_points, point)
@@ -115,8 +116,8 @@ contains
             else
                 call reader%get_number('radius', radius, positive, 'm', '', required=.true.)
             end if
-            if (kind == 'disk') then
-                call reader%get_numbers('axis', [3], axis, anything, '', 'of the disk, in the drawing', required=.true.)
+            if (kind == 'disk' .or. kind == 'massless') then
+                call reader%get_numbers('axis', [3], axis, anything, '', 'that it turns about, in the drawing', required=.true.)
                 crown = 0.0_wp
                 call reader%get_number('crown', crown, not_negative, 'm', 'radius of the rim''s section, a torus; 0: a sharp rim')
             end if
@@ -125,10 +126,16 @@ contains
             height = 0.0_wp
             call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
             call reader%get_function('rise', rise, 'm', 'how far the plane has moved along its normal, a function of time')
-            call reader%get_function('turn', turn, 'rad', 'by how much it has turned about that')
-            call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'a point that it turns about; the origin by default')
-            call reader%get_function('slide', slide, 'm', 'how far it has moved along a direction in it')
-            call reader%get_numbers('along', [3], along, anything, '', 'that direction')
+            if (kind == 'massless') then
+                call reader%get_numbers('along', [3], along, anything, '', 'the strut that it slides on, in the drawing')
+                call reader%get_function('steer', steer, 'rad', 'the angle by which it is steered, a function of time')
+                call reader%get_numbers('about', [3], about, anything, '', 'what it is steered about; the strut by default')
+            else
+                call reader%get_function('turn', turn, 'rad', 'by how much it has turned about that')
+                call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'a point that it turns about; the origin by default')
+                call reader%get_function('slide', slide, 'm', 'how far it has moved along a direction in it')
+                call reader%get_numbers('along', [3], along, anything, '', 'that direction')
+            end if
         end if
         call reader%close()
         if (reader%failed()) return
@@ -138,6 +145,9 @@ contains
         case ('disk')
             call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, turn, &
                 pivot, slide, along, crown)
+        case ('massless')
+            call mechanism%add_massless_wheel(name, trim(point), radius, axis, error, along, steer, about, normal, height, &
+                may_be_open, rise, crown)
         case ('sphere')
             call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open, rise, turn, pivot, &
                 slide, along)

@@ -19,6 +19,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_law, only: law_item_type, law_type
     use tandem_mechanism_load, only: load_type
     use tandem_mechanism_joint, only: joint_type, name_length
+    use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_row_index, only: row_index_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
@@ -51,7 +52,7 @@ module tandem_mechanism_drawing
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
             springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            glides = 0, edges = 0, rollers = 0, sensors = 0, rolling_rows = 0
+            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0, rolling_rows = 0
     end type numbers_type
 
     !> All that was added. `planar` and `gravity` are set before the first word.
@@ -85,6 +86,7 @@ module tandem_mechanism_drawing
         type(rate_row_type), allocatable :: rate_rows(:)
         type(edge_type), allocatable :: edges(:)
         type(roller_type), allocatable :: rollers(:)
+        type(massless_wheel_type), allocatable :: massless_wheels(:)
         type(sensor_type), allocatable :: sensors(:)
         !> Names and units of the rows so far, at position level without those of Euler parameters (n_held), and at velocity level.
         integer :: n_held = 0
@@ -114,6 +116,7 @@ module tandem_mechanism_drawing
         procedure :: add_knife_edge
         procedure :: add_rolling_disk
         procedure :: add_rolling_sphere
+        procedure :: add_massless_wheel
         procedure :: add_point_sensor
         procedure :: add_joint_sensor
         procedure :: add_distance_sensor
@@ -367,6 +370,33 @@ module tandem_mechanism_drawing
             real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_sphere
 
+        !> A wheel without mass: it stands on a plane, does not slip sideways, and turns freely about its axle. It may be steered,
+        !> and slide on the body along a strut without mass, whose way is a coordinate that forces and couplings may name as that
+        !> of a joint.
+        module subroutine add_massless_wheel(self, name, centre, radius, axis, error, along, steer, about, normal, height, open, &
+            rise, crown)
+            implicit none (type, external)
+            class(drawing_type), intent(inout) :: self
+            !> Its name, and its centre in the drawing: a body, or a point of it.
+            character(len=*), intent(in) :: name, centre
+            !> Radius (m), and its axle in the world's frame of the drawing.
+            real(wp), intent(in) :: radius, axis(:)
+            type(error_type), allocatable, intent(out) :: error
+            !> In the world's frame of the drawing the direction in which it slides; without it it does not.
+            real(wp), intent(in), optional :: along(:)
+            !> It is steered: the angle (rad) by which the axle turns in the body, and what it turns about, a direction in the
+            !> world's frame of the drawing, by default that in which it slides.
+            class(function_type), intent(in), optional :: steer
+            real(wp), intent(in), optional :: about(:)
+            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0);
+            !> whether the wheel need not touch it in the drawing; and how far it has risen (m).
+            real(wp), intent(in), optional :: normal(:), height
+            logical, intent(in), optional :: open
+            class(function_type), intent(in), optional :: rise
+            !> The radius of the rim's section, a torus whose middle line has `radius - crown` (m, default 0: a sharp rim).
+            real(wp), intent(in), optional :: crown
+        end subroutine add_massless_wheel
+
         !> A sensor of a point: where it is, with velocity and acceleration.
         module subroutine add_point_sensor(self, name, on, error)
             implicit none (type, external)
@@ -587,7 +617,7 @@ module tandem_mechanism_drawing
             type(variable_type), allocatable :: variables(:)
         end function list_variables
 
-        !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
+        !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
         module subroutine find_coordinate(self, label, text, number, error)
             implicit none (type, external)
             class(drawing_type), intent(in) :: self
@@ -660,6 +690,7 @@ contains
         allocate (self%rate_rows(0))
         self%edges = [edge_type ::]
         self%rollers = [roller_type ::]
+        self%massless_wheels = [massless_wheel_type ::]
         self%sensors = [sensor_type ::]
         self%n_held = 0
         if (allocated(self%held_name)) deallocate (self%held_name, self%held_unit)

@@ -3,7 +3,7 @@
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_distance, of_edge, of_joint, of_row, of_wheel
+    use tandem_mechanism_sensor, only: of_distance, of_edge, of_joint, of_massless_wheel, of_row, of_wheel
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -190,7 +190,7 @@ contains
             kind = 'a body'
         case (of_joint)
             kind = 'a joint'
-        case (of_wheel, of_edge)
+        case (of_wheel, of_edge, of_massless_wheel)
             kind = 'a wheel or edge'
         case (of_row, of_distance)
             kind = 'a constraint'

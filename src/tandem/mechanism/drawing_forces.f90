@@ -110,7 +110,7 @@ contains
                     return
                 end if
             end if
-            call find_press(self, joint, press, arm)
+            if (self%coordinates(k)%second >= 0) call find_press(self, joint, press, arm)
             if (press%n == 0) then
                 call refuse(label//': the joint holds nothing that presses', 'give a normal force', error)
                 return

@@ -4,9 +4,9 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_way
     use tandem_mechanism_refusal, only: refuse
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_row, of_spring, of_torsion, &
-        of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, sensed_joint, sensed_point, &
-        sensed_reaction
+    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_massless_wheel, of_row, &
+        of_spring, of_torsion, of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
+        sensed_joint, sensed_point, sensed_reaction
     use tandem_names, only: question
     implicit none (type, external)
 
@@ -34,7 +34,11 @@ contains
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
         call self%find_element(joint, type_of, k)
-        if (type_of /= of_joint) then
+        if (type_of == of_massless_wheel) then
+            if (present(zero)) sensor%zero = zero
+            call add_slide_sensor(self, sensor, joint, k, error)
+            return
+        else if (type_of /= of_joint) then
             call refuse('sensor '//trim(name)//': there is no joint '//trim(joint), 'correct the name', error)
             return
         end if
@@ -60,6 +64,26 @@ contains
         end associate
         call keep_sensor(self, sensor)
     end procedure add_joint_sensor
+
+    !> How far a massless wheel has slid.
+    subroutine add_slide_sensor(self, sensor, wheel, number, error)
+        class(drawing_type), intent(inout) :: self
+        type(sensor_type), intent(inout) :: sensor
+        !> Its name and its number.
+        character(len=*), intent(in) :: wheel
+        integer, intent(in) :: number
+        type(error_type), allocatable, intent(inout) :: error
+
+        if (self%massless_wheels(number)%way == 0) then
+            call refuse('sensor '//trim(sensor%name)//': the wheel '//trim(wheel)//' does not slide', &
+                'take a sensor of a point', error)
+            return
+        end if
+        sensor%slides = .true.
+        sensor%span%second = self%massless_wheels(number)%slide
+        sensor%along = [1.0_wp, 0.0_wp, 0.0_wp]
+        call keep_sensor(self, sensor)
+    end subroutine add_slide_sensor
 
     !> The distance of two points.
     module procedure add_distance_sensor
@@ -115,7 +139,7 @@ contains
 
     !> A reaction.
     module procedure add_reaction_sensor
-        integer, parameter :: types(5) = [of_joint, of_wheel, of_edge, of_distance, of_row]
+        integer, parameter :: types(6) = [of_joint, of_wheel, of_edge, of_massless_wheel, of_distance, of_row]
         type(sensor_type) :: sensor
         integer :: k
 
@@ -140,6 +164,8 @@ contains
                 end associate
             case (of_wheel)
                 span%second = self%rollers(sensor%number)%body
+            case (of_massless_wheel)
+                span%second = self%massless_wheels(sensor%number)%body
             case (of_edge)
                 span%second = self%edges(sensor%number)%body
                 span%s2 = self%edges(sensor%number)%point
@@ -214,6 +240,8 @@ contains
             associate (coordinate => self%torsions(sensor%number)%coordinate)
                 first = coordinate%first
                 second = coordinate%second
+                ! What a wheel slides is a coordinate of no body: the force is between the wheel and what it slides on.
+                if (second < 0) first = self%massless_wheels(findloc(self%massless_wheels%slide, second, dim=1))%body
                 sensor%slides = coordinate%kind == is_way
             end associate
             sensor%is_pressed = self%torsions(sensor%number)%press%n > 0
@@ -266,6 +294,11 @@ contains
                     if (max(its%turn, its%way) > 0) call self%add_joint_sensor(list(i), list(i), error, group=kind)
                 end associate
                 if (.not. allocated(error)) call self%add_reaction_sensor(list(i), list(i), error, kind)
+            case (of_massless_wheel)
+                if (self%massless_wheels(self%numbers(k))%way > 0) then
+                    call self%add_joint_sensor(list(i), list(i), error, group=kind)
+                end if
+                if (.not. allocated(error)) call self%add_reaction_sensor(list(i), list(i), error, kind)
             case default
                 call self%add_reaction_sensor(list(i), list(i), error, kind)
             end select
@@ -284,7 +317,7 @@ contains
         case ('joints')
             types = [of_joint]
         case ('wheels')
-            types = [of_wheel, of_edge]
+            types = [of_wheel, of_edge, of_massless_wheel]
         case ('constraints')
             types = [of_distance, of_row]
         case ('forces')
@@ -297,11 +330,18 @@ contains
     !> The name of a body.
     pure function name_of(self, body) result(name)
         class(drawing_type), intent(in) :: self
+        !> 0 the ground, negative what a massless wheel slides, which is called as the wheel.
         integer, intent(in) :: body
         character(len=label_length) :: name
+        integer :: i
 
         name = 'ground'
         if (body > 0) name = self%bodies(body)%name
+        if (body >= 0) return
+        do i = 1, self%n_names
+            if (self%types(i) /= of_massless_wheel) cycle
+            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%names(i)
+        end do
     end function name_of
 
     !> The names of all elements of some types.

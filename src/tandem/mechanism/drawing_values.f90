@@ -4,7 +4,7 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_values
     use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_joint
+    use tandem_mechanism_sensor, only: of_joint, of_massless_wheel
     use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
 
@@ -97,6 +97,7 @@ contains
             self%glides = self%glides(:n%glides)
             self%edges = self%edges(:n%edges)
             self%rollers = self%rollers(:n%rollers)
+            self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
             self%rolling_name = self%rolling_name(:n%rolling_rows)
             self%rolling_unit = self%rolling_unit(:n%rolling_rows)
@@ -109,7 +110,8 @@ contains
     !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
     !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
     !> each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`, counted from the
-    !> drawing. Parse an expression with them after what it names was added, and add its element before another body or joint.
+    !> drawing, and of each massless wheel that slides its way and speed. Parse an expression with them after what it names was
+    !> added, and add its element before another body or joint.
     module procedure variable_names
         type(variable_type), allocatable :: variables(:)
 
@@ -123,7 +125,7 @@ contains
         integer :: i, k, m, n
 
         ! At most so many of a body and of a joint.
-        allocate (variables(1 + 13*self%n_of%bodies + 4*self%n_of%joints))
+        allocate (variables(1 + 13*self%n_of%bodies + 4*self%n_of%joints + 2*self%n_of%slides))
         m = 0
         call add('t', is_time, 0, 0)
         n = merge(2, 3, self%planar)
@@ -155,15 +157,26 @@ contains
                     call add(name//'angle', is_joint, turn, 1)
                     call add(name//'rate', is_joint_rate, turn, 1)
                 end if
-                if (way > 0) then
-                    call add(name//'way', is_joint, way, 1)
-                    call add(name//'speed', is_joint_rate, way, 1)
-                end if
+                if (way > 0) call add_way(name, way)
+            end associate
+        end do
+        do i = 1, self%n_names
+            if (self%types(i) /= of_massless_wheel) cycle
+            associate (way => self%massless_wheels(self%numbers(i))%way)
+                if (way > 0) call add_way(trim(self%names(i))//'.', way)
             end associate
         end do
         variables = variables(:m)
 
     contains
+
+        subroutine add_way(name, way)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: way
+
+            call add(name//'way', is_joint, way, 1)
+            call add(name//'speed', is_joint_rate, way, 1)
+        end subroutine add_way
 
         subroutine add(name, kind, of, place)
             character(len=*), intent(in) :: name
@@ -174,29 +187,33 @@ contains
         end subroutine add
     end procedure list_variables
 
-    !> The number of a joint's coordinate, by `joint`, `joint.angle` or `joint.way`.
+    !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
     module procedure find_coordinate
-        integer :: k, dot, type_of
+        integer :: k, dot, type_of, turn, way
 
         number = 0
         dot = index(text, '.')
         if (dot == 0) dot = len_trim(text) + 1
         call self%find_element(text(:dot - 1), type_of, k)
-        if (type_of /= of_joint) then
+        if (type_of == of_joint) then
+            turn = self%joints(k)%turn
+            way = self%joints(k)%way
+        else if (type_of == of_massless_wheel) then
+            turn = 0
+            way = self%massless_wheels(k)%way
+        else
             call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
             return
         end if
-        associate (turn => self%joints(k)%turn, way => self%joints(k)%way)
-            if (text(dot:) == '.angle') then
-                number = turn
-            else if (text(dot:) == '.way') then
-                number = way
-            else if (dot > len_trim(text)) then
-                number = merge(turn, way, turn > 0)
-            end if
-        end associate
-        if (number == 0) call refuse(label//': the joint '//text(:dot - 1)//' has no axis to turn about or to slide along', &
-            'take a joint that has one, and its .angle or .way', error)
+        if (text(dot:) == '.angle') then
+            number = turn
+        else if (text(dot:) == '.way') then
+            number = way
+        else if (dot > len_trim(text)) then
+            number = merge(turn, way, turn > 0)
+        end if
+        if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
+            ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
     end procedure find_coordinate
 
     !> Where a body is in the drawing.

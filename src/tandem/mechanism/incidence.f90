@@ -49,6 +49,12 @@ contains
                 call add(drawing%rollers(i)%row, drawing%rollers(i)%body, 0)
                 call add(drawing%rollers(i)%row + 1, drawing%rollers(i)%body, 0)
             end do
+            do i = 1, size(drawing%massless_wheels)
+                associate (wheel => drawing%massless_wheels(i))
+                    call add(wheel%height_row, wheel%body, wheel%slide)
+                    call add(wheel%row, wheel%body, wheel%slide)
+                end associate
+            end do
             do i = 1, size(drawing%glides)
                 call add(drawing%glides(i)%row, drawing%glides(i)%first, drawing%glides(i)%second)
             end do

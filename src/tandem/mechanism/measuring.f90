@@ -5,11 +5,12 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
     use tandem_mechanism_effort, only: bushing_effort, effort_type, load_effort, spring_effort, torsion_effort
+    use tandem_mechanism_massless_wheel, only: find_place
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_edge, of_joint, of_spring, of_torsion, &
-        of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, sensed_reaction, &
-        sensor_type
+    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_edge, of_joint, of_massless_wheel, &
+        of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
+        sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
     use tandem_mechanism_span, only: span_way
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
@@ -86,6 +87,7 @@ contains
             do i = 1, size(self%bodies)
                 call set_curve(self%pose(i), qdd)
             end do
+            call set_slides(self%massless_wheels, 2, qdd, self%pose)
             with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
             if (self%only_quantity > 0) with_reactions = with_reactions .and. self%quantities(self%only_quantity)%of_multipliers
             if (with_reactions) then
@@ -137,6 +139,7 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
+        call set_slides(self%massless_wheels, 1, qd, self%pose)
     end subroutine set_poses
 
     !> Kinetic and potential energy where a sensor shows them: of all, or of a body.
@@ -167,7 +170,7 @@ contains
 
     !> The reaction of an element, and the power of its motion; C and nu are known.
     subroutine measure_reaction(self, sensor, lambda, values)
-        type(mechanism_type), intent(in) :: self
+        type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
         real(wp), intent(in) :: lambda(:)
         real(wp), intent(out) :: values(:)
@@ -182,13 +185,17 @@ contains
                 values(7:9) = turned_back(body, force)
                 values(10:12) = turned_back(body, torque)
                 n = 12
-            case (of_wheel, of_edge)
+            case (of_wheel, of_edge, of_massless_wheel)
                 if (sensor%of == of_wheel) then
                     call find_contact(self%rollers(sensor%number), body, point)
+                    point = point + body%r(:, 0)
+                else if (sensor%of == of_massless_wheel) then
+                    associate (wheel => self%massless_wheels(sensor%number))
+                        call find_place(wheel, body, self%pose(wheel%slide), self%f, point)
+                    end associate
                 else
-                    point = turned(body, 0, sensor%span%s2)
+                    point = body%r(:, 0) + turned(body, 0, sensor%span%s2)
                 end if
-                point = point + body%r(:, 0)
                 call reaction_on(body, rows, lambda, jacobian, point, force, torque)
                 values(1:6) = [point, force]
                 values(7:9) = turned_back(body, force)

@@ -2,7 +2,8 @@
 !> A mechanism as a model: what was drawn by words (`tandem_mechanism_drawing`) becomes coordinates, rows and forces, with a gamma
 !> and gradient blocks that are exact.
 !>
-!> q holds the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the place alone for a point mass.
+!> q holds the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the place alone for a point mass;
+!> behind them how far massless wheels have slid, and the slacks of couplings.
 !> Rows: the joints and distances as they were added, one for the Euler parameters of each turning body, then those at velocity
 !> level.
 !> Every body's rotation and every function of time is computed once a point; then a loop over the elements of each type.
@@ -18,6 +19,7 @@ module tandem_mechanism
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
     use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
+    use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels, set_slides
     use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
@@ -41,7 +43,8 @@ module tandem_mechanism
 
     !> Add bodies, joints and forces, call `define`, then `start` gives the state of the drawing.
     type, extends(drawing_type) :: mechanism_type
-        !> The bodies' poses at the last point, 0 the ground; values and derivatives of the functions of time.
+        !> The bodies' poses at the last point, 0 the ground, behind them those of what slides without being a body, whose places
+        !> have one coordinate; values and derivatives of the functions of time.
         type(pose_type), allocatable, private :: pose(:)
         real(wp), allocatable, private :: f(:, :)
         !> The force of gravity (n).
@@ -192,7 +195,8 @@ contains
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
         if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
-            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%rate_rows%rhs] > 0)) then
+            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%massless_wheels%steer, self%massless_wheels%rise, &
+            self%rate_rows%rhs] > 0)) then
           self%provides = self%provides + need_nu
         end if
         self%evaluate_derivatives => evaluate_derivatives
@@ -307,6 +311,10 @@ contains
                 call set_rates(self%pose(i), qd)
             end do
         end if
+        if (size(self%massless_wheels) > 0) then
+            call set_slides(self%massless_wheels, 0, q, self%pose)
+            if (iand(need, need_gamma + need_force) /= 0) call set_slides(self%massless_wheels, 1, qd, self%pose)
+        end if
         call evaluate_functions(self, t)
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
@@ -326,6 +334,8 @@ contains
                 self%f, terms)
             if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
+            if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%pose, self%f, &
+                terms, stat)
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
@@ -437,6 +447,9 @@ contains
             call set_rates(self%pose(i), qd)
             call set_curve(self%pose(i), qdd)
         end do
+        call set_slides(self%massless_wheels, 0, q, self%pose)
+        call set_slides(self%massless_wheels, 1, qd, self%pose)
+        call set_slides(self%massless_wheels, 2, qdd, self%pose)
         call evaluate_functions(self, t)
     end subroutine set_motion
 
@@ -454,6 +467,7 @@ contains
         call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
         call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
         call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_massless_wheels(self%massless_wheels, need, self%pose, self%f, lambda, derivatives)
         call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
         call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
             derivatives)
@@ -496,6 +510,7 @@ contains
             do i = 1, size(self%bodies)
                 call set_place(self%pose(i), q)
             end do
+            call set_slides(self%massless_wheels, 0, q, self%pose)
             value = -dot_product(self%weight, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)
@@ -518,7 +533,7 @@ contains
 
         select type (self)
         class is (mechanism_type)
-            call list_rigid_motions(self%planar, self%bodies, self%pose, motions)
+            call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
         end select
     end subroutine list_motions
 

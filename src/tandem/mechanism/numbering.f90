@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units, and the pattern.
 submodule(tandem_mechanism) tandem_mechanism_numbering
+    use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_incidence, only: list_incidence
     implicit none (type, external)
 
@@ -12,11 +13,12 @@ contains
         integer, allocatable :: blocks(:)
         integer :: i, k, n
 
+        call number_slides(self)
         if (allocated(self%pose)) deallocate (self%pose)
-        allocate (self%pose(0:size(self%bodies)))
+        allocate (self%pose(0:size(self%bodies) + count(self%massless_wheels%slide > 0)))
         if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
-        ! At most seven a body, and one a coupling.
-        n = 7*size(self%bodies) + size(self%couplings)
+        ! At most seven a body, and one a coupling or a wheel that slides.
+        n = 7*size(self%bodies) + size(self%couplings) + size(self%massless_wheels)
         allocate (self%coordinate_name(n), self%coordinate_unit(n))
         allocate (blocks(n), source=0)
         self%turning = [integer ::]
@@ -40,6 +42,14 @@ contains
                     end do
                     self%turning = [self%turning, i]
                 end if
+            end associate
+        end do
+        do i = 1, size(self%massless_wheels)
+            if (self%massless_wheels(i)%slide == 0) cycle
+            associate (pose => self%pose(self%massless_wheels(i)%slide))
+                pose%n_place = 1
+                pose%place = n + 1
+                call add_coordinate(element_name(self, self%massless_wheels(i)%height_row)//'.way', 'm', 1)
             end associate
         end do
         ! The slacks of couplings that events lock and free.
@@ -73,6 +83,54 @@ contains
         end subroutine add_coordinate
     end procedure number_coordinates
 
+    !> Let the poses of what slides stand behind those of the bodies.
+    subroutine number_slides(self)
+        class(mechanism_type), intent(inout) :: self
+        integer :: i, k
+
+        do i = 1, size(self%massless_wheels)
+            call put_behind(self%massless_wheels(i)%slide)
+        end do
+        do i = 1, size(self%sensors)
+            call put_behind(self%sensors(i)%span%second)
+        end do
+        do i = 1, size(self%coordinates)
+            call renumber(self%coordinates(i))
+        end do
+        do i = 1, size(self%torsions)
+            call renumber(self%torsions(i)%coordinate)
+        end do
+        do i = 1, size(self%couplings)
+            do k = 1, self%couplings(i)%n
+                call renumber(self%couplings(i)%coordinates(k))
+            end do
+        end do
+
+    contains
+
+        subroutine renumber(coordinate)
+            type(coordinate_type), intent(inout) :: coordinate
+
+            call put_behind(coordinate%second)
+            call put_behind(coordinate%one%second)
+        end subroutine renumber
+
+        subroutine put_behind(pose)
+            integer, intent(inout) :: pose
+
+            if (pose < 0) pose = size(self%bodies) - pose
+        end subroutine put_behind
+    end subroutine number_slides
+
+    !> The element that a row is of, with which its name begins.
+    pure function element_name(self, row) result(name)
+        class(mechanism_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=index(self%held_name(row), ' ') - 1) :: name
+
+        name = self%held_name(row)
+    end function element_name
+
     !> Rows and their names; those at velocity level come behind all others.
     module procedure name_rows
         integer :: i
@@ -89,6 +147,7 @@ contains
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic
         self%edges%row = self%edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
+        self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
     end procedure name_rows
 
     !> Bodies, what their rows touch, and the columns of C and M.
@@ -115,7 +174,7 @@ contains
         integer :: i
 
         self%is_compressed = is_compressed
-        do i = 1, size(self%bodies)
+        do i = 1, ubound(self%pose, 1)
             associate (pose => self%pose(i))
                 pose%place_column = pose%place
                 pose%turn_column = pose%turn

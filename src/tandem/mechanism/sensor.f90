@@ -15,14 +15,15 @@ module tandem_mechanism_sensor
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
     public :: measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
-    public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, most_rows
+    public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
+        of_massless_wheel, most_rows
 
     !> What a sensor measures.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
     !> What has the reaction, or the force; `of_row` is a coupling, or a row by expressions.
     integer, parameter :: of_joint = 1, of_wheel = 2, of_edge = 3, of_distance = 4, of_row = 5
-    integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9
+    integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9, of_massless_wheel = 10
     !> Most rows of an element: six freedoms, driven or not, and the row of a screw.
     integer, parameter :: most_rows = 7
 
@@ -151,7 +152,7 @@ contains
             call add(sensor, list, 3, 'torque', 'N m', 'that it exerts about the joint''s point, in the world''s axes')
             call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
             call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
-        case (of_wheel, of_edge)
+        case (of_wheel, of_edge, of_massless_wheel)
             call add(sensor, list, 3, 'place', 'm', 'where it touches: x, y, z')
             call add(sensor, list, 3, 'force', 'N', 'on the body there, in the world''s axes')
             call add(sensor, list, 3, 'force_body', 'N', 'the same in the body''s axes')

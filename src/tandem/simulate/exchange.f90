@@ -10,7 +10,7 @@ contains
     module procedure consider_exchange
         integer(long) :: tries
         integer :: n_differences, stat
-        real(wp) :: cost
+        real(wp) :: cost, open, h
         logical :: wants
 
         if (.not. self%switching%is_asked(self%tally%steps)) return
@@ -26,9 +26,9 @@ contains
                 self%explicit_method%stability_limit, cost)
         else
             associate (smoothness => self%stiffness%smoothness, control => self%control)
-                wants = self%switching%wants_implicit(self%state%t, control%is_free, smoothness%needed, &
-                    smoothness%still_open(self%state, self%switching%t_from, control%weight_q, control%weight_qd), tries, &
-                    self%method%stages, cost)
+                call smoothness%look_at_window(self%state, self%switching%t_from, control%weight_q, control%weight_qd, open)
+                wants = self%switching%wants_implicit(self%state%t, control%is_free, control%is_at_limit, &
+                    smoothness%needed, open, tries, self%method%stages, cost)
             end associate
         end if
         if (.not. wants) return
@@ -45,10 +45,15 @@ contains
         end if
         self%state%dq(:) = self%next%dq
         self%state%dqd(:) = 0.0_wp
+        h = self%switching%first_step_at(self%state%t - self%t_start)
         call self%switching%note_switch(self%state%t, self%tally%steps, tries, self%stiffness%smoothness%needed)
-        ! Explicit steps begin within their limit; implicit ones grow from where they are.
-        if (.not. self%switching%is_implicit .and. self%switching%lambda > 0.0_wp) self%control%h = &
-            self%control%limit(min(self%control%h, 0.5_wp*self%method%stability_limit/self%switching%lambda))
+        ! Explicit steps begin within their limit; implicit ones grow from where they are, or at the start of a run as if there had
+        ! been none.
+        if (self%switching%is_implicit) then
+            self%control%h = self%control%limit(max(self%control%h, h))
+        else if (self%switching%lambda > 0.0_wp) then
+            self%control%h = self%control%limit(min(self%control%h, 0.5_wp*self%method%stability_limit/self%switching%lambda))
+        end if
         self%tally%charts_by(by_step) = self%tally%charts_by(by_step) + 1
         self%tally%charts = self%tally%charts + 1
     end procedure consider_exchange

@@ -138,6 +138,8 @@ contains
     !> States, and what estimates, controls and steps need.
     subroutine allocate_work(self)
         class(simulation_type), intent(inout) :: self
+        class(stepper_type), allocatable :: partner
+        type(properties_type) :: of_partner
         real(wp), allocatable :: scale(:)
 
         scale = spread(1.0_wp, 1, self%model%n)
@@ -145,7 +147,11 @@ contains
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
         if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
-        call self%switching%begin(self%method%partner /= '', self%model%n, self%t_start)
+        if (self%method%partner /= '') then
+            call new_stepper(self%method%partner, partner)
+            of_partner = partner%properties()
+        end if
+        call self%switching%begin(self%method%partner /= '', self%model%n, self%t_start, of_partner%estimate_order)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)

@@ -20,13 +20,14 @@ module tandem_simulate_smoothness
         !> Where the window begins, and its middle; how many of them are known.
         integer, private :: n_known = 0
         type(state_type), private :: first, middle
-        !> Differences (n).
+        !> Differences (n); how many steps the window took that ended in the last state, which is now a middle.
         real(wp), allocatable, private :: error_q(:), error_qd(:)
+        real(wp), private :: closed = 0.0_wp
     contains
         procedure :: initialize
         procedure :: pause
         procedure :: observe
-        procedure :: still_open
+        procedure :: look_at_window
         procedure :: restart
         procedure :: pack_state
     end type smoothness_type
@@ -44,6 +45,7 @@ contains
 
         self%needed = 0.0_wp
         self%n_known = 0
+        self%closed = 0.0_wp
         call self%first%allocate(n)
         call self%middle%allocate(n)
         self%error_q = self%first%q
@@ -69,8 +71,11 @@ contains
             if (state%t - self%first%t < 2*(self%middle%t - self%first%t)) return
             call bend(self%first, self%middle, state, self%error_q, self%error_qd)
             norm = factor*weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
+            self%closed = norm**(1.0_wp/power)
             if (.not. norm <= 1.0_wp) then
-                self%needed = self%needed + 0.5_wp*norm**(1.0_wp/power)
+                self%needed = self%needed + 0.5_wp*self%closed
+                ! The half of it that is left is another window.
+                self%closed = 0.5_wp*self%closed
                 call self%first%copy(self%middle)
             end if
             call self%middle%copy(state)
@@ -85,23 +90,30 @@ contains
 
     !> How many steps the window that is open would take from a time on: it may have begun long before, while the motion was
     !> smoother.
-    real(wp) function still_open(self, state, since, weight_q, weight_qd) result(steps)
+    subroutine look_at_window(self, state, since, weight_q, weight_qd, steps)
         class(smoothness_type), intent(inout) :: self
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: since
         !> As of `observe`.
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        !> 0 where it is not known.
+        real(wp), intent(out) :: steps
         !> Near an end of the window the polynomial meets the middle for that reason alone.
         real(wp), parameter :: least = 0.1_wp
         real(wp) :: x, norm
 
         steps = 0.0_wp
-        if (self%n_known < 2 .or. .not. state%t > self%middle%t) return
-        call bend(self%first, self%middle, state, self%error_q, self%error_qd)
-        x = (self%middle%t - self%first%t)/(state%t - self%first%t)
-        norm = factor*weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)/max(16*(x*(1 - x))**2, least)
-        steps = norm**(1.0_wp/power)*min(1.0_wp, (state%t - since)/(state%t - self%first%t))
-    end function still_open
+        if (self%n_known < 2) return
+        if (state%t > self%middle%t) then
+            call bend(self%first, self%middle, state, self%error_q, self%error_qd)
+            x = (self%middle%t - self%first%t)/(state%t - self%first%t)
+            norm = factor*weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)/max(16*(x*(1 - x))**2, least)
+            steps = norm**(1.0_wp/power)
+        else
+            steps = self%closed
+        end if
+        steps = steps*min(1.0_wp, (state%t - since)/(state%t - self%first%t))
+    end subroutine look_at_window
 
     !> The motion bends or jumps here: no window reaches across.
     pure subroutine restart(self)
@@ -137,5 +149,6 @@ contains
         if (.not. allocated(self%error_q)) return
         call self%first%pack_state(pack)
         call self%middle%pack_state(pack)
+        call pack%item(self%closed)
     end subroutine pack_state
 end module tandem_simulate_smoothness

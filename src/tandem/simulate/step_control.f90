@@ -263,6 +263,7 @@ contains
         call pack%item(self%last_norm)
         call pack%item(self%last_step)
         call pack%item(self%lambda)
+        call pack%item(self%is_at_limit)
         call pack%item(self%was_rejected)
         call pack%item(self%is_free)
     end subroutine pack_state

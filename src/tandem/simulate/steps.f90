@@ -558,7 +558,10 @@ contains
             if (stat == status_ok) call self%chart%solve_dynamics(state%t + h, next%q, next%qd, next%qdd, stat)
             if (stat == status_ok) then
                 change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)/h
-                h = min(100*h, (0.01_wp/max(size_f, change, 1.0e-15_wp))**(1.0_wp/(self%method%estimate_order + 1)))
+                change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
+                if (self%switching%is_on) self%switching%first_step = min(100*h, &
+                    change**(1.0_wp/(self%switching%estimate_order + 1)))
+                h = min(100*h, change**(1.0_wp/(self%method%estimate_order + 1)))
             end if
             control%h = control%limit(min(h, span))
         end associate

@@ -28,6 +28,10 @@ module tandem_simulate_switching
         !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0
         !> where it is not known yet.
         real(wp), private :: rate = 0.0_wp, excess = 0.0_wp
+        !> What the first step of the run would have been with the implicit method, 0 where it is not known.
+        real(wp) :: first_step = 0.0_wp
+        !> Order of the implicit method's error estimate.
+        integer :: estimate_order = 0
         !> By how many times the usual evidence is not enough.
         integer, private :: patience = 1
         !> The largest eigenvalue as it was seen last, by how much the direction was stretched then; that direction (n): of q and
@@ -43,6 +47,7 @@ module tandem_simulate_switching
         procedure :: wants_eigenvalue
         procedure :: set_direction
         procedure :: learn_eigenvalue
+        procedure :: first_step_at
         procedure :: note_switch
         procedure :: pack_state
     end type switching_type
@@ -51,6 +56,9 @@ module tandem_simulate_switching
     real(wp), parameter :: worth = 0.8_wp
     !> Tries that a look at costs takes, before which a return is soon, and the most patience.
     integer, parameter :: window = 20, soon = 400, longest = 64
+    !> Tries, and the part of the cost, that are evidence enough before that.
+    integer, parameter :: few = 6
+    real(wp), parameter :: strong = 0.5_wp
 
 contains
 
@@ -65,14 +73,17 @@ contains
     end function cost_of_implicit
 
     !> Begin a run with n coordinates at a time.
-    subroutine begin(self, is_on, n, t)
+    subroutine begin(self, is_on, n, t, estimate_order)
         class(switching_type), intent(inout) :: self
         logical, intent(in) :: is_on
         integer, intent(in) :: n
         real(wp), intent(in) :: t
+        !> Of the implicit method, where there is one.
+        integer, intent(in) :: estimate_order
         integer :: i
 
         self%is_on = is_on
+        self%estimate_order = estimate_order
         self%is_implicit = .false.
         self%switches = 0
         self%implicit_steps = 0
@@ -86,6 +97,7 @@ contains
         self%excess = 0.0_wp
         self%lambda = 0.0_wp
         self%stretch = 0.0_wp
+        self%first_step = 0.0_wp
         if (.not. is_on) return
         ! Any direction that no symmetry of a model makes blind.
         self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, n)]
@@ -104,12 +116,13 @@ contains
         self%asked = steps
     end function is_asked
 
-    !> Whether the implicit method would be cheaper than the explicit one at work.
-    logical function wants_implicit(self, t, is_free, needed, open, tries, stages, cost)
+    !> Whether the implicit method would be cheaper than the explicit one at work. Where stability limits the steps, strong
+    !> evidence counts early: they will not become longer.
+    logical function wants_implicit(self, t, is_free, is_at_limit, needed, open, tries, stages, cost)
         class(switching_type), intent(inout) :: self
-        !> Where the run is, and whether nothing but errors and stability has limited the last step.
+        !> Where the run is, whether nothing but errors and stability has limited the last step, and whether stability has.
         real(wp), intent(in) :: t
-        logical, intent(in) :: is_free
+        logical, intent(in) :: is_free, is_at_limit
         !> Steps that the motion itself would have taken so far, and tries of steps that were made.
         real(wp), intent(in) :: needed
         integer(long), intent(in) :: tries
@@ -123,10 +136,15 @@ contains
         wants_implicit = .false.
         ! Another method could not have left this one out.
         if (.not. is_free) self%tries_from = min(self%tries_from + 1, tries)
-        if (tries - self%tries_from < int(window*self%patience, long)) return
-        ! The window of the motion that is open counts as a step at least.
-        part = (needed - self%needed_from + max(1.0_wp, open))*cost/(real(tries - self%tries_from, wp)*real(stages, wp))
-        wants_implicit = part < worth
+        part = cost/(real(max(tries - self%tries_from, 1_long), wp)*real(stages, wp))
+        if (tries - self%tries_from < int(window*self%patience, long)) then
+            if (.not. (is_at_limit .and. open > 0.0_wp) .or. self%patience > 1 .or. tries - self%tries_from < int(few, long)) return
+            wants_implicit = part*(needed - self%needed_from + open) < strong
+            if (.not. wants_implicit) return
+        else
+            ! The window of the motion that is open counts as a step at least.
+            wants_implicit = part*(needed - self%needed_from + max(1.0_wp, open)) < worth
+        end if
         if (wants_implicit) then
             self%rate = real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
             self%excess = 0.0_wp
@@ -210,6 +228,16 @@ contains
         self%t_from = t
     end function wants_explicit
 
+    !> What a step may be in place of the first one of the run, at a time after its start; 0 where that is too late, or it is not
+    !> the first exchange.
+    pure real(wp) function first_step_at(self, after)
+        class(switching_type), intent(in) :: self
+        real(wp), intent(in) :: after
+
+        first_step_at = 0.0_wp
+        if (self%switches == 0 .and. after < self%first_step) first_step_at = self%first_step
+    end function first_step_at
+
     !> Steppers were exchanged.
     subroutine note_switch(self, t, steps, tries, needed)
         class(switching_type), intent(inout) :: self
@@ -247,6 +275,7 @@ contains
         call pack%item(self%t_from)
         call pack%item(self%rate)
         call pack%item(self%excess)
+        call pack%item(self%first_step)
         call pack%item(self%patience)
         call pack%item(self%lambda)
         call pack%item(self%stretch)

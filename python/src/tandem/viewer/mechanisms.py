@@ -11,7 +11,7 @@ import numpy as np
 from .arrows import add_arrows
 from .drawing import BLUE, COLOURS, DARK, GREY, ORANGE, Body, Drawing, Piece, Spring, Track, bar, wheel
 from .expressions import Numbers, evaluate, written_out
-from .rotations import IDENTITY, carrying, conjugate, continuous, from_angle, from_matrix, from_vector, normalised, turned
+from .rotations import IDENTITY, carrying, conjugate, continuous, from_angle, from_matrix, from_vector, normalised, product, turned
 
 
 class Mechanism:
@@ -263,9 +263,12 @@ def add_wheels(found: Mechanism, drawing: Drawing, size: float) -> set[str]:
             add_knife_edge(found, body, centre, across, keys, size)
             drawing.tracks.append(Track(name, body.point(centre), DARK, True))
             continue
-        wheeled.add(body_name)
         normal = found.vector(keys.get("normal", [0, 0, 1]))
         normal = normal/np.linalg.norm(normal)
+        if kind == "massless":
+            add_massless_wheel(found, drawing, name, body, centre, keys, normal)
+            continue
+        wheeled.add(body_name)
         if kind == "disk":
             radius = found.numbers.number(keys["radius"])
             axis = found.axis_in(body_name, found.vector(keys.get("axis", [0, 1, 0])))
@@ -292,6 +295,29 @@ def add_knife_edge(found: Mechanism, body: Body, centre: np.ndarray, across: np.
     if np.linalg.norm(along) < 1e-9:
         return
     body.pieces.append(Piece("cylinder", (radius, radius, 0.4*radius), DARK, centre, carrying(across)))
+
+
+def add_massless_wheel(found: Mechanism, drawing: Drawing, name: str, body: Body, centre: np.ndarray, keys: dict,
+                       normal: np.ndarray) -> None:
+    """A wheel that is no body of the mechanism, where its strut and its steering have brought it."""
+    along = found.axis_in(body.name, found.vector(keys.get("along", [0, 0, 0])))
+    pivot = found.axis_in(body.name, found.vector(keys.get("about", keys.get("along", [0, 0, 1]))))
+    length = np.linalg.norm(along)
+    way = found.values[f"{name}.way"] if length > 0 else np.zeros(len(found.times))
+    place = body.place + turned(body.turn, centre + way[:, None]*along/(length or 1.0))
+    try:
+        half = np.array([found.numbers.at(keys["steer"], float(t)) for t in found.times])/2 if "steer" in keys else 0*way
+    except ValueError:
+        half = 0*way
+    pivot = pivot/np.linalg.norm(pivot)
+    steered = np.stack([np.cos(half), *(np.sin(half)*pivot[i] for i in range(3))], axis=1)
+    axis = found.axis_in(body.name, found.vector(keys["axis"]))
+    radius = found.numbers.number(keys["radius"])
+    carried = Body(name, place, product(body.turn, steered))
+    carried.pieces += wheel(radius, BLUE, axis, np.zeros(3))
+    found.bodies[name] = carried
+    contact = disk_contact(carried, np.zeros(3), axis, radius, normal, found.numbers.number(keys.get("crown", 0)))
+    drawing.tracks.append(Track(name, contact, DARK, True))
 
 
 def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal: np.ndarray, size: float) -> None:

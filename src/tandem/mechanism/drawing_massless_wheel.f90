@@ -1,0 +1,116 @@
+! SPDX-License-Identifier: MIT
+!> The word for wheels without mass.
+submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_massless_wheel
+    use tandem_error, only: to_text
+    use tandem_mechanism_coordinate, only: is_way
+    use tandem_mechanism_massless_wheel, only: find_place
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_refusal, only: refuse
+    use tandem_mechanism_sensor, only: of_massless_wheel
+    use tandem_mechanism_vector, only: cross
+    implicit none (type, external)
+
+contains
+
+    !> A wheel without mass on a body, or on a strut that slides on it.
+    module procedure add_massless_wheel
+        type(massless_wheel_type) :: wheel
+        type(coordinate_type) :: way
+        real(wp), parameter :: small = 1.0e-6_wp
+        real(wp) :: r(3), a(3, 3), pivot(3)
+        character(len=:), allocatable :: label
+        logical :: is_point
+
+        label = 'massless wheel '//trim(name)
+        call self%check_name(name, label, error)
+        if (allocated(error)) return
+        if (self%planar) then
+            call refuse(label//' is in the plane', 'take a knife edge there', error)
+            return
+        end if
+        if (present(crown)) wheel%crown = crown
+        wheel%radius = radius - wheel%crown
+        if (wheel%crown < 0.0_wp .or. .not. wheel%radius > 0.0_wp) then
+            call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
+                'let it roll with a radius > 0 in m, and a smaller crown >= 0', error)
+            return
+        end if
+        call self%take_point(label, centre, wheel%body, wheel%centre, is_point, error)
+        if (.not. allocated(error)) call self%need_turning_body(label, wheel%body, error)
+        if (.not. allocated(error)) call self%take_direction(label, 'axis', axis, wheel%axle, error)
+        if (.not. allocated(error) .and. present(normal)) call self%take_direction(label, 'normal', normal, wheel%normal, error)
+        if (.not. allocated(error) .and. present(along)) call self%take_direction(label, 'along', along, wheel%along, error)
+        pivot = wheel%along
+        if (.not. allocated(error) .and. present(about)) call self%take_direction(label, 'about', about, pivot, error)
+        if (allocated(error)) return
+        if (merge(.not. (present(along) .or. present(about)), present(about), present(steer))) then
+            call refuse(label//' is steered without saying about what, or the other way round', 'give steer, and about or along', &
+                error)
+        else if (present(along) .and. .not. abs(dot_product(wheel%along, wheel%normal)) > small) then
+            call refuse(label//' slides along its plane', 'let along lead to the plane: a strut carries the body', error)
+        else if (.not. 1 - dot_product(wheel%axle, wheel%normal)**2 > small) then
+            call refuse(label//' lies flat on its plane', 'tilt it: a flat wheel has no contact point', error)
+        end if
+        if (allocated(error)) return
+        if (present(height)) wheel%height = height
+        ! In the body's frame.
+        call self%frame_of(wheel%body, r, a)
+        wheel%axle = matmul(wheel%axle, a)
+        wheel%along = matmul(wheel%along, a)
+        pivot = matmul(pivot, a)
+        wheel%fixed = dot_product(pivot, wheel%axle)*pivot
+        wheel%towards = cross(pivot, wheel%axle)
+        call check_gap(self, label, wheel, error, open, rise)
+        if (allocated(error)) return
+        if (present(steer)) call self%take_motion(name, steer, 1, wheel%steer)
+        if (present(rise)) call self%take_motion(name, rise, 1, wheel%rise)
+        call self%new_row(trim(name)//' height', 'N')
+        wheel%height_row = self%n_held
+        call self%new_rolling_row(trim(name)//' slip', 'N')
+        wheel%row = self%n_of%rolling_rows
+        if (present(along)) then
+            ! Poses of what slides stand behind those of the bodies, which are not all known yet: they are numbered by `define`.
+            self%n_of%slides = self%n_of%slides + 1
+            wheel%slide = -self%n_of%slides
+            way = coordinate_type(kind=is_way, second=wheel%slide, one=dot_type(second=wheel%slide, is_point=.true., &
+                a=[1.0_wp, 0.0_wp, 0.0_wp]))
+            self%n_of%coordinates = self%n_of%coordinates + 1
+            if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, way]
+            self%coordinates(self%n_of%coordinates) = way
+            wheel%way = self%n_of%coordinates
+        end if
+        self%n_of%massless_wheels = self%n_of%massless_wheels + 1
+        if (self%n_of%massless_wheels > size(self%massless_wheels)) then
+            self%massless_wheels = [self%massless_wheels, self%massless_wheels, wheel]
+        end if
+        self%massless_wheels(self%n_of%massless_wheels) = wheel
+        call self%keep_name(name, of_massless_wheel, self%n_of%massless_wheels)
+    end procedure add_massless_wheel
+
+    !> Refuse a wheel that does not touch its plane in the drawing.
+    subroutine check_gap(self, label, wheel, error, open, rise)
+        class(drawing_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+        type(massless_wheel_type), intent(inout) :: wheel
+        type(error_type), allocatable, intent(inout) :: error
+        logical, intent(in), optional :: open
+        class(function_type), intent(in), optional :: rise
+        real(wp), parameter :: no_functions(0:2, 0) = 0.0_wp
+        type(pose_type) :: body, ground
+        real(wp) :: place(3), level(0:2), gap
+        logical :: may_be_open
+
+        may_be_open = .false.
+        if (present(open)) may_be_open = open
+        if (may_be_open) return
+        call self%frame_of(wheel%body, body%r(:, 0), body%a(:, :, 0))
+        call find_place(wheel, body, ground, no_functions, place)
+        gap = dot_product(wheel%normal, place) - wheel%height
+        if (present(rise)) then
+            call rise%evaluate(0.0_wp, level)
+            gap = gap - level(0)
+        end if
+        if (abs(gap) > tolerance*(1 + norm2(place))) call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &
+            'move it, or let the start be assembled, in a scene by [initial] assemble = true', error)
+    end subroutine check_gap
+end submodule tandem_mechanism_drawing_massless_wheel
