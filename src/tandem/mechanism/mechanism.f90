@@ -5,26 +5,29 @@
 !> q holds the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the place alone for a point mass.
 !> Rows: the joints and distances as they were added, one for the Euler parameters of each turning body, then those at velocity
 !> level.
-!> Every body's rotation and every function of time is computed once a point; then a loop over the elements of each type.
+!> Every body's rotation and every function of time is computed once a point, where an element takes them; then a loop over the
+!> elements of each type.
 module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
+    use tandem_mechanism_body, only: differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
-    use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_type
+    use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_group_type, place_hinges
     use tandem_mechanism_load, only: add_loads, differentiate_loads
-    use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
+    use tandem_mechanism_pin, only: angles_type, evaluate_pins, gather_pins, pin_type, place_pins
+    use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: pack_sensor
-    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings, &
-        evaluate_pins
+    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
+    use tandem_mechanism_turning, only: add_gyroscopic, evaluate_norms, gather_turning, place_turning, set_masses, &
+        turning_group_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -47,11 +50,19 @@ module tandem_mechanism
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
         !> Meetings and dots that are hinges in space, and the numbers of the others.
-        type(hinge_type), allocatable, private :: hinges(:)
+        type(hinge_group_type), allocatable, private :: hinges(:)
         integer, allocatable, private :: loose_meetings(:), loose_dots(:)
+        !> In the plane all meetings as pins, and the bodies' angles.
+        type(pin_type), allocatable, private :: pins(:)
+        type(angles_type), private :: angles_of_bodies
         !> Rows of the Euler parameters begin after this one, and bodies that have them.
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
+        !> The same bodies as they are evaluated, and the others.
+        type(turning_group_type), allocatable, private :: turning_groups(:)
+        integer, allocatable, private :: not_turning(:)
+        !> Whether an element takes poses; hinges and the masses of bodies in space do not.
+        logical, private :: takes_poses = .true.
         !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
         logical, private :: is_defined = .false.
         !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
@@ -162,7 +173,7 @@ contains
     subroutine define(self, error)
         class(mechanism_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: n_bodies
+        integer :: i, n_bodies
 
         n_bodies = 0
         if (allocated(self%bodies)) then
@@ -183,6 +194,16 @@ contains
         call number_coordinates(self)
         call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
         call name_rows(self)
+        call gather_turning(self%turning, self%bodies, self%pose, self%before_norms, self%turning_groups)
+        self%not_turning = pack([(i, i=1, n_bodies)], self%pose(1:)%n_turn < 4)
+        call self%angles_of_bodies%gather(self%pose)
+        if (self%planar) then
+            call gather_pins(self%meetings, self%pose, self%angles_of_bodies, self%pins)
+            self%loose_meetings = [integer ::]
+        else
+            allocate (self%pins(0))
+        end if
+        self%takes_poses = takes_poses(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
@@ -231,6 +252,15 @@ contains
         has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
             size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
+
+    !> Whether there is an element that is evaluated by poses.
+    pure logical function takes_poses(self)
+        class(mechanism_type), intent(in) :: self
+
+        takes_poses = max(size(self%loose_meetings), size(self%loose_dots), size(self%distances), size(self%angles), &
+            size(self%couplings), size(self%edges), size(self%rollers), size(self%glides), size(self%rate_rows), &
+            size(self%springs), size(self%torsions), size(self%bushings), size(self%loads)) > 0
+    end function takes_poses
 
     !> Before rows are set: of compressed ones every entry is set again, but for rows that are sums.
     pure subroutine clear_jacobian(self, terms)
@@ -285,40 +315,39 @@ contains
         stat = 0
         select type (self)
         class is (mechanism_type)
-            call evaluate_mechanism(self, need, t, q, qd, terms, stat)
+            call evaluate_mechanism(self, need, t, self%n, q, qd, terms, stat)
         end select
     end subroutine evaluate
 
-    subroutine evaluate_mechanism(self, need, t, q, qd, terms, stat)
+    subroutine evaluate_mechanism(self, need, t, n, q, qd, terms, stat)
         type(mechanism_type), intent(inout) :: self
-        integer, intent(in) :: need
-        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(in) :: need, n
+        real(wp), intent(in) :: t, q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer, intent(inout) :: stat
-        integer :: i, j, k
+        integer :: i, k
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
-        do i = 1, size(self%bodies)
-            call set_place(self%pose(i), q)
-        end do
-        if (iand(need, need_gamma + need_force) /= 0) then
-            do i = 1, size(self%bodies)
-                call set_rates(self%pose(i), qd)
-            end do
+        ! Who asks for no term wants the poses themselves.
+        if (self%takes_poses .or. need == 0) then
+            call set_places(self, n, q)
+            if (iand(need, need_gamma + need_force) /= 0) then
+                do i = 1, size(self%bodies)
+                    call set_rates(self%pose(i), qd)
+                end do
+            end if
         end if
         call evaluate_functions(self, t)
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
-            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
-            if (size(self%loose_meetings) > 0) then
-                if (self%planar) then
-                    call evaluate_pins(self%meetings, need, self%pose, terms)
-                else
-                    call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
-                end if
+            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, n, q, qd, terms)
+            if (size(self%pins) > 0) then
+                call self%angles_of_bodies%set(n, q)
+                call evaluate_pins(self%pins, need, self%angles_of_bodies, n, q, qd, terms)
             end if
+            if (size(self%loose_meetings) > 0) call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
             if (size(self%loose_dots) > 0) call evaluate_dots(self%loose_dots, self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
@@ -329,24 +358,14 @@ contains
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
-            do i = 1, size(self%turning)
-                k = self%before_norms + i
-                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
-                    if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
-                    if (iand(need, need_jacobian) /= 0) then
-                        do j = 0, 3
-                            terms%jacobian(k, turn + j) = p(j + 1, 0)
-                        end do
-                    end if
-                    if (iand(need, need_gamma) /= 0) terms%gamma(k) = p(1, 1)**2 + p(2, 1)**2 + p(3, 1)**2 + p(4, 1)**2
-                end associate
-            end do
+            if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, n, q, qd, terms)
         end if
         if (iand(need, need_mass) /= 0) then
             ! Of a compressed M every entry that may differ from zero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
-            do i = 1, size(self%bodies)
-                call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
+            call set_masses(self%turning_groups, n, size(terms%mass, 2), q, terms%mass)
+            do i = 1, size(self%not_turning)
+                call set_mass(self%bodies(self%not_turning(i)), self%pose(self%not_turning(i)), n, size(terms%mass, 2), terms%mass)
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
@@ -354,17 +373,33 @@ contains
             end do
         end if
         if (iand(need, need_force) == 0) return
-        do i = 1, self%n
+        do i = 1, n
             terms%force(i) = self%weight(i)
         end do
-        do i = 1, size(self%turning)
-            call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
-        end do
+        call add_gyroscopic(self%turning_groups, n, q, qd, terms%force)
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
         if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%pose, self%f, self%laws, terms%force)
         if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)
         if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
     end subroutine evaluate_mechanism
+
+    !> Poses at q.
+    pure subroutine set_places(self, n, q)
+        class(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: q(n)
+        integer :: i
+
+        associate (angles => self%angles_of_bodies)
+            call angles%set(n, q)
+            do i = 1, angles%n
+                call set_angle(self%pose(angles%body(i)), angles%angle(i), angles%c(i), angles%s(i))
+            end do
+        end associate
+        do i = 1, size(self%bodies)
+            call set_place(self%pose(i), q)
+        end do
+    end subroutine set_places
 
     !> Angles in the plane: linear rows.
     subroutine evaluate_angles(self, need, terms)
@@ -432,8 +467,8 @@ contains
         integer :: i
 
         if (self%segment /= self%held_segment) call hold_segment(self)
+        call set_places(self, self%n, q)
         do i = 1, size(self%bodies)
-            call set_place(self%pose(i), q)
             call set_rates(self%pose(i), qd)
             call set_curve(self%pose(i), qdd)
         end do
@@ -493,9 +528,7 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-            end do
+            call set_places(self, self%n, q)
             value = -dot_product(self%weight, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)

@@ -132,5 +132,8 @@ contains
                 pose%turn_mass = self%pattern%mass_column(pose%turn)
             end associate
         end do
+        call place_hinges(self%pose, self%hinges)
+        call place_pins(self%pose, self%pins)
+        call place_turning(self%pose, self%turning_groups)
     end procedure set_columns
 end submodule tandem_mechanism_numbering
