@@ -5,11 +5,11 @@ module tandem_mechanism_body
     use tandem_mechanism_joint, only: name_length
     use tandem_mechanism_pose, only: pose_type
     use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
-    use tandem_rigid_euler_parameters, only: g_matrix, g_product, t_matrix
+    use tandem_rigid_euler_parameters, only: g_matrix, g_product, g_transposed_product, set_rotational_mass, t_matrix
     implicit none (type, external)
     private
 
-    public :: body_type, point_type, set_mass, differentiate_inertia, kinetic_energy_of
+    public :: body_type, point_type, set_mass, add_gyroscopic, differentiate_inertia, kinetic_energy_of
 
     !> A rigid body, or a point mass where it does not turn. In the plane the third entries of vectors are the turn's.
     type :: body_type
@@ -17,8 +17,8 @@ module tandem_mechanism_body
         real(wp) :: mass = 0.0_wp
         !> About the centre of mass in the body's frame (kg m^2); in the plane the entry (3, 3).
         real(wp) :: inertia(3, 3) = 0.0_wp
-        !> Whether it turns.
-        logical :: turns = .true.
+        !> Whether it turns, and whether the body's axes are principal ones.
+        logical :: turns = .true., is_principal = .true.
         !> The drawing: the centre of mass, Euler parameters or the angle, the velocity, and the angular velocity in the world's
         !> frame.
         real(wp) :: position(3) = 0.0_wp, p(4) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], angle = 0.0_wp
@@ -34,19 +34,30 @@ module tandem_mechanism_body
 
 contains
 
-    !> The block of M of a body that does not turn in space, which is zero before.
+    !> The body's block of M, which is zero before.
     pure subroutine set_mass(body, pose, n, width, mass)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
         !> The size of the M that is set, which may be compressed.
         integer, intent(in) :: n, width
         real(wp), intent(inout) :: mass(n, width)
+        real(wp) :: g(4, 4)
         integer :: i
 
         do i = pose%place, pose%place + pose%n_place - 1
             mass(i, pose%place_mass + (i - pose%place)*pose%mass_step) = body%mass
         end do
-        if (pose%n_turn == 1) mass(pose%turn, pose%turn_mass) = body%inertia(3, 3)
+        if (pose%n_turn == 1) then
+            mass(pose%turn, pose%turn_mass) = body%inertia(3, 3)
+        else if (pose%n_turn == 4) then
+            if (body%is_principal) then
+                call set_rotational_mass(pose%p(:, 0), [body%inertia(1, 1), body%inertia(2, 2), body%inertia(3, 3)], n, &
+                    mass(pose%turn, pose%turn_mass))
+            else
+                g = sandwich(pose%p(:, 0), body%inertia, pose%p(:, 0))
+                mass(pose%turn:pose%turn + 3, pose%turn_mass:pose%turn_mass + 3) = 4*g
+            end if
+        end if
     end subroutine set_mass
 
     !> The kinetic energy of a body; its pose has rates.
@@ -72,6 +83,21 @@ contains
 
         y = j(:, 1)*x(1) + j(:, 2)*x(2) + j(:, 3)*x(3)
     end function times
+
+    !> S = 8 G(pd)' J G(pd) p; a body in the plane, or one that does not turn, has none.
+    pure subroutine add_gyroscopic(body, pose, force)
+        type(body_type), intent(in) :: body
+        type(pose_type), intent(in) :: pose
+        real(wp), intent(inout) :: force(:)
+        real(wp) :: s(4)
+        integer :: i
+
+        if (pose%n_turn /= 4) return
+        s = 8*g_transposed_product(pose%p(:, 1), times(body%inertia, g_product(pose%p(:, 1), pose%p(:, 0))))
+        do i = 1, 4
+            force(pose%turn + i - 1) = force(pose%turn + i - 1) + s(i)
+        end do
+    end subroutine add_gyroscopic
 
     !> (M qdd - S)_q and -S_qd.
     pure subroutine differentiate_inertia(body, pose, need, derivatives)

@@ -158,6 +158,7 @@ contains
                 body%inertia(i, i) = inertia(i)
             end do
             if (size(inertia) == 6) then
+                body%is_principal = .false.
                 body%inertia(1, 2) = inertia(4)
                 body%inertia(1, 3) = inertia(5)
                 body%inertia(2, 3) = inertia(6)

@@ -10,24 +10,24 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: differentiate_inertia, set_mass
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
-    use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_group_type, place_hinges
+    use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
+    use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
-    use tandem_mechanism_pin, only: angles_type, evaluate_pins, gather_pins, pin_type, place_pins
+    use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
     use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: pack_sensor
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
-    use tandem_mechanism_turning, only: add_gyroscopic, evaluate_norms, gather_turning, place_turning, set_masses, &
-        turning_group_type
+    use tandem_mechanism_turning, only: add_inertia_forces, evaluate_norms, set_masses, turning_group_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -49,8 +49,9 @@ module tandem_mechanism
         real(wp), allocatable, private :: f(:, :)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
-        !> Meetings and dots that are hinges in space, and the numbers of the others.
-        type(hinge_group_type), allocatable, private :: hinges(:)
+        !> Meetings and dots that are hinges in space, one by one or in groups, and the numbers of the others.
+        type(hinge_type), allocatable, private :: hinges(:)
+        type(hinge_group_type), allocatable, private :: hinge_groups(:)
         integer, allocatable, private :: loose_meetings(:), loose_dots(:)
         !> In the plane all meetings as pins, and the bodies' angles.
         type(pin_type), allocatable, private :: pins(:)
@@ -58,10 +59,11 @@ module tandem_mechanism
         !> Rows of the Euler parameters begin after this one, and bodies that have them.
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
-        !> The same bodies as they are evaluated, and the others.
+        !> These bodies in groups; how many there are where they are not, and all bodies that are in no group.
         type(turning_group_type), allocatable, private :: turning_groups(:)
-        integer, allocatable, private :: not_turning(:)
-        !> Whether an element takes poses; hinges and the masses of bodies in space do not.
+        integer, private :: n_turning_alone = 0
+        integer, allocatable, private :: alone(:)
+        !> Whether an element takes poses; groups do not.
         logical, private :: takes_poses = .true.
         !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
         logical, private :: is_defined = .false.
@@ -122,6 +124,18 @@ module tandem_mechanism
             logical, intent(in) :: is_compressed
         end subroutine set_columns
 
+        !> Elements that are evaluated together; the rows have their numbers.
+        pure module subroutine form_groups(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine form_groups
+
+        !> Which rows of C go into the blocks that a chart wants.
+        pure module subroutine find_blocks(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine find_blocks
+
         !> What the sensors give; the coordinates and rows have their numbers.
         module subroutine list_quantities(self)
             implicit none (type, external)
@@ -173,7 +187,7 @@ contains
     subroutine define(self, error)
         class(mechanism_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: i, n_bodies
+        integer :: n_bodies
 
         n_bodies = 0
         if (allocated(self%bodies)) then
@@ -192,18 +206,8 @@ contains
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
-        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
         call name_rows(self)
-        call gather_turning(self%turning, self%bodies, self%pose, self%before_norms, self%turning_groups)
-        self%not_turning = pack([(i, i=1, n_bodies)], self%pose(1:)%n_turn < 4)
-        call self%angles_of_bodies%gather(self%pose)
-        if (self%planar) then
-            call gather_pins(self%meetings, self%pose, self%angles_of_bodies, self%pins)
-            self%loose_meetings = [integer ::]
-        else
-            allocate (self%pins(0))
-        end if
-        self%takes_poses = takes_poses(self)
+        call form_groups(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
@@ -252,15 +256,6 @@ contains
         has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
             size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
-
-    !> Whether there is an element that is evaluated by poses.
-    pure logical function takes_poses(self)
-        class(mechanism_type), intent(in) :: self
-
-        takes_poses = max(size(self%loose_meetings), size(self%loose_dots), size(self%distances), size(self%angles), &
-            size(self%couplings), size(self%edges), size(self%rollers), size(self%glides), size(self%rate_rows), &
-            size(self%springs), size(self%torsions), size(self%bushings), size(self%loads)) > 0
-    end function takes_poses
 
     !> Before rows are set: of compressed ones every entry is set again, but for rows that are sums.
     pure subroutine clear_jacobian(self, terms)
@@ -325,10 +320,13 @@ contains
         real(wp), intent(in) :: t, q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer, intent(inout) :: stat
-        integer :: i, k
+        integer :: i, j, k
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
+        if (allocated(terms%blocks)) then
+            if (.not. allocated(self%pattern%in_blocks)) call find_blocks(self)
+        end if
         ! Who asks for no term wants the poses themselves.
         if (self%takes_poses .or. need == 0) then
             call set_places(self, n, q)
@@ -342,7 +340,8 @@ contains
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
-            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, n, q, qd, terms)
+            if (size(self%hinge_groups) > 0) call evaluate_hinge_groups(self%hinge_groups, need, n, q, qd, terms)
+            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
             if (size(self%pins) > 0) then
                 call self%angles_of_bodies%set(n, q)
                 call evaluate_pins(self%pins, need, self%angles_of_bodies, n, q, qd, terms)
@@ -359,13 +358,25 @@ contains
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
             if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, n, q, qd, terms)
+            do i = 1, self%n_turning_alone
+                k = self%before_norms + i
+                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
+                    if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
+                    if (iand(need, need_jacobian) /= 0) then
+                        do j = 0, 3
+                            terms%jacobian(k, turn + j) = p(j + 1, 0)
+                        end do
+                    end if
+                    if (iand(need, need_gamma) /= 0) terms%gamma(k) = p(1, 1)**2 + p(2, 1)**2 + p(3, 1)**2 + p(4, 1)**2
+                end associate
+            end do
         end if
         if (iand(need, need_mass) /= 0) then
             ! Of a compressed M every entry that may differ from zero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
             call set_masses(self%turning_groups, n, size(terms%mass, 2), q, terms%mass)
-            do i = 1, size(self%not_turning)
-                call set_mass(self%bodies(self%not_turning(i)), self%pose(self%not_turning(i)), n, size(terms%mass, 2), terms%mass)
+            do i = 1, size(self%alone)
+                call set_mass(self%bodies(self%alone(i)), self%pose(self%alone(i)), n, size(terms%mass, 2), terms%mass)
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
@@ -376,7 +387,10 @@ contains
         do i = 1, n
             terms%force(i) = self%weight(i)
         end do
-        call add_gyroscopic(self%turning_groups, n, q, qd, terms%force)
+        call add_inertia_forces(self%turning_groups, n, q, qd, terms%force)
+        do i = 1, self%n_turning_alone
+            call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
+        end do
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
         if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%pose, self%f, self%laws, terms%force)
         if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)

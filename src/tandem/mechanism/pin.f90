@@ -6,12 +6,13 @@ module tandem_mechanism_pin
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_span, only: span_type
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
     use tandem_rigid_angle_lanes, only: set_cosines_and_sines
     implicit none (type, external)
     private
 
-    public :: pin_type, angles_type, gather_pins, place_pins, evaluate_pins
+    public :: pin_type, angles_type, gather_pins, place_pins, find_pin_blocks, evaluate_pins
 
     !> The bodies that turn in the plane.
     type :: angles_type
@@ -33,6 +34,9 @@ module tandem_mechanism_pin
         integer :: row = 0
         logical :: is_body(2) = .false.
         integer :: angle(2) = 0, before(2) = 0, column(2) = 0
+        !> Whether a chart wants the rows in blocks, and before which entry the block of each body begins.
+        logical :: has_blocks = .false.
+        integer :: block(2) = -1
         !> The bodies, 0 for the ground.
         integer :: body(2) = 0
         !> -s1' and s2'.
@@ -117,6 +121,23 @@ contains
         end do
     end subroutine place_pins
 
+    !> Take note of the blocks that a chart wants, and say which rows are set there: those of bodies that turn.
+    pure subroutine find_pin_blocks(pattern, pins)
+        type(pattern_type), intent(inout) :: pattern
+        type(pin_type), intent(inout) :: pins(:)
+        integer :: i, side
+
+        do i = 1, size(pins)
+            associate (pin => pins(i))
+                do side = 1, 2
+                    pin%block(side) = pattern%block_of(pin%row, 2, pin%body(side))
+                end do
+                pin%has_blocks = all(pin%body == 0 .or. (pin%block >= 0 .and. pin%angle > 0))
+                if (pin%has_blocks) pattern%in_blocks(pin%row) = .true.
+            end associate
+        end do
+    end subroutine find_pin_blocks
+
     !> Every pin's part of the terms. What of C is not set here stays zero, as it was allocated.
     pure subroutine evaluate_pins(pins, need, angles, n, q, qd, terms)
         type(pin_type), intent(in) :: pins(:)
@@ -128,8 +149,11 @@ contains
         type(terms_type), intent(inout) :: terms
 
         if (iand(need, need_phi) /= 0) call set_phi(size(pins), pins, size(angles%c), angles%c, angles%s, n, q, terms%phi)
-        if (iand(need, need_jacobian) /= 0) call set_rows(size(pins), pins, size(angles%c), angles%c, angles%s, &
-            size(terms%jacobian, 1), size(terms%jacobian, 2), terms%jacobian)
+        if (iand(need, need_jacobian) /= 0) then
+            if (allocated(terms%blocks)) call set_blocks(size(pins), pins, size(angles%c), angles%c, angles%s, terms%blocks)
+            call set_rows(size(pins), pins, allocated(terms%blocks), size(angles%c), angles%c, angles%s, &
+                size(terms%jacobian, 1), size(terms%jacobian, 2), terms%jacobian)
+        end if
         if (iand(need, need_gamma) /= 0) call set_gamma(size(pins), pins, size(angles%c), angles%c, angles%s, n, qd, terms%gamma)
     end subroutine evaluate_pins
 
@@ -159,10 +183,38 @@ contains
         end do
     end subroutine set_phi
 
-    !> The two rows of C.
-    pure subroutine set_rows(n_pins, pins, n_angles, c, s, m, width, jacobian)
+    !> The two rows of C of the pins whose rows a chart wants in blocks.
+    pure subroutine set_blocks(n_pins, pins, n_angles, c, s, blocks)
         integer, intent(in) :: n_pins, n_angles
         type(pin_type), intent(in) :: pins(n_pins)
+        real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1)
+        real(wp), intent(inout) :: blocks(*)
+        real(wp) :: sign
+        integer :: i, side
+
+        do i = 1, n_pins
+            if (.not. pins(i)%has_blocks) cycle
+            do side = 1, 2
+                if (.not. pins(i)%is_body(side)) cycle
+                associate (at => pins(i)%block(side), arm => pins(i)%arm, angle => pins(i)%angle(side))
+                    sign = 2.0_wp*side - 3.0_wp
+                    blocks(at + 1) = sign
+                    blocks(at + 2) = 0.0_wp
+                    blocks(at + 3) = 0.0_wp
+                    blocks(at + 4) = sign
+                    blocks(at + 5) = -(s(angle)*arm(1, side) + c(angle)*arm(2, side))
+                    blocks(at + 6) = c(angle)*arm(1, side) - s(angle)*arm(2, side)
+                end associate
+            end do
+        end do
+    end subroutine set_blocks
+
+    !> The two rows of C of the others.
+    pure subroutine set_rows(n_pins, pins, with_blocks, n_angles, c, s, m, width, jacobian)
+        integer, intent(in) :: n_pins, n_angles
+        type(pin_type), intent(in) :: pins(n_pins)
+        !> Whether those rows are set.
+        logical, intent(in) :: with_blocks
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1)
         !> The shape of the C that is set, which may be compressed.
         integer, intent(in) :: m, width
@@ -170,6 +222,7 @@ contains
         integer :: i, side
 
         do i = 1, n_pins
+            if (with_blocks .and. pins(i)%has_blocks) cycle
             do side = 1, 2
                 if (.not. pins(i)%is_body(side)) cycle
                 associate (row => pins(i)%row, column => pins(i)%column(side), arm => pins(i)%arm, angle => pins(i)%angle(side))

@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Bodies that turn in space, `lane` at a time straight from q and qd: their blocks of M, the gyroscopic forces, and the rows of the
-!> norms of Euler parameters, (p'p - 1)/2 = 0. Every number below is one of each body of a group.
+!> Bodies that turn in space as large mechanisms evaluate them, `lane` at a time straight from q and qd: their blocks of M, the
+!> gyroscopic forces, and the rows of the norms of Euler parameters, (p'p - 1)/2 = 0. Every number below is one of each body of a
+!> group.
 module tandem_mechanism_turning
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_body, only: body_type
@@ -10,7 +11,7 @@ module tandem_mechanism_turning
     implicit none (type, external)
     private
 
-    public :: turning_group_type, gather_turning, place_turning, evaluate_norms, set_masses, add_gyroscopic
+    public :: turning_group_type, gather_turning, place_turning, evaluate_norms, set_masses, add_inertia_forces
 
     !> So many bodies; those behind the last one repeat it and go nowhere.
     type :: turning_group_type
@@ -188,7 +189,7 @@ contains
     end subroutine set_blocks
 
     !> S = 8 G(pd)' J G(pd) p.
-    pure subroutine add_gyroscopic(groups, n, q, qd, force)
+    pure subroutine add_inertia_forces(groups, n, q, qd, force)
         type(turning_group_type), intent(in) :: groups(:)
         integer, intent(in) :: n
         !> (n) each.
@@ -209,7 +210,7 @@ contains
                 end do
             end associate
         end do
-    end subroutine add_gyroscopic
+    end subroutine add_inertia_forces
 
     pure subroutine set_gyroscopic(p, pd, inertia, s)
         real(wp), intent(in) :: p(lane, 4), pd(lane, 4), inertia(lane, 6)

@@ -5,7 +5,7 @@ module tandem_chart_sparse_errors
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
     use tandem_chart_sparse_blocks, only: most_coordinates
     use tandem_chart_sparse_factor, only: factor_type
-    use tandem_kinds, only: lane, wp
+    use tandem_kinds, only: wp
     use tandem_model_terms, only: terms_type
     implicit none (type, external)
     private
@@ -13,7 +13,7 @@ module tandem_chart_sparse_errors
     public :: judge_rows
 
     !> The most rows that are looked at together.
-    integer, parameter :: most = max(most_rows, most_coordinates, lane)
+    integer, parameter :: most = max(most_rows, most_coordinates)
 
     !> Of each row C qd - nu and C qdd + gamma, and what their terms, and those of Phi, add up to.
     type :: sums_type
@@ -48,14 +48,8 @@ contains
                 from => a%node_start(n))
                 select case (s)
                 case (5)
-                    call add_five(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin), &
-                        terms%gamma(origin), sums)
-                    if (origin + s - 1 <= nh) then
-                        if (are_smaller(terms%phi(origin), sums, errors, rows)) then
-                            call keep_five(origin)
-                            cycle
-                        end if
-                    end if
+                    call add_node(5, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
+                        terms%gamma(origin:origin + s - 1), sums)
                 case (2)
                     call add_node(2, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
                         terms%gamma(origin:origin + s - 1), sums)
@@ -76,18 +70,6 @@ contains
         end do
 
     contains
-
-        !> The scales of five rows.
-        subroutine keep_five(first)
-            integer, intent(in) :: first
-            integer :: i, k
-
-            do k = 1, 2
-                do i = 1, 5
-                    scales(first + i - 1, k) = sums%scale(i, k)
-                end do
-            end do
-        end subroutine keep_five
 
         !> Compare what rows have added up to with the worst ones so far.
         subroutine take(first, count)
@@ -118,71 +100,6 @@ contains
         if (.not. worst <= huge(1.0_wp) .or. .not. scale <= huge(1.0_wp)) worst = huge(1.0_wp)
         worst_row = row
     end subroutine compare
-
-    !> Whether none of five rows is worse than the worst ones so far, on any level.
-    pure logical function are_smaller(phi, sums, worst, rows)
-        real(wp), intent(in) :: phi(5), worst(3)
-        type(sums_type), intent(in) :: sums
-        integer, intent(in) :: rows(3)
-        real(wp) :: excess
-        integer :: i
-
-        are_smaller = min(rows(1), rows(2), rows(3)) > 0
-        if (.not. are_smaller) return
-        ! What is not finite does not cancel.
-        do i = 1, 5
-            excess = max(abs(phi(i)) - worst(1)*sums%scale(i, 1), abs(sums%residual(i, 1)) - worst(2)*sums%scale(i, 2), &
-                abs(sums%residual(i, 2)) - worst(3)*sums%scale(i, 3))
-            are_smaller = are_smaller .and. excess <= 0.0_wp .and. abs(phi(i)) + abs(sums%residual(i, 1)) + &
-                abs(sums%residual(i, 2)) + sums%scale(i, 1) + sums%scale(i, 2) + sums%scale(i, 3) <= huge(1.0_wp)
-        end do
-    end function are_smaller
-
-    !> What five rows add up to, as many at once as fill a register: what stands behind them is of no account.
-    pure subroutine add_five(n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
-        integer, intent(in), value :: n_links
-        integer, intent(in) :: node_link(3, n_links)
-        !> Up to `read_behind` entries behind the last row are read.
-        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(5), gamma(5)
-        type(sums_type), intent(inout) :: sums
-        real(wp) :: x, y, z
-        real(wp), dimension(lane) :: velocity, acceleration, of_q, of_qd, of_qdd
-        integer :: i, j, k, l
-
-        velocity = 0.0_wp
-        acceleration = 0.0_wp
-        do i = 1, 5
-            velocity(i) = -nu(i)
-            acceleration(i) = gamma(i)
-        end do
-        of_q = 0.0_wp
-        of_qd = abs(velocity)
-        of_qdd = abs(acceleration)
-        do l = 1, n_links
-            k = node_link(3, l)
-            do j = node_link(1, l), node_link(1, l) + node_link(2, l) - 1
-                x = max(abs(q(j)), scale(j))
-                y = max(abs(qd(j)), scale(j))
-                z = max(abs(qdd(j)), scale(j))
-                !GCC$ UNROLL 1
-                do i = 1, lane
-                    velocity(i) = velocity(i) + c(k + i)*qd(j)
-                    acceleration(i) = acceleration(i) + c(k + i)*qdd(j)
-                    of_q(i) = of_q(i) + abs(c(k + i))*x
-                    of_qd(i) = of_qd(i) + abs(c(k + i))*y
-                    of_qdd(i) = of_qdd(i) + abs(c(k + i))*z
-                end do
-                k = k + 5
-            end do
-        end do
-        do i = 1, lane
-            sums%residual(i, 1) = velocity(i)
-            sums%residual(i, 2) = acceleration(i)
-            sums%scale(i, 1) = of_q(i)
-            sums%scale(i, 2) = of_qd(i)
-            sums%scale(i, 3) = of_qdd(i)
-        end do
-    end subroutine add_five
 
     !> What the rows of a node add up to.
     pure subroutine add_node(s, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
