@@ -310,14 +310,14 @@ contains
         stat = 0
         select type (self)
         class is (mechanism_type)
-            call evaluate_mechanism(self, need, t, self%n, q, qd, terms, stat)
+            call evaluate_mechanism(self, need, t, q, qd, terms, stat)
         end select
     end subroutine evaluate
 
-    subroutine evaluate_mechanism(self, need, t, n, q, qd, terms, stat)
+    subroutine evaluate_mechanism(self, need, t, q, qd, terms, stat)
         type(mechanism_type), intent(inout) :: self
-        integer, intent(in) :: need, n
-        real(wp), intent(in) :: t, q(n), qd(n)
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         integer, intent(inout) :: stat
         integer :: i, j, k
@@ -329,7 +329,7 @@ contains
         end if
         ! Who asks for no term wants the poses themselves.
         if (self%takes_poses .or. need == 0) then
-            call set_places(self, n, q)
+            call set_places(self, q)
             if (iand(need, need_gamma + need_force) /= 0) then
                 do i = 1, size(self%bodies)
                     call set_rates(self%pose(i), qd)
@@ -340,11 +340,11 @@ contains
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
-            if (size(self%hinge_groups) > 0) call evaluate_hinge_groups(self%hinge_groups, need, n, q, qd, terms)
+            if (size(self%hinge_groups) > 0) call evaluate_hinge_groups(self%hinge_groups, need, self%n, q, qd, terms)
             if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
             if (size(self%pins) > 0) then
-                call self%angles_of_bodies%set(n, q)
-                call evaluate_pins(self%pins, need, self%angles_of_bodies, n, q, qd, terms)
+                call self%angles_of_bodies%set(self%n, q)
+                call evaluate_pins(self%pins, need, self%angles_of_bodies, self%n, q, qd, terms)
             end if
             if (size(self%loose_meetings) > 0) call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
             if (size(self%loose_dots) > 0) call evaluate_dots(self%loose_dots, self%dots, need, self%pose, self%f, terms)
@@ -357,7 +357,7 @@ contains
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
-            if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, n, q, qd, terms)
+            if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, self%n, q, qd, terms)
             do i = 1, self%n_turning_alone
                 k = self%before_norms + i
                 associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
@@ -374,9 +374,9 @@ contains
         if (iand(need, need_mass) /= 0) then
             ! Of a compressed M every entry that may differ from zero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
-            call set_masses(self%turning_groups, n, size(terms%mass, 2), q, terms%mass)
+            if (size(self%turning_groups) > 0) call set_masses(self%turning_groups, self%n, size(terms%mass, 2), q, terms%mass)
             do i = 1, size(self%alone)
-                call set_mass(self%bodies(self%alone(i)), self%pose(self%alone(i)), n, size(terms%mass, 2), terms%mass)
+                call set_mass(self%bodies(self%alone(i)), self%pose(self%alone(i)), self%n, size(terms%mass, 2), terms%mass)
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
@@ -384,10 +384,10 @@ contains
             end do
         end if
         if (iand(need, need_force) == 0) return
-        do i = 1, n
+        do i = 1, self%n
             terms%force(i) = self%weight(i)
         end do
-        call add_inertia_forces(self%turning_groups, n, q, qd, terms%force)
+        if (size(self%turning_groups) > 0) call add_inertia_forces(self%turning_groups, self%n, q, qd, terms%force)
         do i = 1, self%n_turning_alone
             call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
         end do
@@ -398,14 +398,13 @@ contains
     end subroutine evaluate_mechanism
 
     !> Poses at q.
-    pure subroutine set_places(self, n, q)
-        class(mechanism_type), intent(inout) :: self
-        integer, intent(in) :: n
-        real(wp), intent(in) :: q(n)
+    pure subroutine set_places(self, q)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
         integer :: i
 
         associate (angles => self%angles_of_bodies)
-            call angles%set(n, q)
+            if (angles%n > 0) call angles%set(self%n, q)
             do i = 1, angles%n
                 call set_angle(self%pose(angles%body(i)), angles%angle(i), angles%c(i), angles%s(i))
             end do
@@ -481,7 +480,7 @@ contains
         integer :: i
 
         if (self%segment /= self%held_segment) call hold_segment(self)
-        call set_places(self, self%n, q)
+        call set_places(self, q)
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
             call set_curve(self%pose(i), qdd)
@@ -542,7 +541,7 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            call set_places(self, self%n, q)
+            call set_places(self, q)
             value = -dot_product(self%weight, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)

@@ -98,7 +98,7 @@ contains
 
     !> Elements that are evaluated together: pins in the plane, and where there are so many that it pays hinges and bodies in space.
     module procedure form_groups
-        integer, parameter :: many = lane/2
+        integer, parameter :: many = lane
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
