@@ -105,7 +105,7 @@ contains
 
         if (iand(need, need_phi) /= 0) then
             do i = 1, size(groups)
-                call set_phi(groups(i), n, q, terms%phi)
+                call set_phi(groups(i), n, q, size(terms%phi), terms%phi)
             end do
         end if
         if (iand(need, need_jacobian) /= 0) then
@@ -115,16 +115,16 @@ contains
         end if
         if (iand(need, need_gamma) /= 0) then
             do i = 1, size(groups)
-                call set_gamma(groups(i), n, q, qd, terms%gamma)
+                call set_gamma(groups(i), n, q, qd, size(terms%gamma), terms%gamma)
             end do
         end if
     end subroutine evaluate_hinge_groups
 
-    pure subroutine set_phi(group, n, q, phi)
+    pure subroutine set_phi(group, n, q, m, phi)
         type(hinge_group_type), intent(in) :: group
-        integer, intent(in) :: n
+        integer, intent(in) :: n, m
         real(wp), intent(in) :: q(n)
-        real(wp), intent(inout) :: phi(*)
+        real(wp), intent(inout) :: phi(m)
         real(wp) :: a(lane, 3, 3), p(lane, 4), r(lane, 4, 2), v(lane, 3, 2), x(lane, 3), y(lane, 3), z(lane, 3), w(lane, 5)
         integer :: k, l
 
@@ -147,7 +147,7 @@ contains
         end do
         call set_dots(x, z, w(:, 4))
         call set_dots(y, z, w(:, 5))
-        call put_each(group, w, phi)
+        call put_each(group, w, m, phi)
     end subroutine set_phi
 
     !> The five rows of C.
@@ -184,18 +184,18 @@ contains
         type(terms_type), intent(inout) :: terms
 
         if (group%has_blocks .and. allocated(terms%blocks)) then
-            call put_blocks(group, side, sign, b, of_x, of_y, terms%blocks)
+            call put_blocks(group, side, sign, b, of_x, of_y, size(terms%blocks), terms%blocks)
         else
             call put_columns(group, side, sign, b, of_x, of_y, size(terms%jacobian, 1), size(terms%jacobian, 2), terms%jacobian)
         end if
     end subroutine put_side
 
     !> Into the blocks that a chart wants.
-    pure subroutine put_blocks(group, side, sign, b, of_x, of_y, blocks)
+    pure subroutine put_blocks(group, side, sign, b, of_x, of_y, n_entries, blocks)
         type(hinge_group_type), intent(in) :: group
-        integer, intent(in) :: side
+        integer, intent(in) :: side, n_entries
         real(wp), intent(in) :: sign, b(lane, 3, 4), of_x(lane, 4), of_y(lane, 4)
-        real(wp), intent(inout) :: blocks(*)
+        real(wp), intent(inout) :: blocks(n_entries)
         !> Columns of the place.
         real(wp), parameter :: unit(15) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
             0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp]
@@ -244,11 +244,11 @@ contains
     end subroutine put_columns
 
     !> The second derivatives of Phi along the motion without qdd: that of A is M(pd, pd) = 2 A(pd).
-    pure subroutine set_gamma(group, n, q, qd, gamma)
+    pure subroutine set_gamma(group, n, q, qd, m, gamma)
         type(hinge_group_type), intent(in) :: group
-        integer, intent(in) :: n
+        integer, intent(in) :: n, m
         real(wp), intent(in) :: q(n), qd(n)
-        real(wp), intent(inout) :: gamma(*)
+        real(wp), intent(inout) :: gamma(m)
         real(wp) :: a(lane, 3, 3), p(lane, 4), pd(lane, 4), v1(lane, 3), v2(lane, 3), w(lane, 5), of_x(lane), of_y(lane)
         real(wp), dimension(lane, 3, 0:2) :: x, y, z
         integer :: k, l
@@ -293,7 +293,7 @@ contains
         end do
         w(:, 4) = 2*w(:, 4)
         w(:, 5) = 2*w(:, 5)
-        call put_each(group, w, gamma)
+        call put_each(group, w, m, gamma)
     end subroutine set_gamma
 
     !> Euler parameters of the bodies of a side, or their rates; those of the ground are (real part, 0, 0, 0).
@@ -329,10 +329,11 @@ contains
     end subroutine take_place
 
     !> Five entries of each hinge where its rows are.
-    pure subroutine put_each(group, w, x)
+    pure subroutine put_each(group, w, m, x)
         type(hinge_group_type), intent(in) :: group
         real(wp), intent(in) :: w(lane, 5)
-        real(wp), intent(inout) :: x(*)
+        integer, intent(in) :: m
+        real(wp), intent(inout) :: x(m)
         integer :: k, l
 
         do l = 1, group%n

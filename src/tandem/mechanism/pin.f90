@@ -148,20 +148,23 @@ contains
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
 
-        if (iand(need, need_phi) /= 0) call set_phi(size(pins), pins, size(angles%c), angles%c, angles%s, n, q, terms%phi)
+        if (iand(need, need_phi) /= 0) call set_phi(size(pins), pins, size(angles%c), angles%c, angles%s, n, q, &
+            size(terms%phi), terms%phi)
         if (iand(need, need_jacobian) /= 0) then
-            if (allocated(terms%blocks)) call set_blocks(size(pins), pins, size(angles%c), angles%c, angles%s, terms%blocks)
+            if (allocated(terms%blocks)) call set_blocks(size(pins), pins, size(angles%c), angles%c, angles%s, &
+                size(terms%blocks), terms%blocks)
             call set_rows(size(pins), pins, allocated(terms%blocks), size(angles%c), angles%c, angles%s, &
                 size(terms%jacobian, 1), size(terms%jacobian, 2), terms%jacobian)
         end if
-        if (iand(need, need_gamma) /= 0) call set_gamma(size(pins), pins, size(angles%c), angles%c, angles%s, n, qd, terms%gamma)
+        if (iand(need, need_gamma) /= 0) call set_gamma(size(pins), pins, size(angles%c), angles%c, angles%s, n, qd, &
+            size(terms%gamma), terms%gamma)
     end subroutine evaluate_pins
 
-    pure subroutine set_phi(n_pins, pins, n_angles, c, s, n, q, phi)
-        integer, intent(in) :: n_pins, n_angles, n
+    pure subroutine set_phi(n_pins, pins, n_angles, c, s, n, q, m, phi)
+        integer, intent(in) :: n_pins, n_angles, n, m
         type(pin_type), intent(in) :: pins(n_pins)
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1), q(n)
-        real(wp), intent(inout) :: phi(*)
+        real(wp), intent(inout) :: phi(m)
         real(wp) :: x, y
         integer :: i
 
@@ -184,11 +187,11 @@ contains
     end subroutine set_phi
 
     !> The two rows of C of the pins whose rows a chart wants in blocks.
-    pure subroutine set_blocks(n_pins, pins, n_angles, c, s, blocks)
-        integer, intent(in) :: n_pins, n_angles
+    pure subroutine set_blocks(n_pins, pins, n_angles, c, s, n_entries, blocks)
+        integer, intent(in) :: n_pins, n_angles, n_entries
         type(pin_type), intent(in) :: pins(n_pins)
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1)
-        real(wp), intent(inout) :: blocks(*)
+        real(wp), intent(inout) :: blocks(n_entries)
         real(wp) :: sign
         integer :: i, side
 
@@ -237,11 +240,11 @@ contains
     end subroutine set_rows
 
     !> The second derivatives of Phi along the motion without qdd.
-    pure subroutine set_gamma(n_pins, pins, n_angles, c, s, n, qd, gamma)
-        integer, intent(in) :: n_pins, n_angles, n
+    pure subroutine set_gamma(n_pins, pins, n_angles, c, s, n, qd, m, gamma)
+        integer, intent(in) :: n_pins, n_angles, n, m
         type(pin_type), intent(in) :: pins(n_pins)
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1), qd(n)
-        real(wp), intent(inout) :: gamma(*)
+        real(wp), intent(inout) :: gamma(m)
         real(wp) :: square
         integer :: i, side
 
