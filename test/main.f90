@@ -45,6 +45,7 @@ program main
     use test_mass_blocks, only: collect_mass_blocks
     use test_massless_wheel, only: collect_massless_wheel
     use test_mechanism_elements, only: collect_mechanism_elements
+    use test_mechanism_groups, only: collect_mechanism_groups
     use test_friction, only: collect_friction
     use test_mechanism_laws, only: collect_mechanism_laws
     use test_mechanism_motion, only: collect_mechanism_motion
@@ -159,6 +160,7 @@ program main
         new_testsuite('coordinate_scale', collect_coordinate_scale), &
         new_testsuite('mechanisms', collect_mechanisms), &
         new_testsuite('mechanism_elements', collect_mechanism_elements), &
+        new_testsuite('mechanism_groups', collect_mechanism_groups), &
         new_testsuite('mechanism_rows', collect_mechanism_rows), &
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('friction', collect_friction), &

@@ -6,7 +6,8 @@
 !> behind them how far massless wheels have slid, and the slacks of couplings.
 !> Rows: the joints and distances as they were added, one for the Euler parameters of each turning body, then those at velocity
 !> level.
-!> Every body's rotation and every function of time is computed once a point; then a loop over the elements of each type.
+!> Every body's rotation and every function of time is computed once a point, where an element takes them; then a loop over the
+!> elements of each type.
 module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -17,16 +18,18 @@ module tandem_mechanism
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
-    use tandem_mechanism_hinge, only: evaluate_hinges, gather_hinges, hinge_type
+    use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
+    use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels, set_slides
-    use tandem_mechanism_pose, only: pose_type, set_curve, set_place, set_rates
+    use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
+    use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_sensor, only: pack_sensor
-    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings, &
-        evaluate_pins
+    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
+    use tandem_mechanism_turning, only: add_inertia_forces, evaluate_norms, set_masses, turning_group_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -49,12 +52,22 @@ module tandem_mechanism
         real(wp), allocatable, private :: f(:, :)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
-        !> Meetings and dots that are hinges in space, and the numbers of the others.
+        !> Meetings and dots that are hinges in space, one by one or in groups, and the numbers of the others.
         type(hinge_type), allocatable, private :: hinges(:)
+        type(hinge_group_type), allocatable, private :: hinge_groups(:)
         integer, allocatable, private :: loose_meetings(:), loose_dots(:)
+        !> In the plane all meetings as pins, and the bodies' angles.
+        type(pin_type), allocatable, private :: pins(:)
+        type(angles_type), private :: angles_of_bodies
         !> Rows of the Euler parameters begin after this one, and bodies that have them.
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
+        !> These bodies in groups; how many there are where they are not, and all bodies that are in no group.
+        type(turning_group_type), allocatable, private :: turning_groups(:)
+        integer, private :: n_turning_alone = 0
+        integer, allocatable, private :: alone(:)
+        !> Whether an element takes poses; groups do not.
+        logical, private :: takes_poses = .true.
         !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
         logical, private :: is_defined = .false.
         !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
@@ -113,6 +126,18 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
             logical, intent(in) :: is_compressed
         end subroutine set_columns
+
+        !> Elements that are evaluated together; the rows have their numbers.
+        pure module subroutine form_groups(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine form_groups
+
+        !> Which rows of C go into the blocks that a chart wants.
+        pure module subroutine find_blocks(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine find_blocks
 
         !> What the sensors give; the coordinates and rows have their numbers.
         module subroutine list_quantities(self)
@@ -184,8 +209,8 @@ contains
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
-        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
         call name_rows(self)
+        call form_groups(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
@@ -303,13 +328,17 @@ contains
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
-        do i = 1, size(self%bodies)
-            call set_place(self%pose(i), q)
-        end do
-        if (iand(need, need_gamma + need_force) /= 0) then
-            do i = 1, size(self%bodies)
-                call set_rates(self%pose(i), qd)
-            end do
+        if (allocated(terms%blocks)) then
+            if (.not. allocated(self%pattern%in_blocks)) call find_blocks(self)
+        end if
+        ! Who asks for no term wants the poses themselves.
+        if (self%takes_poses .or. need == 0) then
+            call set_places(self, q)
+            if (iand(need, need_gamma + need_force) /= 0) then
+                do i = 1, size(self%bodies)
+                    call set_rates(self%pose(i), qd)
+                end do
+            end if
         end if
         if (size(self%massless_wheels) > 0) then
             call set_slides(self%massless_wheels, 0, q, self%pose)
@@ -319,14 +348,13 @@ contains
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
+            if (size(self%hinge_groups) > 0) call evaluate_hinge_groups(self%hinge_groups, need, self%n, q, qd, terms)
             if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
-            if (size(self%loose_meetings) > 0) then
-                if (self%planar) then
-                    call evaluate_pins(self%meetings, need, self%pose, terms)
-                else
-                    call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
-                end if
+            if (size(self%pins) > 0) then
+                call self%angles_of_bodies%set(self%n, q)
+                call evaluate_pins(self%pins, need, self%angles_of_bodies, self%n, q, qd, terms)
             end if
+            if (size(self%loose_meetings) > 0) call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
             if (size(self%loose_dots) > 0) call evaluate_dots(self%loose_dots, self%dots, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
@@ -339,7 +367,8 @@ contains
             if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
-            do i = 1, size(self%turning)
+            if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, self%n, q, qd, terms)
+            do i = 1, self%n_turning_alone
                 k = self%before_norms + i
                 associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
                     if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
@@ -355,8 +384,9 @@ contains
         if (iand(need, need_mass) /= 0) then
             ! Of a compressed M every entry that may differ from zero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
-            do i = 1, size(self%bodies)
-                call set_mass(self%bodies(i), self%pose(i), self%n, size(terms%mass, 2), terms%mass)
+            if (size(self%turning_groups) > 0) call set_masses(self%turning_groups, self%n, size(terms%mass, 2), q, terms%mass)
+            do i = 1, size(self%alone)
+                call set_mass(self%bodies(self%alone(i)), self%pose(self%alone(i)), self%n, size(terms%mass, 2), terms%mass)
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
@@ -367,7 +397,8 @@ contains
         do i = 1, self%n
             terms%force(i) = self%weight(i)
         end do
-        do i = 1, size(self%turning)
+        if (size(self%turning_groups) > 0) call add_inertia_forces(self%turning_groups, self%n, q, qd, terms%force)
+        do i = 1, self%n_turning_alone
             call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
         end do
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
@@ -375,6 +406,23 @@ contains
         if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)
         if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
     end subroutine evaluate_mechanism
+
+    !> Poses at q.
+    pure subroutine set_places(self, q)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        integer :: i
+
+        associate (angles => self%angles_of_bodies)
+            if (angles%n > 0) call angles%set(self%n, q)
+            do i = 1, angles%n
+                call set_angle(self%pose(angles%body(i)), angles%angle(i), angles%c(i), angles%s(i))
+            end do
+        end associate
+        do i = 1, size(self%bodies)
+            call set_place(self%pose(i), q)
+        end do
+    end subroutine set_places
 
     !> Angles in the plane: linear rows.
     subroutine evaluate_angles(self, need, terms)
@@ -442,8 +490,8 @@ contains
         integer :: i
 
         if (self%segment /= self%held_segment) call hold_segment(self)
+        call set_places(self, q)
         do i = 1, size(self%bodies)
-            call set_place(self%pose(i), q)
             call set_rates(self%pose(i), qd)
             call set_curve(self%pose(i), qdd)
         end do
@@ -507,9 +555,7 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            do i = 1, size(self%bodies)
-                call set_place(self%pose(i), q)
-            end do
+            call set_places(self, q)
             call set_slides(self%massless_wheels, 0, q, self%pose)
             value = -dot_product(self%weight, q)
             do i = 1, size(self%springs)

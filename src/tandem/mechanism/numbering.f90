@@ -1,8 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units, and the pattern.
 submodule(tandem_mechanism) tandem_mechanism_numbering
+    use tandem_kinds, only: lane
     use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_hinge, only: gather_hinges
+    use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
+    use tandem_mechanism_pin, only: find_pin_blocks, gather_pins, place_pins
+    use tandem_mechanism_turning, only: gather_turning, place_turning
     implicit none (type, external)
 
 contains
@@ -150,6 +155,41 @@ contains
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
     end procedure name_rows
 
+    !> Elements that are evaluated together: pins in the plane, and where there are so many that it pays hinges and bodies in space.
+    module procedure form_groups
+        integer, parameter :: many = lane
+        type(hinge_type), allocatable :: hinges(:)
+        integer :: i
+
+        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
+        allocate (hinges(0))
+        if (size(self%hinges) >= many) then
+            call move_alloc(self%hinges, hinges)
+            allocate (self%hinges(0))
+        end if
+        call gather_hinge_groups(hinges, self%pose, self%hinge_groups)
+        if (size(self%turning) >= many) then
+            self%n_turning_alone = 0
+            call gather_turning(self%turning, self%bodies, self%pose, self%before_norms, self%turning_groups)
+            self%alone = pack([(i, i=1, size(self%bodies))], self%pose(1:size(self%bodies))%n_turn < 4)
+        else
+            self%n_turning_alone = size(self%turning)
+            allocate (self%turning_groups(0))
+            self%alone = [(i, i=1, size(self%bodies))]
+        end if
+        call self%angles_of_bodies%gather(self%pose)
+        if (self%planar) then
+            call gather_pins(self%meetings, self%pose, self%angles_of_bodies, self%pins)
+            self%loose_meetings = [integer ::]
+        else
+            allocate (self%pins(0))
+        end if
+        self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%loose_meetings), size(self%loose_dots), &
+            size(self%distances), size(self%angles), size(self%couplings), size(self%edges), size(self%rollers), &
+            size(self%massless_wheels), size(self%glides), size(self%rate_rows), size(self%springs), size(self%torsions), &
+            size(self%bushings), size(self%loads)) > 0
+    end procedure form_groups
+
     !> Bodies, what their rows touch, and the columns of C and M.
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
@@ -191,5 +231,16 @@ contains
                 pose%turn_mass = self%pattern%mass_column(pose%turn)
             end associate
         end do
+        call place_hinge_groups(self%pose, self%hinge_groups)
+        call place_pins(self%pose, self%pins)
+        call place_turning(self%pose, self%turning_groups)
     end procedure set_columns
+
+    !> Which rows of C go into the blocks that a chart wants.
+    module procedure find_blocks
+        self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
+        call find_hinge_blocks(self%pattern, self%hinge_groups)
+        call find_pin_blocks(self%pattern, self%pins)
+        self%pattern%all_in_blocks = all(self%pattern%in_blocks .or. self%pattern%block_height == 0)
+    end procedure find_blocks
 end submodule tandem_mechanism_numbering

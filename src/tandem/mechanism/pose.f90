@@ -12,7 +12,7 @@ module tandem_mechanism_pose
     implicit none (type, external)
     private
 
-    public :: pose_type, turn, turned, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
+    public :: pose_type, turn, turned, set_angle, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
 
     !> A body's pose; as it is declared, that of the ground.
     type :: pose_type
@@ -22,7 +22,7 @@ module tandem_mechanism_pose
         integer :: place = 0, turn = 0
         !> The same in the C that is set, which may be compressed; the first columns in M, and how far apart those of the place are.
         integer :: place_column = 0, turn_column = 0, place_mass = 0, turn_mass = 0, mass_step = 1
-        !> Whether the rotation belongs to the angle or the Euler parameters.
+        !> Whether the rotation belongs to the Euler parameters.
         logical :: has_turn = .false.
         !> Place, angle or Euler parameters, with first and second derivatives.
         real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
@@ -34,11 +34,20 @@ module tandem_mechanism_pose
 
 contains
 
-    !> The pose at q. The rotation is kept where it is that of before, as one point is asked for several sets of terms.
+    !> The angle of a body in the plane, with its cosine and sine.
+    pure subroutine set_angle(self, angle, c, s)
+        type(pose_type), intent(inout) :: self
+        real(wp), intent(in) :: angle, c, s
+
+        self%p(1, 0) = angle
+        call set_plane(self%a(:, :, 0), c, s)
+    end subroutine set_angle
+
+    !> The pose at q, but for angles in the plane. The rotation is kept where it is that of before, as one point is asked for
+    !> several sets of terms.
     pure subroutine set_place(self, q)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: q(:)
-        real(wp) :: c, s
 
         if (self%n_place == 3) then
             self%r(1, 0) = q(self%place)
@@ -59,16 +68,6 @@ contains
             end associate
             self%has_turn = .true.
             call set_rotation(self%p(:, 0), self%a(:, :, 0))
-        else if (self%n_turn == 1) then
-            if (same(self%p(1, 0), q(self%turn)) .and. self%has_turn) return
-            self%has_turn = .true.
-            self%p(1, 0) = q(self%turn)
-            c = cos(self%p(1, 0))
-            s = sin(self%p(1, 0))
-            self%a(1, 1, 0) = c
-            self%a(2, 1, 0) = s
-            self%a(1, 2, 0) = -s
-            self%a(2, 2, 0) = c
         end if
 
     contains

@@ -12,7 +12,7 @@ module tandem_mechanism_span
     private
 
     public :: span_type, span_way, span_gradient, span_second
-    public :: evaluate_meetings, evaluate_pins, differentiate_meetings, evaluate_distances, differentiate_distances
+    public :: evaluate_meetings, differentiate_meetings, evaluate_distances, differentiate_distances
 
     type :: span_type
         !> The two bodies, 0 for the ground, and the (first) row.
@@ -150,56 +150,6 @@ contains
             end do
         end do
     end subroutine put_end
-
-    !> Points that meet in the plane: two rows, by the arms A s' of the points.
-    pure subroutine evaluate_pins(pins, need, pose, terms)
-        type(span_type), intent(in) :: pins(:)
-        integer, intent(in) :: need
-        type(pose_type), intent(in) :: pose(0:)
-        type(terms_type), intent(inout) :: terms
-        real(wp) :: x1, x2, y1, y2
-        integer :: i
-
-        do i = 1, size(pins)
-            associate (pin => pins(i), row => pins(i)%row, one => pose(pins(i)%first), two => pose(pins(i)%second))
-                x1 = one%a(1, 1, 0)*pin%s1(1) + one%a(1, 2, 0)*pin%s1(2)
-                y1 = one%a(2, 1, 0)*pin%s1(1) + one%a(2, 2, 0)*pin%s1(2)
-                x2 = two%a(1, 1, 0)*pin%s2(1) + two%a(1, 2, 0)*pin%s2(2)
-                y2 = two%a(2, 1, 0)*pin%s2(1) + two%a(2, 2, 0)*pin%s2(2)
-                if (iand(need, need_phi) /= 0) then
-                    terms%phi(row) = two%r(1, 0) - one%r(1, 0) + x2 - x1
-                    terms%phi(row + 1) = two%r(2, 0) - one%r(2, 0) + y2 - y1
-                end if
-                if (iand(need, need_jacobian) /= 0) then
-                    associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
-                        call put_arm(one, x1, y1, -1.0_wp, row, m, width, terms%jacobian)
-                        call put_arm(two, x2, y2, 1.0_wp, row, m, width, terms%jacobian)
-                    end associate
-                end if
-                if (iand(need, need_gamma) /= 0) then
-                    ! The arms' second derivatives without qdd.
-                    terms%gamma(row) = x1*one%p(1, 1)**2 - x2*two%p(1, 1)**2
-                    terms%gamma(row + 1) = y1*one%p(1, 1)**2 - y2*two%p(1, 1)**2
-                end if
-            end associate
-        end do
-    end subroutine evaluate_pins
-
-    !> The columns of one end in the plane.
-    pure subroutine put_arm(pose, x, y, sign, row, m, width, jacobian)
-        type(pose_type), intent(in) :: pose
-        !> Its arm.
-        real(wp), intent(in) :: x, y, sign
-        integer, intent(in) :: row, m, width
-        real(wp), intent(inout) :: jacobian(m, width)
-
-        if (pose%n_place == 0) return
-        jacobian(row, pose%place_column) = sign
-        jacobian(row + 1, pose%place_column + 1) = sign
-        if (pose%n_turn == 0) return
-        jacobian(row, pose%turn_column) = -sign*y
-        jacobian(row + 1, pose%turn_column) = sign*x
-    end subroutine put_arm
 
     !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)

@@ -26,6 +26,15 @@ module tandem_model_pattern
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
+        !> A chart may want rows that belong together as a whole, the part of each body as a block (rows, coordinates) in
+        !> `terms%blocks`. How many rows begin with a row, 0 where none do (n_rows); for these before which entry the block of each
+        !> body in `row_body` begins; not allocated where no chart wants that.
+        integer, allocatable :: block_height(:), block_start(:)
+        !> Whether the model sets the rows that begin there so, and not in `terms%jacobian` (n_rows); not allocated where it does so
+        !> with none, or has not looked yet.
+        logical, allocatable :: in_blocks(:)
+        !> Whether it does so with all that a chart wants.
+        logical :: all_in_blocks = .false.
         !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
         character(len=120) :: fault = ''
         !> Pairs of bodies whose forces depend on each other's coordinates (2, any), for `evaluate_stiffness` and the analysis of
@@ -37,6 +46,7 @@ module tandem_model_pattern
         procedure :: multiply
         procedure :: multiply_mass
         procedure :: add_row_scales
+        procedure :: block_of
         procedure, private :: colour
     end type pattern_type
 
@@ -114,7 +124,23 @@ contains
             n = n + mass_blocks(k)
         end do
         self%mass_width = maxval(mass_blocks)
+        if (allocated(self%block_height)) deallocate (self%block_height, self%block_start)
+        if (allocated(self%in_blocks)) deallocate (self%in_blocks)
     end subroutine build
+
+    !> Before which entry of `terms%blocks` a body's block of some rows begins; -1 where a chart does not want just these together.
+    pure integer function block_of(self, row, height, body)
+        class(pattern_type), intent(in) :: self
+        !> The first row, how many there are, and the body.
+        integer, intent(in) :: row, height, body
+        integer :: k
+
+        block_of = -1
+        if (self%block_height(row) /= height) return
+        do k = self%row_start(row), self%row_start(row + 1) - 1
+            if (self%row_body(k) == body) block_of = self%block_start(k)
+        end do
+    end function block_of
 
     !> What a list that `build` is given cannot be, blank where it serves.
     pure function unusable(first, mass_blocks, n_rows, rows, bodies, owner) result(fault)

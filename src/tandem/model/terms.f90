@@ -37,6 +37,8 @@ module tandem_model_terms
         logical :: is_compressed = .false.
         !> C (nh + nd, n), compressed (nh + nd, width).
         real(wp), allocatable :: jacobian(:, :)
+        !> Rows of C by blocks, where a chart wants them, see `tandem_model_pattern`.
+        real(wp), allocatable :: blocks(:)
         !> nu (nh + nd).
         real(wp), allocatable :: nu(:)
         !> gamma (nh + nd).

@@ -1,10 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the calculus of Euler parameters that derivatives of models are made of: C, K, T, the rate of A, and the products
-!> without matrices, all at random p that are not unit ones. Suite euler_parameters has A, E, G and B.
+!> without matrices, all at random p that are not unit ones, also for several bodies at once. Suite euler_parameters has A, E, G and
+!> B.
 module test_rigid
-    use asserts, only: check_below
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
+    use asserts, only: check_below, check_count
     use differences, only: random_vector
     use tandem, only: wp
+    use tandem_kinds, only: lane
+    use tandem_rigid_angle_lanes, only: set_cosines_and_sines
+    use tandem_rigid_euler_lanes, only: set_dots, set_gradient_rows, set_gradients, set_rotation_rates, set_rotations, take_four, &
+        turn_each
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, c_matrix, e_matrix, g_matrix, g_product, &
         g_sandwich, g_transposed_product, k_matrix, rotation, rotation_rate, set_rotational_mass, skew, t_matrix
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -44,7 +50,9 @@ contains
             new_unittest('derivative-of-b-transposed-by-its-vector-is-c', test_b_by_vector), &
             new_unittest('e-and-g-exchange-their-arguments', test_exchange), &
             new_unittest('products-without-matrices-are-those-with-matrices', test_products), &
-            new_unittest('sandwich-is-the-product-of-three-matrices', test_sandwich)]
+            new_unittest('sandwich-is-the-product-of-three-matrices', test_sandwich), &
+            new_unittest('several-bodies-at-once-are-as-one-by-one', test_lanes), &
+            new_unittest('cosines-and-sines-of-several-angles', test_angles)]
     end subroutine collect_rigid
 
     !> The next random arguments; |p| varies between 0 and 3.
@@ -330,4 +338,80 @@ contains
             call check_below(error, maxval(abs(mass - 1.0_wp)), 0.0_wp, 'what is around it')
         end do
     end subroutine test_sandwich
+
+    !> Each of several bodies has what it has alone.
+    subroutine test_lanes(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(point_type) :: z(lane)
+        real(wp), dimension(lane, 3, 3) :: turns, rates
+        real(wp) :: a(lane, 3), b(lane, 3), gradients(lane, 3, 4), p(lane, 4), rows(lane, 4), v(lane, 3), x(lane, 4), q(9*lane)
+        real(wp) :: dots(lane)
+        integer :: i, l, seed
+
+        seed = 116
+        do i = 1, n_points
+            q = huge(1.0_wp)
+            do l = 1, lane
+                z(l) = next_point(seed)
+                ! Bodies in an order of their own.
+                q(9*modulo(3*l, lane) + 3:9*modulo(3*l, lane) + 6) = z(l)%p
+                x(l, :) = z(l)%x
+                a(l, :) = z(l)%a
+                b(l, :) = z(l)%b
+            end do
+            call take_four([(9*modulo(3*l, lane), l=1, lane)], 2, size(q), q, p)
+            call set_rotations(p, turns)
+            call set_rotation_rates(p, x, rates)
+            call turn_each(rates, a, v)
+            call set_gradients(p, a, gradients)
+            call set_gradient_rows(p, a, b, rows)
+            call set_dots(a, b, dots)
+            do l = 1, lane
+                call check_below(error, maxval(abs(turns(l, :, :) - rotation(z(l)%p))), rounding, 'A')
+                call check_below(error, maxval(abs(rates(l, :, :) - rotation_rate(z(l)%p, z(l)%x))), rounding, 'M')
+                call check_below(error, maxval(abs(v(l, :) - matmul(rotation_rate(z(l)%p, z(l)%x), z(l)%a))), rounding, 'M a')
+                call check_below(error, maxval(abs(gradients(l, :, :) - b_matrix(z(l)%p, z(l)%a))), rounding, 'B')
+                call check_below(error, maxval(abs(rows(l, :) - matmul(z(l)%b, b_matrix(z(l)%p, z(l)%a)))), rounding, 'b'' B')
+                call check_below(error, abs(dots(l) - dot_product(z(l)%a, z(l)%b)), rounding, 'a''b')
+            end do
+        end do
+    end subroutine test_lanes
+
+    !> Against the intrinsic functions: small and large angles, both sides of multiples of an eighth of a turn, and what is none.
+    subroutine test_angles(error)
+        type(error_type), allocatable, intent(out) :: error
+        !> Two roundings of the last digit.
+        real(wp), parameter :: last_digits = 4.5e-16_wp
+        real(wp) :: x(lane), c(lane), s(lane)
+        integer :: i, l, seed
+
+        seed = 117
+        do i = -3000, 3000
+            call random_vector(seed, x)
+            do l = 1, lane
+                select case (l)
+                case (1)
+                    x(l) = i*acos(-1.0_wp)/4
+                case (2)
+                    x(l) = i*acos(-1.0_wp)/4*(1 + epsilon(1.0_wp))
+                case (3)
+                    x(l) = 1.0e-9_wp*x(l)
+                case (4)
+                    x(l) = 1.0e5_wp*x(l)
+                case default
+                    x(l) = 10*x(l)
+                end select
+            end do
+            if (i == 3000) x(1) = 1.0e15_wp
+            call set_cosines_and_sines(x, c, s)
+            call check_below(error, maxval(abs(c - cos(x))), last_digits, 'cosines')
+            call check_below(error, maxval(abs(s - sin(x))/max(min(abs(x), 1.0_wp), tiny(1.0_wp))), 100*last_digits, 'sines')
+            call check_below(error, maxval(abs(s - sin(x))), last_digits, 'sines')
+        end do
+        x = 0.0_wp
+        x(2) = ieee_value(1.0_wp, ieee_quiet_nan)
+        call set_cosines_and_sines(x, c, s)
+        call check_count(error, count(ieee_is_nan(c) .and. ieee_is_nan(s)), 1, 'angles that are none')
+        call check_below(error, maxval(abs(pack(c, .not. ieee_is_nan(c)) - 1)), 0.0_wp, 'cosines of zero')
+    end subroutine test_angles
 end module test_rigid

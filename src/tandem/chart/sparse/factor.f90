@@ -127,17 +127,24 @@ contains
         self%is_factored = .false.
     end subroutine allocate_factor
 
-    !> Take C.
-    subroutine load_rows(self, a, pattern, jacobian)
+    !> Take C. The rows that the model has set in blocks change places with what was here.
+    subroutine load_rows(self, a, pattern, jacobian, blocks)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
         !> Compressed, of the rows in use.
         real(wp), intent(in), contiguous :: jacobian(:, :)
+        real(wp), allocatable, intent(inout) :: blocks(:)
+        real(wp), allocatable :: c(:)
         integer :: b, j
 
-        call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, a%link_start, a%link, pattern%column, &
-            jacobian, self%c)
+        if (allocated(pattern%in_blocks)) then
+            call move_alloc(self%c, c)
+            call move_alloc(blocks, self%c)
+            call move_alloc(c, blocks)
+        end if
+        if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
+            a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
         do b = 1, a%n_bodies
             if (a%norm_row(b) == 0) cycle
             do j = a%first(b), a%first(b + 1) - 1
@@ -148,18 +155,22 @@ contains
         self%is_factored = .false.
     end subroutine load_rows
 
-    !> The rows of the nodes by links.
-    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, link_start, link, column, jacobian, c)
+    !> The rows of the nodes by links, but for those that are there.
+    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, link_start, link, column, jacobian, c, in_blocks)
         integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), link_start(n_bodies + 1), link(4, n_links), &
             column(n)
         real(wp), intent(in) :: jacobian(m, width)
         real(wp), intent(inout) :: c(*)
+        logical, intent(in), optional :: in_blocks(m)
         integer :: b, i, j, k, l, row
 
         do b = 1, n_bodies
             do l = link_start(b), link_start(b + 1) - 1
                 k = link(3, l)
                 row = link(4, l)
+                if (present(in_blocks)) then
+                    if (in_blocks(row)) cycle
+                end if
                 ! A copy of variable length would be a call.
                 select case (link(2, l))
                 case (5)

@@ -3,6 +3,7 @@
 !> chart's origin, which is the point of a step's start. The matrix of the step's end becomes that of the next origin.
 module tandem_chart_sparse_system
     use tandem_chart_sparse_analysis, only: analysis_type
+    use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_kinds, only: wp
@@ -26,6 +27,8 @@ module tandem_chart_sparse_system
         !> Of the origin, and of the point visited last; they may be the same one.
         type(factor_type) :: factor(2)
         integer :: base = 1, here = 1
+        !> Whether they hold the inverses of a constant M, without rows that bodies own.
+        logical :: has_inverses(2) = .false.
         integer :: nh = 0, m = 0
         !> The last point, whether gamma and the forces (with the velocity `qd_point`) and Phi are those of it.
         real(wp) :: t_point = 0.0_wp
@@ -66,6 +69,9 @@ contains
         self%nh = model%n_holonomic
         self%m = model%n_constraints()
         call self%analysis%analyse(self%pattern, [(i, i=1, self%m)])
+        call want_blocks(self%analysis, self%pattern)
+        if (allocated(self%model%terms%blocks)) deallocate (self%model%terms%blocks)
+        allocate (self%model%terms%blocks(self%analysis%n_entries + read_behind), source=0.0_wp)
         do i = 1, 2
             call self%factor(i)%allocate(self%analysis, self%pattern)
         end do
@@ -75,10 +81,33 @@ contains
         self%z = spread(0.0_wp, 1, self%analysis%n_unknowns)
         self%g = spread(0.0_wp, 1, self%m)
         self%scales = spread(self%g, 2, 2)
+        self%has_inverses = .false.
         self%base = 1
         self%here = 1
         call self%forget()
     end subroutine initialize
+
+    !> Tell where the rows of nodes stand by links, so that a model can put them there.
+    pure subroutine want_blocks(a, pattern)
+        type(analysis_type), intent(in) :: a
+        type(pattern_type), intent(inout) :: pattern
+        integer :: b, k, l
+
+        if (allocated(pattern%in_blocks)) deallocate (pattern%in_blocks)
+        pattern%all_in_blocks = .false.
+        pattern%block_height = spread(0, 1, pattern%n_rows)
+        pattern%block_start = spread(0, 1, size(pattern%row_body))
+        do b = 1, a%n_bodies
+            do l = a%link_start(b), a%link_start(b + 1) - 1
+                associate (row => a%link(4, l))
+                    pattern%block_height(row) = a%link(2, l)
+                    do k = pattern%row_start(row), pattern%row_start(row + 1) - 1
+                        if (pattern%row_body(k) == b) pattern%block_start(k) = a%link(3, l)
+                    end do
+                end associate
+            end do
+        end do
+    end subroutine want_blocks
 
     !> Nothing is known of the last point any more.
     pure subroutine forget(self)
@@ -102,6 +131,7 @@ contains
             if (are_same(size(q), q, self%q_point)) return
         end if
         call self%forget()
+        if (.not. self%model%mass_is_known) self%has_inverses = .false.
         ! None of these depends on the velocity; q stands in for it.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
         if (self%here == self%base) self%here = 3 - self%base
@@ -118,7 +148,8 @@ contains
         class(system_type), intent(inout) :: self
 
         associate (factor => self%factor(self%here))
-            if (.not. factor%has_rows) call factor%load_rows(self%analysis, self%pattern, self%model%terms%jacobian)
+            if (.not. factor%has_rows) call factor%load_rows(self%analysis, self%pattern, self%model%terms%jacobian, &
+                self%model%terms%blocks)
         end associate
     end subroutine load
 
@@ -133,7 +164,11 @@ contains
         associate (factor => self%factor(self%here))
             if (factor%is_factored) return
             call self%load()
-            call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+            if (.not. self%has_inverses(self%here)) then
+                call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+                self%has_inverses(self%here) = stat == status_ok .and. self%model%mass_is_known .and. &
+                    .not. any(self%analysis%norm_row > 0)
+            end if
             if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
         end associate
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
@@ -170,14 +205,12 @@ contains
         real(wp), allocatable :: lambda(:), force(:)
         !> Smaller shares than this of the largest are rounding.
         real(wp), parameter :: least_share = 1.0e-6_wp
-        integer :: i, j, k, n
+        integer :: i, n
 
         allocate (force(size(self%x)), lambda(self%m), source=0.0_wp)
-        do k = self%pattern%row_start(row), self%pattern%row_start(row + 1) - 1
-            do j = self%pattern%first(self%pattern%row_body(k)), self%pattern%first(self%pattern%row_body(k) + 1) - 1
-                force(j) = self%model%terms%jacobian(row, self%pattern%column(j))
-            end do
-        end do
+        lambda(row) = -1.0_wp
+        call self%factor(self%here)%add_reactions(self%analysis, lambda, force)
+        lambda(row) = 0.0_wp
         self%g = 0.0_wp
         associate (a => self%analysis)
             call self%factor(self%here)%solve(a, .true., force, self%g, self%x, self%z)
@@ -303,7 +336,7 @@ contains
         associate (terms => self%model%terms)
             if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
                 term = 'phi'
-            else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
+            else if (.not. sum(abs(terms%jacobian)) + sum(abs(self%factor(self%here)%c)) <= huge(1.0_wp)) then
                 term = 'jacobian'
             else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
                 term = 'nu'
@@ -330,6 +363,8 @@ contains
         type(pack_type), intent(inout) :: pack
         integer :: i
 
+        ! So that C is packed with the factor.
+        if (self%has_point) call self%load()
         call self%model%pack_state(pack)
         do i = 1, 2
             call self%factor(i)%pack_state(pack)
