@@ -55,8 +55,11 @@ module tandem
     use tandem_simulate_warning, only: warning_type
     use tandem_simulation, only: at_end, at_event, at_start, at_step, observer_type, simulation_type
     use tandem_status, only: is_input_error, status_name, status_ok, status_output_failed
-    use tandem_stepper, only: properties_type
+    use tandem_simulate_step_control, only: step_control_type
+    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper_explicit, only: explicit_type
     use tandem_stepper_factory, only: new_stepper, stepper_choices, stepper_names
+    use tandem_stepper_state, only: state_type
     implicit none (type, external)
     private
 
@@ -85,7 +88,8 @@ module tandem
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
     public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, settling_type, any_motion, find_steady_from_words
-    public :: properties_type, new_stepper, stepper_choices, stepper_names
+    public :: properties_type, stepper_type, explicit_type, state_type, step_control_type, new_stepper, stepper_choices, &
+        stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: entries_type, value_type, atom_type, is_number, is_text, is_truth, build_mechanism, shown_type
     public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census

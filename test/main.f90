@@ -58,6 +58,7 @@ program main
     use test_name_index, only: collect_name_index
     use test_options, only: collect_options
     use test_order, only: collect_order
+    use test_own_parts, only: collect_own_parts
     use test_profile, only: collect_profile
     use test_projection, only: collect_projection
     use test_radau, only: collect_radau
@@ -146,6 +147,7 @@ program main
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('profile', collect_profile), &
         new_testsuite('control', collect_control), &
+        new_testsuite('own_parts', collect_own_parts), &
         new_testsuite('stability_limit', collect_stability_limit), &
         new_testsuite('tolerances', collect_tolerances), &
         new_testsuite('estimates', collect_estimates), &

@@ -78,6 +78,8 @@ check steered-skate-runs run_example steered_skate
 check steered-skate-agrees-with-its-closed-form error_below 1e-8 "$tmp/steered_skate.log"
 check bounce-runs run_example bounce
 check bounce-agrees-with-its-closed-form error_below 1e-9 "$tmp/bounce.log"
+check own-stepper-runs run_example own_stepper
+check own-stepper-agrees-with-its-closed-form error_below 1e-6 "$tmp/own_stepper.log"
 check steered-skate-finds-its-procedures-right finds_nothing_wrong "$tmp/steered_skate.log"
 
 # --- 3. a project that depends on tandem ---------------------------------------------------------------------------

@@ -42,6 +42,7 @@ measure() {
 # --- 2. the figures -------------------------------------------------------------------------------------------------
 
 runs=$out/runs
+$python tools/plots/elements.py $figures/elements.png
 picture "$runs/rolling_disk.h5" $figures/disk.png
 picture "$runs/overview.h5" $figures/overview.png --overview
 picture "$out"/studies/precision_{rolling_disk,articulated_vehicle,motorcycle,motorcycle_chopper}.h5 $figures/precision.png

@@ -20,17 +20,17 @@ contains
         can_be_few = m >= 1 .and. m <= lane .and. (k == 2 .or. k == 3)
     end function can_be_few
 
-    !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0.
+    !> qd = R nu + D z with D0' M0 (qd - qd_wanted) = 0.
     pure subroutine find_few_velocity(m, n, order, a, basis, origin, has_nu, nu, qd, stat)
         !> Constraints, coordinates; the order of the columns.
         integer, intent(in) :: m, n, order(n)
         !> Whether nu is not zero.
         logical, intent(in) :: has_nu
-        !> C eliminated, D' and D0' diag(s)^-2, nu.
+        !> C eliminated, D' and D0' M0, nu.
         real(wp), intent(in) :: a(lane, n), basis(short, n), origin(short, n), nu(m)
         !> The velocity, first the wanted one.
         real(wp), intent(inout) :: qd(n)
-        !> 1 where D0' D wants a search for pivots: then the velocity is as it was.
+        !> 1 where D0' M0 D wants a search for pivots: then the velocity is as it was.
         integer, intent(out) :: stat
         real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
             f, f1, f2, f3, g, g1, g2, g3

@@ -85,14 +85,14 @@ contains
         end do
     end subroutine scale_columns
 
-    !> The velocity, where D0' D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
-    !> wanted velocity less that.
+    !> The velocity, where D0' M0 D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work`
+    !> the wanted velocity less that.
     pure subroutine find_velocity(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
         work, qd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
         !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
         logical, intent(in) :: has_nu, polishes
-        !> C, C eliminated, D', D0' diag(s)^-2, nu.
+        !> C, C eliminated, D', D0' M0, nu.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
         !> Work space, and the velocity, first the wanted one.
         real(wp), intent(inout) :: overlap(width, width), z(width), r(height), x(height), work(n), qd(n)
@@ -139,7 +139,7 @@ contains
         end if
     end subroutine find_velocity_of
 
-    !> D0' D and D0' y.
+    !> D0' M0 D and D0' y.
     pure subroutine set_overlap(n, width, basis, origin, y, overlap, z)
         integer, intent(in) :: n, width
         real(wp), intent(in) :: basis(width, n), origin(width, n), y(n)

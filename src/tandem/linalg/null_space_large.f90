@@ -17,16 +17,16 @@ module tandem_linalg_null_space_large
 
 contains
 
-    !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0. stat > 0: D0' D is singular.
+    !> qd = R nu + D z with D0' M0 (qd - qd_wanted) = 0. stat > 0: D0' M0 D is singular.
     subroutine find_large_velocity(elimination, basis, origin, has_nu, polishes, nu, overlap, factors, z, r, x, wanted, qd, stat)
         type(elimination_type), intent(in) :: elimination
-        !> D', D0' diag(s)^-2 (width, n).
+        !> D', D0' M0 (width, n).
         real(wp), intent(in), contiguous :: basis(:, :), origin(:, :)
         !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> nu (m).
         real(wp), intent(in), contiguous :: nu(:)
-        !> Work space: D0' D (width, k) and its factors; over the degrees of freedom (width), the rows of C (height), the
+        !> Work space: D0' M0 D (width, k) and its factors; over the degrees of freedom (width), the rows of C (height), the
         !> coordinates (n).
         real(wp), intent(inout), contiguous :: overlap(:, :), z(:), r(:), x(:), wanted(:)
         type(lu_type), intent(inout) :: factors

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations at stages with one degree of freedom, where D is a vector d, and D0' D and D' M D are numbers: what
-!> `tandem_linalg_null_space_kernels` gives, without the padding.
+!> Velocities and accelerations at stages with one degree of freedom, where D is a vector d, and D0' M0 D and D' M D are numbers:
+!> what `tandem_linalg_null_space_kernels` gives, without the padding.
 module tandem_linalg_null_space_single
     use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
@@ -10,13 +10,13 @@ module tandem_linalg_null_space_single
 
 contains
 
-    !> qd = R nu + d z with d0' diag(s)^-2 (qd - qd_wanted) = 0.
+    !> qd = R nu + d z with d0' M0 (qd - qd_wanted) = 0.
     pure subroutine find_single_velocity(m, n, height, width, order, a, basis, origin, has_nu, nu, r, qd, stat)
         !> Constraints, coordinates, padded lengths; the order of the columns.
         integer, intent(in) :: m, n, height, width, order(n)
         !> Whether nu is not zero.
         logical, intent(in) :: has_nu
-        !> C eliminated, d' and d0' diag(s)^-2 in first rows, nu.
+        !> C eliminated, d' and d0' M0 in first rows, nu.
         real(wp), intent(in) :: a(height, n), basis(width, n), origin(width, n), nu(m)
         !> Work space, and the velocity, first the wanted one.
         real(wp), intent(inout) :: r(height), qd(n)

@@ -66,11 +66,7 @@ contains
         integer :: n_dropped
 
         stat = status_ok
-        if (is_implicit) then
-            call new_stepper(self%explicit_method%partner, self%stepper)
-        else
-            call new_stepper(self%options%stepper, self%stepper)
-        end if
+        call self%allocate_stepper(is_partner=is_implicit)
         self%method = self%stepper%properties()
         call self%set_method()
         self%has_step = .false.

@@ -5,12 +5,14 @@
 !> tolerances; the difference of the two, over one less the ratio of their errors, is the error of the first (Richardson).
 !> Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
 module tandem_simulate_global_error
+    use tandem_chart, only: chart_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
     use tandem_model, only: model_type
     use tandem_pack, only: pack_type
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
+    use tandem_simulate_step_control, only: step_control_type
     use tandem_simulation, only: at_end, at_event, at_step, observer_type, simulation_type
     use tandem_status, only: status_invalid_option, status_work_limit
     use tandem_stepper, only: properties_type, stepper_type
@@ -169,7 +171,7 @@ contains
     end subroutine take
 
     !> Run a second time and compare.
-    subroutine estimate(self, model, options, q, qd, error)
+    subroutine estimate(self, model, options, q, qd, error, chart, stepper, control)
         class(global_error_type), intent(inout) :: self
         !> A model of its own, equal to that of the run as it was at the start.
         class(model_type), intent(inout), target :: model
@@ -179,11 +181,15 @@ contains
         real(wp), intent(in) :: q(:), qd(:)
         !> Why the error is not known: events have changed or stopped the run, it has not reached its end, or the second one failed.
         type(error_type), allocatable, intent(out) :: error
+        !> What the run was given of these: chart, stepper and step size controller of one's own.
+        class(chart_type), intent(in), optional :: chart
+        class(stepper_type), intent(in), optional :: stepper
+        class(step_control_type), intent(in), optional :: control
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
         type(options_type) :: second
         type(properties_type) :: method
-        class(stepper_type), allocatable :: stepper
+        class(stepper_type), allocatable :: named
         real(wp) :: of_step, ratio
         integer :: k
 
@@ -197,8 +203,12 @@ contains
                 'give this object to integrate as the observer of the whole run')
             return
         end if
-        call new_stepper(options%stepper, stepper)
-        method = stepper%properties()
+        if (present(stepper)) then
+            method = stepper%properties()
+        else
+            call new_stepper(options%stepper, named)
+            method = named%properties()
+        end if
         call self%choose_second(options, method, second, of_step)
         ratio = of_step**method%order
         self%is_bound = ratio > 1.0_wp
@@ -207,7 +217,8 @@ contains
         if (options%max_seconds > 0.0_wp) second%max_seconds = max(options%max_seconds - self%seconds_of_first, tiny(1.0_wp))
         second%max_steps = huge(1)
         second%max_evaluations = int(min(int(huge(1), long), 10000 + 20*self%work))
-        call simulation%initialize(model, second, self%t_start, q, qd, error)
+        call simulation%initialize(model, second, self%t_start, q, qd, error, chart=chart, stepper=stepper, &
+            control=control)
         if (allocated(error)) return
         self%is_second = .true.
         self%n_taken = 0

@@ -19,11 +19,18 @@ contains
         self%t_start = t
         self%tries_from = t
         call self%work%set(options%max_evaluations, options%max_seconds)
-        call new_stepper(options%stepper, self%stepper)
+        if (present(stepper)) allocate (self%own_stepper, source=stepper)
+        call self%allocate_stepper(is_partner=.false.)
         self%method = self%stepper%properties()
         self%explicit_method = self%method
-        call check_method(self%method, options, error)
+        self%options%stepper = self%method%name
+        call check_method(self%method, self%options, error)
         if (allocated(error)) return
+        if (present(control)) then
+            allocate (self%control, source=control)
+        else
+            allocate (self%control)
+        end if
         self%stepper%projects_stages = options%projection == projections(1)
         ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
         self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
@@ -54,6 +61,18 @@ contains
         self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
     end procedure initialize
 
+    !> The stepper that a run begins with, or its partner.
+    module procedure allocate_stepper
+        if (is_partner) then
+            call new_stepper(self%explicit_method%partner, self%stepper)
+        else if (allocated(self%own_stepper)) then
+            if (allocated(self%stepper)) deallocate (self%stepper)
+            allocate (self%stepper, source=self%own_stepper)
+        else
+            call new_stepper(self%options%stepper, self%stepper)
+        end if
+    end procedure allocate_stepper
+
     !> Refuse models, options and starts that are none.
     subroutine check_input(model, options, t, q, qd, error)
         class(model_type), intent(inout) :: model
@@ -83,7 +102,14 @@ contains
         type(options_type), intent(in) :: options
         type(error_type), allocatable, intent(out) :: error
 
-        if (.not. (method%has_fixed_steps() .or. options%is_adaptive())) then
+        if (method%order < 1 .or. method%estimate_order < 0 .or. method%name == '') then
+            call set_error(error, status_invalid_option, 'the stepper "'//trim(method%name)//'" of one''s own has order '// &
+                to_text(method%order)//' and estimates of order '//to_text(method%estimate_order), &
+                'let its properties have a name, an order of at least 1 and estimate_order >= 0')
+        else if (method%partner /= '' .and. .not. any(stepper_choices == method%partner)) then
+            call set_error(error, status_invalid_option, 'the stepper "'//trim(method%name)//'" has the partner "'// &
+                trim(method%partner)//'", which is none of tandem''s', 'name a stepper that options know, or none')
+        else if (.not. (method%has_fixed_steps() .or. options%is_adaptive())) then
             call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" chooses between '// &
                 trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control, but rtol is '// &
                 'not set', &
@@ -130,6 +156,8 @@ contains
         self%has_to_act = .false.
         if (allocated(self%warnings)) deallocate (self%warnings)
         if (allocated(self%blank)) deallocate (self%blank)
+        if (allocated(self%own_stepper)) deallocate (self%own_stepper)
+        if (allocated(self%control)) deallocate (self%control)
         if (allocated(self%watched)) deallocate (self%watched)
         if (allocated(self%events)) deallocate (self%events)
         if (allocated(self%lambda)) deallocate (self%lambda)

@@ -26,7 +26,7 @@ module tandem_simulation
         status_position_diverged, status_rank_deficient, status_singular_mass, status_step_limit, status_step_underflow, &
         status_work_limit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
-    use tandem_stepper_factory, only: new_stepper
+    use tandem_stepper_factory, only: new_stepper, stepper_choices
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
@@ -86,6 +86,8 @@ module tandem_simulation
         !> What it was allocated from, if not anew.
         class(chart_type), allocatable, private :: blank
         class(stepper_type), allocatable, private :: stepper
+        !> What it was allocated from, if it is the caller's own.
+        class(stepper_type), allocatable, private :: own_stepper
         type(state_type), private :: next, start, kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: segment_of_step = 1, kept_segment = 1
@@ -118,7 +120,7 @@ module tandem_simulation
         integer, private :: tries = 0
         real(wp), private :: tries_from = 0.0_wp
         type(statistics_type), private :: tally
-        type(step_control_type), private :: control
+        class(step_control_type), allocatable, private :: control
         type(work_limit_type), private :: work
         type(stiffness_type), private :: stiffness
         type(local_error_type), private :: local_error
@@ -154,6 +156,7 @@ module tandem_simulation
         procedure, private :: accept_start
         procedure, private :: choose_rows_anew
         procedure, private :: allocate_chart
+        procedure, private :: allocate_stepper
         procedure, private :: renew_chart
         procedure, private :: consider_exchange
         procedure, private :: take_stepper
@@ -183,7 +186,7 @@ module tandem_simulation
         !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors:
         !> invalid_model, invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable,
         !> not_finite. After an error there is no run, also where there was one before.
-        module subroutine initialize(self, model, options, t, q, qd, error, assembly, chart)
+        module subroutine initialize(self, model, options, t, q, qd, error, assembly, chart, stepper, control)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             !> The model; it must outlive the simulation and serves only this one.
@@ -196,7 +199,18 @@ module tandem_simulation
             type(assembly_type), intent(inout), optional :: assembly
             !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
             class(chart_type), intent(in), optional :: chart
+            !> A method of one's own, not initialized, of which the run takes a copy; that of `options%stepper` where it is absent.
+            class(stepper_type), intent(in), optional :: stepper
+            !> A step size controller of one's own, likewise.
+            class(step_control_type), intent(in), optional :: control
         end subroutine initialize
+
+        !> The stepper that a run begins with, or its partner.
+        module subroutine allocate_stepper(self, is_partner)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            logical, intent(in) :: is_partner
+        end subroutine allocate_stepper
 
         !> A chart that knows nothing yet.
         module subroutine allocate_chart(self)

@@ -42,6 +42,10 @@ module tandem_simulate_step_control
         !> Whether the next error is foreseen from the last two, and the last accepted step, 0 for none.
         logical, private :: is_predictive = .false.
         real(wp), private :: last_step = 0.0_wp
+        !> The last step that was not kept, 0 for none, and how many were kept since; the longest one to be tried while a second
+        !> one was not kept soon after and near it, huge where there is no such length.
+        real(wp), private :: barrier = 0.0_wp, ceiling = huge(1.0_wp)
+        integer, private :: since_barrier = 0
     contains
         procedure :: initialize
         procedure :: set_method
@@ -56,6 +60,7 @@ module tandem_simulate_step_control
         procedure :: restart
         procedure :: pack_state
         procedure, private :: round_down
+        procedure, private :: meet_barrier
     end type step_control_type
 
     !> A step changes by no more than these factors.
@@ -65,6 +70,10 @@ module tandem_simulate_step_control
     real(wp), parameter :: resolved = 2.0_wp
     !> What a step leaves of the memory of an eigenvalue, and the part of the limit where error control settles by itself.
     real(wp), parameter :: fading = 0.8_wp, nearly = 0.9_wp
+    !> Two steps that were not kept are of one cause where one is no longer than so many times the other, and so few steps lie
+    !> between them. Then steps stay below this part of the second, and each that is kept raises that a little.
+    real(wp), parameter :: alike = 1.25_wp, below = 0.85_wp, rise = 1.02_wp
+    integer, parameter :: soon = 10
     !> Explicit steps are powers of this: what rounding does to an error must not reach the steps, which would amplify it at the
     !> limit of stability. So a run takes the same steps in other units, or where another compiler has built it.
     real(wp), parameter :: notch = 2.0_wp**(1.0_wp/32)
@@ -172,7 +181,10 @@ contains
             end if
         end if
         if (was_cut) wanted = max(wanted, self%h)
-        wanted = min(wanted, max(longest, least_factor*h))
+        wanted = min(wanted, max(longest, least_factor*h), self%ceiling)
+        if (self%ceiling < huge(1.0_wp)) self%ceiling = rise*self%ceiling
+        if (self%ceiling > alike*self%barrier) self%ceiling = huge(1.0_wp)
+        self%since_barrier = min(self%since_barrier, soon) + 1
         self%is_free = .not. was_cut .and. h < 0.9_wp*self%max_step
         self%h = self%limit(wanted)
         self%last_norm = max(norm, 1.0e-4_wp)
@@ -189,6 +201,7 @@ contains
         if (norm <= huge(1.0_wp)) factor = min(0.9_wp, max(least_factor, self%safety*norm**(-self%exponent)))
         self%h = self%round_down(factor*h)
         self%was_rejected = .true.
+        call self%meet_barrier(h)
     end subroutine reject
 
     !> Choose a smaller step after one of size h that could not be completed.
@@ -198,7 +211,20 @@ contains
 
         self%h = 0.25_wp*h
         self%was_rejected = .true.
+        call self%meet_barrier(h)
     end subroutine fail
+
+    !> A step of size h was not kept. Where charts end, errors grow with the step as no order tells, and steps that grow by their
+    !> errors alone are refused again and again: who is refused twice at one length waits below it.
+    pure subroutine meet_barrier(self, h)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+
+        if (self%stability_limit > 0.0_wp .and. self%since_barrier > 0 .and. self%since_barrier <= soon .and. &
+            max(h, self%barrier) < alike*min(h, self%barrier)) self%ceiling = below*h
+        self%barrier = h
+        self%since_barrier = 0
+    end subroutine meet_barrier
 
     !> The largest step from here on.
     subroutine set_max_step(self, max_step)
@@ -248,6 +274,9 @@ contains
         self%lambda = 0.0_wp
         self%is_at_limit = .false.
         self%was_rejected = .false.
+        self%barrier = 0.0_wp
+        self%ceiling = huge(1.0_wp)
+        self%since_barrier = 0
     end subroutine restart
 
     !> The step to try next and the memory of the last.
@@ -266,5 +295,8 @@ contains
         call pack%item(self%is_at_limit)
         call pack%item(self%was_rejected)
         call pack%item(self%is_free)
+        call pack%item(self%barrier)
+        call pack%item(self%ceiling)
+        call pack%item(self%since_barrier)
     end subroutine pack_state
 end module tandem_simulate_step_control

@@ -85,7 +85,7 @@ contains
         call self%elimination%eliminate(self%c, self%scale, stat)
         call self%elimination%get_null_space(self%origin)
         call self%free_motion%load(self%elimination)
-        call self%free_motion%set_origin()
+        call self%free_motion%set_origin(size(self%blocks)/2, self%blocks, self%mass)
         do i = 1, m
             call random_vector(seed, change)
             self%c(i, :) = self%c(i, :) + 0.05_wp*change/self%scale
@@ -113,7 +113,7 @@ contains
         end do
     end subroutine test_velocity
 
-    !> C qd = nu, and D0' diag(s)^-2 (qd - wanted) = 0.
+    !> C qd = nu, and D0' M0 (qd - wanted) = 0.
     subroutine check_velocity(m, n, seed, error)
         integer, intent(in) :: m, n
         integer, intent(inout) :: seed
@@ -136,7 +136,7 @@ contains
             associate (size_ => 1.0_wp + maxval(abs(qd)))
                 call check_below(error, maxval(abs(matmul(case%c, qd) - case%nu))/size_, allowed*1.0e-12_wp, 'C qd - nu')
                 if (m < n) call check_below(error, maxval(abs(matmul(transpose(case%origin), &
-                    (qd - wanted)/case%scale**2)))/size_, allowed*1.0e-10_wp, 'what D0 sees of the change')
+                    matmul(case%mass, qd - wanted))))/size_, allowed*1.0e-10_wp, 'momentum along D0')
             end associate
             if (allocated(error)) return
         end do
@@ -254,7 +254,7 @@ contains
         call free_motion%allocate(1, 2, [1.0_wp, 1.0_wp])
         call elimination%eliminate(reshape([1.0_wp, 0.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call free_motion%load(elimination)
-        call free_motion%set_origin()
+        call free_motion%set_origin(0, [integer ::], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2]))
         call elimination%eliminate(reshape([0.0_wp, 1.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call free_motion%load(elimination)
         do choice = 0, 1

@@ -21,7 +21,7 @@ module tandem_chart_dense
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
-    use tandem_options, only: options_type
+    use tandem_options, only: chart_policies, options_type, projections
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_singular_mass
@@ -61,6 +61,8 @@ module tandem_chart_dense
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
         logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
+        !> Whether explicit steps restore velocities in the mass metric.
+        logical :: keeps_momentum = .false.
         logical :: has_gamma = .true., has_nu = .true.
         !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
         logical :: skips_basis = .false.

@@ -28,11 +28,11 @@ module tandem_chart_dense_free_motion
         integer :: choice = -1
         !> That of the chart's origin.
         integer :: origin_choice = -1
-        !> D' at the current point and D0' diag(s)^-2 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
+        !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
-        !> D' M (width, n), D' M D or D0' D with factors in place (width, width), inverse pivots (k).
+        !> D' M (width, n), D' M D or D0' M0 D with factors in place (width, width), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
-        !> The factors of D0' D where its pivots want a search.
+        !> The factors of D0' M0 D where its pivots want a search.
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
         real(wp), allocatable :: z(:), r(:), x(:), work(:)
@@ -100,11 +100,18 @@ contains
         self%choice = elimination%choice
     end subroutine load
 
-    !> Make the point the chart's origin.
-    subroutine set_origin(self)
+    !> Make the point the chart's origin: D0' M0 qd is what a velocity keeps where it is restored.
+    subroutine set_origin(self, n_blocks, blocks, mass)
         class(free_motion_type), intent(inout) :: self
+        !> As for `solve`; M0 is diag(s)^-2 without a mass.
+        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
+        real(wp), intent(in), optional :: mass(self%n, self%n)
 
-        call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
+        if (present(mass)) then
+            call multiply_mass(self%n, self%width, n_blocks, blocks, self%basis, mass, self%origin)
+        else
+            call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
+        end if
         self%origin_choice = self%choice
     end subroutine set_origin
 
@@ -127,7 +134,7 @@ contains
         end associate
     end subroutine find_independence_here
 
-    !> qd = R nu + D z with D0' diag(s)^-2 (qd - qd_wanted) = 0.
+    !> qd = R nu + D z with D0' M0 (qd - qd_wanted) = 0.
     subroutine restore_velocity(self, elimination, has_nu, polishes, nu, qd, stat)
         class(free_motion_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
@@ -156,7 +163,7 @@ contains
                 return
             end if
             stat = 1
-            ! With the pivots of the origin D0' D is near a diagonal matrix. With others it is not, and where a motion is symmetric,
+            ! With the pivots of the origin D0' M0 D is near D' M D. With others it is not, and where a motion is symmetric,
             ! what rounding leaves of a zero on the diagonal may be all that its pivot is compared with.
             if (self%choice == self%origin_choice) then
                 if (self%has_few .and. .not. polishes) call find_few_velocity(m, n, e%order, e%eliminated, self%basis, &
@@ -177,7 +184,7 @@ contains
                     end do
                 end if
             end if
-            ! D0' D wants a search for pivots.
+            ! D0' M0 D wants a search for pivots.
             call set_overlap(n, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
             call self%overlap_lu%factor(self%matrix(:k, :k), stat)
             stat = merge(status_ok, status_chart_left, stat == 0)

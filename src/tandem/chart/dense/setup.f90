@@ -14,6 +14,8 @@ contains
         self%is_implicit = implicit
         self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
+        ! How far a kept chart reaches is measured for the paper's complement; where stages are not restored, ends do better by it.
+        self%keeps_momentum = options%projection == projections(1) .and. options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance
         ! Handed on where it is absent, gfortran computes with bounds that it has not.
         if (present(kept)) then
@@ -141,7 +143,11 @@ contains
             if (stat /= status_ok) return
             self%origin_orientation = self%velocity_basis%orientation
             self%last_independence = self%velocity_basis%independence
-            call self%free_motion%set_origin()
+            if (self%keeps_momentum) then
+                call self%free_motion%set_origin(self%model%n_blocks, self%model%blocks, self%model%terms%mass)
+            else
+                call self%free_motion%set_origin(0, self%model%blocks)
+            end if
         end if
     end procedure renew
 
