@@ -27,7 +27,7 @@ contains
 
         testsuite = [ &
             new_unittest('projection-at-ends-keeps-the-order', test_order), &
-            new_unittest('projection-at-ends-has-errors-like-those-of-stages', test_errors), &
+            new_unittest('projection-at-ends-has-errors-not-far-from-those-of-stages', test_errors), &
             new_unittest('projection-at-ends-is-another-method', test_other), &
             new_unittest('ends-of-steps-hold-the-constraints', test_ends), &
             new_unittest('dense-output-holds-the-constraints-and-leaves-no-trace', test_dense), &
@@ -86,8 +86,9 @@ contains
         call check_order('disk', 'dop853', 2.0_wp, [0.2_wp, 0.1_wp], 7.2_wp, 8.2_wp, 3.2e-10_wp, error)
     end subroutine test_order
 
-    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most twice the error of steps whose stages are
-    !> projected, in the geometric mean of five tolerances (measured: 1.07 and 1.49). One run says little: its error is an amplified
+    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps whose stages are
+    !> projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum, with
+    !> errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). One run says little: its error is an amplified
     !> sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors are as
     !> large as the motion.
     subroutine test_errors(error)
@@ -96,13 +97,14 @@ contains
         type(reference_type) :: table
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: state(:, :), truth(:)
-        real(wp) :: found(2), logarithms
+        real(wp) :: found(2), logarithms, of_stages
         integer :: i, k, j
 
         call read_reference('disk', table)
         truth = table%q_at(10.0_wp)
         do i = 2, size(explicit)
             logarithms = 0.0_wp
+            of_stages = 0.0_wp
             do k = 6, 10
                 do j = 1, size(projections)
                     options = options_type(stepper=explicit(i), rtol=10.0_wp**(-k), projection=projections(j))
@@ -112,8 +114,11 @@ contains
                     found(j) = maxval(abs(state(:3, 1) - truth(:3)))
                 end do
                 logarithms = logarithms + log(found(2)/found(1))
+                of_stages = of_stages + log(found(1))
             end do
-            call check_below(error, exp(logarithms/5), 2.0_wp, trim(explicit(i))//': error over that with stages projected')
+            call check_below(error, exp(logarithms/5), 5.0_wp, trim(explicit(i))//': error over that with stages projected')
+            call check_below(error, exp(of_stages/5), merge(2.0e-4_wp, 1.0e-5_wp, i == 2), trim(explicit(i))//': error with stages '// &
+                'projected')
             if (allocated(error)) return
         end do
     end subroutine test_errors
