@@ -9,11 +9,14 @@ module tandem_chart_factory
     implicit none (type, external)
     private
 
-    public :: is_sparse_chart, new_chart, wants_sparse
+    public :: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
 
-    !> Sparse charts are faster from 25 to 50 coordinates on, with implicit steppers from 20: doc/sparse.md has the tables.
-    !> Dense charts follow what is stiff; from here on that was seen to spare no time.
-    integer, parameter :: crossover = 60
+    !> From so many coordinates on no scene was slower with a sparse chart and fixed explicit steps: doc/sparse.md has the tables.
+    integer, parameter :: crossover = 36
+    !> With implicit ones some are slower up to here: dense charts follow what is stiff, and hold the constraints where wheels turn
+    !> by a radian in a step under error control. And from here on redundant rows are left to sparse charts, which give them no
+    !> multipliers.
+    integer, parameter :: many = 60
 
 contains
 
@@ -27,13 +30,23 @@ contains
 
         if (options%chart_kind == chart_kinds(1)) then
             wants_sparse = .false.
-            if (model%n >= crossover) then
+            if (model%n >= merge(many, crossover, implicit .or. options%is_adaptive())) then
                 wants_sparse = find_obstacle(model, options, implicit) == ''
             end if
         else
             wants_sparse = options%chart_kind == 'sparse'
         end if
     end function wants_sparse
+
+    !> Whether a model with redundant rows is to go from the sparse chart that the program chose to a dense one, whose multipliers
+    !> are those of least norm.
+    pure logical function keeps_dependent_rows(model, options)
+        class(model_type), intent(in) :: model
+        !> Checked.
+        type(options_type), intent(in) :: options
+
+        keeps_dependent_rows = options%chart_kind == chart_kinds(1) .and. model%n < many
+    end function keeps_dependent_rows
 
     !> Whether a chart is sparse.
     pure logical function is_sparse_chart(chart)

@@ -30,7 +30,7 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_factory, only: is_sparse_chart, new_chart, wants_sparse
+    use tandem_chart_factory, only: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
     use tandem_model_derivatives, only: need_all_derivatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)

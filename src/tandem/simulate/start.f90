@@ -17,7 +17,8 @@ contains
         self%start%q = self%state%q
         self%start%qd = self%state%qd
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
-        if (self%is_sparse .and. stat == status_rank_deficient) call leave_out_rows(self, stat)
+        if (self%is_sparse .and. stat == status_rank_deficient .and. &
+            (allocated(self%blank) .or. .not. keeps_dependent_rows(self%model, self%options))) call leave_out_rows(self, stat)
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
             call leave_sparse(self, stat, error)
             if (allocated(error)) return
@@ -110,8 +111,8 @@ contains
         end do
     end subroutine check_left_out
 
-    !> Bodies without mass, and redundant rows among nonholonomic ones, want the dense chart: take it where the choice is the
-    !> program's.
+    !> Bodies without mass, redundant rows among nonholonomic ones, and those of small models want the dense chart: take it where
+    !> the choice is the program's.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Why there is no sparse chart at the start.

@@ -615,6 +615,7 @@ contains
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
+        integer :: i
 
         call begin('planar_chain', 4, options_type(), mechanism, simulation, error)
         call go_on(simulation, 0.01_wp, error)
@@ -631,6 +632,23 @@ contains
         mechanism = mechanism_type()
         call begin('planar_chain', 25, options_type(stepper='sdirk54'), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
+        if (allocated(error)) return
+        ! Where the choice turns over, with explicit steps, with implicit ones, and with redundant rows.
+        do i = 1, 6
+            mechanism = mechanism_type()
+            select case (i)
+            case (1, 2)
+                call begin('planar_chain', 10 + i, options_type(), mechanism, simulation, error)
+            case (3, 4)
+                call begin('planar_chain', 16 + i, options_type(stepper='sdirk54'), mechanism, simulation, error)
+            case default
+                call draw_parallelograms(i - 3, mechanism, error)
+                if (.not. allocated(error)) call start(mechanism, options_type(), simulation, error)
+            end select
+            if (allocated(error)) return
+            call check_true(error, simulation%is_sparse .eqv. modulo(i, 2) == 0, 'another chart was chosen')
+            if (i > 4) call check_count(error, simulation%n_redundant, i - 3, 'redundant rows')
+        end do
     end subroutine test_choice
 
     !> A run whose time is taken has the chart that it would have, and takes the same steps.
