@@ -4,6 +4,7 @@
 import json
 import math
 import re
+import resource
 import tomllib
 import unittest
 
@@ -594,6 +595,38 @@ class Wrong(Case):
                                 ("parameters.l=[1, 2]", "14-19")):
             with self.subTest(setting):
                 self.refused("check", self.scene(BASE), "--set", setting, says=f"--set:1:{places}")
+
+
+class ManyReactions(Case):
+    def test_reactions_of_all_joints_are_read_in_proportion_to_their_number(self):
+        """Four times as many joints take four times the processor time; more where each looks through the rows of all."""
+        scene = self.scene("""
+[scene]
+model = "mechanism"
+[repeat.copy]
+count = "n"
+[repeat.copy.body."arm{i}"]
+mass = 1.0
+inertia = [0.1, 0.1, 0.1]
+position = ["i", 0, 0]
+[repeat.copy.joint."hinge{i}"]
+type = "revolute"
+bodies = ["ground", "arm{i}"]
+at = ["i - 0.5", 0, 0]
+axis = [0, 0, 1]
+[results]
+joints = "all"
+[parameters]
+n = 1
+[time]
+end = 1.0
+""")
+        seconds = []
+        for n in (4000, 16000):
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            self.tandem("show", scene, "--set", f"parameters.n={n}")
+            seconds.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
+        self.assertLess(seconds[1], 7 * seconds[0])
 
 
 if __name__ == "__main__":

@@ -92,8 +92,8 @@ contains
             call velocity_rows(point, vectors(:, 1), rows, sizes)
             i = maxloc(abs(rows)/max(sizes, tiny(1.0_wp)), dim=1)
             if (any(abs(rows) > bound*sizes)) call set_error(error, status_no_equilibrium, 'the constraint "'// &
-                point%model%row_name(i)//'" of the model "'//point%model%name//'" changes as it goes on, so that it does not '// &
-                'move steadily', 'let its functions of time have constant rates')
+                point%model%row_name(i)//'" of the model "'//point%model%name//'" changes as it goes on, so that it is in no '// &
+                'steady motion', 'start in one, and let functions of time have constant rates')
             call point%find_dependent_rows(acceleration, stat)
         end if
         if (stat /= status_ok) then
