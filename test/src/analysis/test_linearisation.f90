@@ -335,6 +335,8 @@ contains
         real(wp) :: h, scale, worst
         integer :: j, k, side, stat, n
 
+        ! Kept charts have the paper's complement, whose coordinates v and w are.
+        options%chart = 'adaptive'
         call chart%initialize(model, options, .false., failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return

@@ -117,8 +117,8 @@ contains
                 of_stages = of_stages + log(found(1))
             end do
             call check_below(error, exp(logarithms/5), 5.0_wp, trim(explicit(i))//': error over that with stages projected')
-            call check_below(error, exp(of_stages/5), merge(2.0e-4_wp, 1.0e-5_wp, i == 2), trim(explicit(i))//': error with stages '// &
-                'projected')
+            call check_below(error, exp(of_stages/5), merge(2.0e-4_wp, 1.0e-5_wp, i == 2), trim(explicit(i))// &
+                ': error with stages projected')
             if (allocated(error)) return
         end do
     end subroutine test_errors
