@@ -86,8 +86,8 @@ contains
         call check_order('disk', 'dop853', 2.0_wp, [0.2_wp, 0.1_wp], 7.2_wp, 8.2_wp, 3.2e-10_wp, error)
     end subroutine test_order
 
-    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps whose stages are
-    !> projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum, with
+    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps whose stages
+    !> are projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum, with
     !> errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). One run says little: its error is an amplified
     !> sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors are as
     !> large as the motion.

@@ -28,6 +28,8 @@ module tandem_chart_dense_free_motion
         integer :: choice = -1
         !> That of the chart's origin.
         integer :: origin_choice = -1
+        !> The order of the coordinates of both, pivots first (n).
+        integer, allocatable :: order(:), origin_order(:)
         !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' M0 D with factors in place (width, width), inverse pivots (k).
@@ -75,7 +77,8 @@ contains
         self%square = scale**2
         self%inverse_square = 1.0_wp/self%square
         if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, &
-            self%z, self%r, self%x, self%work)
+            self%z, self%r, self%x, self%work, self%order, self%origin_order)
+        allocate (self%order(n), self%origin_order(n), source=0)
         associate (k => self%k, height => self%height, width => self%width)
             allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, width), &
                 self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
@@ -97,6 +100,7 @@ contains
 
         call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%order, &
             elimination%choice /= self%choice, self%unit, elimination%eliminated, self%basis)
+        if (elimination%choice /= self%choice) self%order(:) = elimination%order
         self%choice = elimination%choice
     end subroutine load
 
@@ -112,6 +116,7 @@ contains
         else
             call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
         end if
+        if (self%choice /= self%origin_choice) self%origin_order(:) = self%order
         self%origin_choice = self%choice
     end subroutine set_origin
 
@@ -151,12 +156,13 @@ contains
         if (self%is_large) then
             call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix(:, :self%k), &
                 self%overlap_lu, self%z, self%r, self%x, self%work, qd, stat)
+            if (stat == 0) call check_side(self, stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
             return
         end if
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
             ! The end of a step takes the general way, where rounding is removed too.
-            if (k == 1 .and. .not. polishes) then
+            if (k == 1 .and. self%choice == self%origin_choice .and. .not. polishes) then
                 call find_single_velocity(m, n, self%height, self%width, e%order, e%eliminated, self%basis, self%origin, has_nu, &
                     nu, self%r, qd, stat)
                 stat = merge(status_ok, status_chart_left, stat == 0)
@@ -190,10 +196,34 @@ contains
             stat = merge(status_ok, status_chart_left, stat == 0)
             if (stat /= status_ok) return
             call self%overlap_lu%solve(self%z(:k))
+            call check_side(self, stat)
+            stat = merge(status_ok, status_chart_left, stat == 0)
+            if (stat /= status_ok) return
             call finish(m, n, k, self%height, e%order, e%matrix, e%eliminated, polishes, nu, -1.0_wp, self%z, self%r, &
                 self%x, qd)
         end associate
     end subroutine restore_velocity
+
+    !> Whether the free motions still lean towards those of the origin: det(D0' M0 D) has the sign that it began with, D continued to
+    !> the coordinates that were free there. Behind its zero, where they have turned by a right angle, no chart is left.
+    subroutine check_side(self, stat)
+        class(free_motion_type), intent(inout) :: self
+        !> 1 where they do not.
+        integer, intent(out) :: stat
+        integer :: i, sign, stat_of_change
+
+        stat = 0
+        sign = self%overlap_lu%determinant_sign()
+        if (self%choice /= self%origin_choice) then
+            do i = 1, self%k
+                self%matrix(:self%k, i) = self%basis(:self%k, self%origin_order(self%m + i))
+            end do
+            call self%overlap_lu%factor(self%matrix(:self%k, :self%k), stat_of_change)
+            if (stat_of_change /= 0) return
+            sign = sign*self%overlap_lu%determinant_sign()
+        end if
+        if (sign < 0) stat = 1
+    end subroutine check_side
 
     !> The acceleration at the point of `load`.
     subroutine solve(self, elimination, polishes, n_blocks, blocks, mass, gamma, force, qdd, stat)
@@ -245,5 +275,7 @@ contains
         call pack%item(self%origin)
         call pack%item(self%choice)
         call pack%item(self%origin_choice)
+        call pack%item(self%order)
+        call pack%item(self%origin_order)
     end subroutine pack_state
 end module tandem_chart_dense_free_motion
