@@ -79,8 +79,8 @@ contains
         if (allocated(error)) return
         call choose_motions(problem, q, qd, error, names, held, held_at)
         if (allocated(error)) return
-        rates = problem%rates
-        free = problem%free
+        allocate (rates, source=problem%rates)
+        allocate (free, source=problem%free)
         stat = status_no_equilibrium
         do attempt = 1, 2
             ! Rates as they are, or these too.

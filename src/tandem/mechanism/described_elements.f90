@@ -290,7 +290,7 @@ contains
         character(len=key_length), allocatable, intent(out) :: variables(:)
         character(len=variable_name_length), allocatable :: names(:)
 
-        names = mechanism%variable_names()
+        allocate (names, source=mechanism%variable_names())
         allocate (variables(size(names)))
         variables = names
     end subroutine list_variables

@@ -87,8 +87,8 @@ contains
     end subroutine test_order
 
     !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps whose stages
-    !> are projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum, with
-    !> errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). One run says little: its error is an amplified
+    !> are projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum,
+    !> with errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). One run says little: its error is an amplified
     !> sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors are as
     !> large as the motion.
     subroutine test_errors(error)

@@ -204,8 +204,8 @@ contains
         end associate
     end subroutine restore_velocity
 
-    !> Whether the free motions still lean towards those of the origin: det(D0' M0 D) has the sign that it began with, D continued to
-    !> the coordinates that were free there. Behind its zero, where they have turned by a right angle, no chart is left.
+    !> Whether the free motions still lean towards those of the origin: det(D0' M0 D) has the sign that it began with, D continued
+    !> to the coordinates that were free there. Behind its zero, where they have turned by a right angle, no chart is left.
     subroutine check_side(self, stat)
         class(free_motion_type), intent(inout) :: self
         !> 1 where they do not.
