@@ -28,8 +28,6 @@ module tandem_chart_dense_free_motion
         integer :: choice = -1
         !> That of the chart's origin.
         integer :: origin_choice = -1
-        !> The order of the coordinates of both, pivots first (n).
-        integer, allocatable :: order(:), origin_order(:)
         !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' M0 D with factors in place (width, width), inverse pivots (k).
@@ -77,8 +75,7 @@ contains
         self%square = scale**2
         self%inverse_square = 1.0_wp/self%square
         if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, &
-            self%z, self%r, self%x, self%work, self%order, self%origin_order)
-        allocate (self%order(n), self%origin_order(n), source=0)
+            self%z, self%r, self%x, self%work)
         associate (k => self%k, height => self%height, width => self%width)
             allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, width), &
                 self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
@@ -100,7 +97,6 @@ contains
 
         call transpose_basis(self%m, self%n, self%k, self%height, self%width, elimination%order, &
             elimination%choice /= self%choice, self%unit, elimination%eliminated, self%basis)
-        if (elimination%choice /= self%choice) self%order(:) = elimination%order
         self%choice = elimination%choice
     end subroutine load
 
@@ -116,7 +112,6 @@ contains
         else
             call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
         end if
-        if (self%choice /= self%origin_choice) self%origin_order(:) = self%order
         self%origin_choice = self%choice
     end subroutine set_origin
 
@@ -204,25 +199,16 @@ contains
         end associate
     end subroutine restore_velocity
 
-    !> Whether the free motions still lean towards those of the origin: det(D0' M0 D) has the sign that it began with, D continued
-    !> to the coordinates that were free there. Behind its zero, where they have turned by a right angle, no chart is left.
+    !> Whether the free motions still lean towards those of the origin: with its pivots det(D0' M0 D) begins positive, and behind
+    !> its zero, where they have turned by a right angle, no chart is left. Other pivots have been through a singular matrix of their
+    !> own.
     subroutine check_side(self, stat)
-        class(free_motion_type), intent(inout) :: self
+        class(free_motion_type), intent(in) :: self
         !> 1 where they do not.
         integer, intent(out) :: stat
-        integer :: i, sign, stat_of_change
 
         stat = 0
-        sign = self%overlap_lu%determinant_sign()
-        if (self%choice /= self%origin_choice) then
-            do i = 1, self%k
-                self%matrix(:self%k, i) = self%basis(:self%k, self%origin_order(self%m + i))
-            end do
-            call self%overlap_lu%factor(self%matrix(:self%k, :self%k), stat_of_change)
-            if (stat_of_change /= 0) return
-            sign = sign*self%overlap_lu%determinant_sign()
-        end if
-        if (sign < 0) stat = 1
+        if (self%choice == self%origin_choice .and. self%overlap_lu%determinant_sign() < 0) stat = 1
     end subroutine check_side
 
     !> The acceleration at the point of `load`.
@@ -275,7 +261,5 @@ contains
         call pack%item(self%origin)
         call pack%item(self%choice)
         call pack%item(self%origin_choice)
-        call pack%item(self%order)
-        call pack%item(self%origin_order)
     end subroutine pack_state
 end module tandem_chart_dense_free_motion

@@ -12,8 +12,6 @@ contains
         real(wp), parameter :: largest_rest = 1.0e-6_wp
         !> A loss of rank further away than so many steps is not looked for.
         real(wp), parameter :: horizon = 8.0_wp
-        !> A step that ends so near to one, as a part of its own length, ends there: on which side is up to what steps leave.
-        real(wp), parameter :: nothing = 1.0e-4_wp
         real(wp) :: smallest, smallest_before, fall
         logical :: falls
         integer :: i, j
@@ -69,7 +67,6 @@ contains
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
         if (smallest_before > smallest) room = min(room, smallest/(smallest_before - smallest))
-        if (.not. self%velocity_basis%independence > nothing*fall) room = 0.0_wp
         self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (room <= horizon) call self%blame_dependent(0)
     end procedure measure_rank
