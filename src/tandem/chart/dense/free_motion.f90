@@ -200,8 +200,8 @@ contains
     end subroutine restore_velocity
 
     !> Whether the free motions still lean towards those of the origin: with its pivots det(D0' M0 D) begins positive, and behind
-    !> its zero, where they have turned by a right angle, no chart is left. Other pivots have been through a singular matrix of their
-    !> own.
+    !> its zero, where they have turned by a right angle, no chart is left. Other pivots have been through a singular matrix of
+    !> their own.
     subroutine check_side(self, stat)
         class(free_motion_type), intent(in) :: self
         !> 1 where they do not.
