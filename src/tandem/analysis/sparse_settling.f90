@@ -17,6 +17,7 @@ module tandem_analysis_sparse_settling
 
     public :: moved_reason, settle_sparsely
 
+    !> Why a mechanism rests nowhere, behind what a message says of it.
     character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
 
     !> Most iterations of Newton, and implicit steps.

@@ -20,6 +20,7 @@ module tandem_mechanism_massless_wheel
 
     public :: massless_wheel_type, set_slides, find_place, evaluate_massless_wheels, differentiate_massless_wheels
 
+    !> A wheel without mass on a body: it stands on a plane, does not slip across, spins freely, and may steer and slide on a strut.
     type :: massless_wheel_type
         integer :: body = 0
         !> The rows of the height and of the velocity across.

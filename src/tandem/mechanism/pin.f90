@@ -28,6 +28,7 @@ module tandem_mechanism_pin
         procedure :: set => set_angles
     end type angles_type
 
+    !> A pin of two bodies in the plane: their points meet, two rows.
     type :: pin_type
         !> The first row; whether each side is a body or the ground; its number among the angles, 0 where it does not turn; before
         !> which coordinate it begins, and before which column of the C that is set.
