@@ -246,7 +246,7 @@ contains
         !> The columns of the matrix, the right side.
         real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
         real(wp), intent(out) :: z(3)
-        !> 1 where too many digits of the determinant are lost, or it is negative.
+        !> 1 where too many digits of the determinant are lost.
         integer, intent(out) :: stat
         !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
         !> scales do not matter to that.
@@ -259,7 +259,7 @@ contains
         determinant = s1(1)*c1 + (s1(2)*c2 + s1(3)*c3)
         f = abs(s1(1))*(abs(s2(2)*s3(3)) + abs(s2(3)*s3(2))) + (abs(s1(2))*(abs(s2(3)*s3(1)) + abs(s2(1)*s3(3))) + &
             abs(s1(3))*(abs(s2(1)*s3(2)) + abs(s2(2)*s3(1))))
-        stat = merge(0, 1, determinant > smallest_determinant*f .and. f <= huge(1.0_wp))
+        stat = merge(0, 1, abs(determinant) > smallest_determinant*f .and. f <= huge(1.0_wp))
         if (stat /= 0) return
         f = 1.0_wp/determinant
         z(1) = f*(c1*b(1) + (c2*b(2) + c3*b(3)))

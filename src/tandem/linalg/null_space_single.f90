@@ -20,7 +20,7 @@ contains
         real(wp), intent(in) :: a(height, n), basis(width, n), origin(width, n), nu(m)
         !> Work space, and the velocity, first the wanted one.
         real(wp), intent(inout) :: r(height), qd(n)
-        !> 1 where d0' M0 d is not positive, or not finite: then the velocity is as it was.
+        !> 1 where d0' M0 d is zero or not finite: then the velocity is as it was.
         integer, intent(out) :: stat
         real(wp) :: along, overlap
         integer :: i, j
@@ -33,7 +33,7 @@ contains
             overlap = overlap + origin(1, j)*basis(1, j)
             along = along + origin(1, j)*qd(j)
         end do
-        stat = merge(0, 1, overlap > 0.0_wp .and. overlap <= huge(1.0_wp))
+        stat = merge(0, 1, abs(overlap) > 0.0_wp .and. abs(overlap) <= huge(1.0_wp))
         if (stat /= 0) return
         if (has_nu) then
             call multiply(height, m, a, nu, r)

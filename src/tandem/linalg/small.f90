@@ -136,10 +136,8 @@ contains
         real(wp), parameter :: smallest_pivot = 1.0e-3_wp
         real(wp) :: diagonal, f
         integer :: i, j, l
-        logical :: is_positive
 
         stat = 0
-        is_positive = .true.
         ! Column by column, so that each diagonal entry is met as it was; 1/pivot in its place.
         do j = 1, k
             diagonal = abs(a(j, j))
@@ -154,17 +152,12 @@ contains
                 stat = j
                 return
             end if
-            if (a(j, j) < 0.0_wp) is_positive = .not. is_positive
             a(j, j) = 1.0_wp/a(j, j)
             b(j) = b(j)*a(j, j)
             do i = j + 1, k
                 b(i) = b(i) - a(i, j)*b(j)
             end do
         end do
-        if (.not. is_positive) then
-            stat = k
-            return
-        end if
         do j = k, 2, -1
             do i = 1, j - 1
                 b(i) = b(i) - a(i, j)*b(j)

@@ -151,13 +151,12 @@ contains
         if (self%is_large) then
             call find_large_velocity(elimination, self%basis, self%origin, has_nu, polishes, nu, self%matrix(:, :self%k), &
                 self%overlap_lu, self%z, self%r, self%x, self%work, qd, stat)
-            if (stat == 0) call check_side(self, stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
             return
         end if
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
             ! The end of a step takes the general way, where rounding is removed too.
-            if (k == 1 .and. self%choice == self%origin_choice .and. .not. polishes) then
+            if (k == 1 .and. .not. polishes) then
                 call find_single_velocity(m, n, self%height, self%width, e%order, e%eliminated, self%basis, self%origin, has_nu, &
                     nu, self%r, qd, stat)
                 stat = merge(status_ok, status_chart_left, stat == 0)
@@ -191,25 +190,10 @@ contains
             stat = merge(status_ok, status_chart_left, stat == 0)
             if (stat /= status_ok) return
             call self%overlap_lu%solve(self%z(:k))
-            call check_side(self, stat)
-            stat = merge(status_ok, status_chart_left, stat == 0)
-            if (stat /= status_ok) return
             call finish(m, n, k, self%height, e%order, e%matrix, e%eliminated, polishes, nu, -1.0_wp, self%z, self%r, &
                 self%x, qd)
         end associate
     end subroutine restore_velocity
-
-    !> Whether the free motions still lean towards those of the origin: with its pivots det(D0' M0 D) begins positive, and behind
-    !> its zero, where they have turned by a right angle, no chart is left. Other pivots have been through a singular matrix of
-    !> their own.
-    subroutine check_side(self, stat)
-        class(free_motion_type), intent(in) :: self
-        !> 1 where they do not.
-        integer, intent(out) :: stat
-
-        stat = 0
-        if (self%choice == self%origin_choice .and. self%overlap_lu%determinant_sign() < 0) stat = 1
-    end subroutine check_side
 
     !> The acceleration at the point of `load`.
     subroutine solve(self, elimination, polishes, n_blocks, blocks, mass, gamma, force, qdd, stat)
