@@ -267,7 +267,8 @@ class Sensors(Mechanism):
 
     def test_turns_are_counted(self):
         """In space too, also where rows are far apart, and in a run that goes on."""
-        fast = ("gravity.vector=[0,0,0]", "body.rod.omega=[0,20,0]", "body.rod.velocity=[0,0,-10]", "time.end=10", "output.every=100000")
+        fast = ("gravity.vector=[0,0,0]", "body.rod.omega=[0,20,0]", "body.rod.velocity=[0,0,-10]", "time.end=10", "output.every=100000",
+                "solver.rtol=3e-11")
         name = self.scene(SPATIAL)
         self.near(self.sensed(name, *fast)["turn/angle"], 200, 1e-7)
         words = [word for setting in fast for word in ("--set", setting)]

@@ -114,7 +114,7 @@ class Doubts(Case):
             report = file["report"].attrs
             warnings = [text if isinstance(text, str) else text.decode() for text in report["warnings"]]
             self.assertTrue(any("between steps" in text for text in warnings), warnings)
-            for text in [*warnings, report["global_error_warning"]]:
+            for text in warnings:
                 self.assertIn(text, told)
             self.assertGreater(report["dense_error"], 1e-5)
             self.assertGreaterEqual(report["velocity_gap"], 0)
@@ -1182,7 +1182,7 @@ class CommandLine(Case):
         self.assertIn("\nrtol = 0.0001 ", text)
 
     def test_the_error_of_a_run(self):
-        settings = ["--set", "solver.stepper=dopri5", "--set", "solver.rtol=1e-4", "--set", "time.end=10"]
+        settings = ["--set", "solver.stepper=dopri5", "--set", "solver.rtol=1e-3", "--set", "time.end=10"]
         report = self.tandem("run", "rolling_disk", *settings, "--error", "--output", "a.h5").stdout
         self.assertRegex(report, r"  error at end +q [^\n]*,\n? *estimated by a second run with a tenth of the tolerance")
         self.assertRegex(report, r"  WARNING +the error reaches \S+ times the tolerance")
@@ -1191,7 +1191,8 @@ class CommandLine(Case):
             attributes = file["report"].attrs
             self.assertGreater(attributes["global_error"], 0.5)
             self.assertGreaterEqual(attributes["global_error_largest"], attributes["global_error"])
-            self.assertLess(attributes["local_error"], 1e-4)
+            self.assertIn(attributes["global_error_warning"], re.sub(r"\s+", " ", report))
+            self.assertLess(attributes["local_error"], 1e-3)
             self.assertEqual(attributes["local_error_steps"], attributes["steps"])
             self.assertEqual(attributes["stiff"], 0)
         # A short run is made twice without being asked, and never on request.
