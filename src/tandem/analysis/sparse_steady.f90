@@ -95,7 +95,8 @@ contains
             call set_error(error, stat, 'no steady motion of the model "'//model%name//'" was found in '//to_text(iterations)// &
                 ' iterations', 'start nearer to one, name the motions along which it goes on, or hold other rates')
         else if (stat /= status_ok) then
-            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its steady motion')
+            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its steady motion', &
+                'start nearer to it, or look with verify_model or tandem check which procedure is wrong there')
         else
             if (problem%point%frame%moves) then
                 call check_rows(problem%point, error)
