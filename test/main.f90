@@ -48,6 +48,7 @@ program main
     use test_mechanism_groups, only: collect_mechanism_groups
     use test_friction, only: collect_friction
     use test_mechanism_laws, only: collect_mechanism_laws
+    use test_closed_loops, only: collect_closed_loops
     use test_mechanism_motion, only: collect_mechanism_motion
     use test_mechanism_references, only: collect_mechanism_references
     use test_mechanism_rows, only: collect_mechanism_rows
@@ -167,6 +168,7 @@ program main
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('friction', collect_friction), &
         new_testsuite('massless_wheel', collect_massless_wheel), &
+        new_testsuite('closed_loops', collect_closed_loops), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &

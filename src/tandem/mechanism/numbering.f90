@@ -143,6 +143,7 @@ contains
         self%before_norms = self%n_held
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = size(self%rolling_name)
+        self%rows_may_repeat = .true.
         self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
             (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
         self%nonholonomic_name = self%rolling_name

@@ -36,7 +36,7 @@ contains
         else if (model%n_holonomic < 0 .or. model%n_nonholonomic < 0) then
             call refuse('n_holonomic = '//to_text(model%n_holonomic)//' and n_nonholonomic = '// &
                 to_text(model%n_nonholonomic), 'numbers of constraints are not negative', error)
-        else if (model%n_holonomic > model%n - model%n_nonholonomic) then
+        else if (model%n_holonomic > model%n - model%n_nonholonomic .and. .not. model%rows_may_repeat) then
             call refuse(to_text(model%n_holonomic)//' holonomic and '//to_text(model%n_nonholonomic)// &
                 ' nonholonomic constraints on '//to_text(model%n)//' coordinates', &
                 'there are at most as many constraints as coordinates', error)

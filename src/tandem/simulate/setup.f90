@@ -48,7 +48,7 @@ contains
         if (present(assembly)) call assemble(model, assembly, t, start_q, start_qd, error)
         if (allocated(error)) return
         call self%allocate_chart()
-        call self%chart%initialize(model, options, self%method%implicit, error)
+        if (.not. self%has_surplus_rows()) call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return
         call allocate_work(self)
         self%state%t = t

@@ -155,6 +155,7 @@ module tandem_simulation
         procedure, private :: renew_values
         procedure, private :: accept_start
         procedure, private :: choose_rows_anew
+        procedure, private :: has_surplus_rows
         procedure, private :: allocate_chart
         procedure, private :: allocate_stepper
         procedure, private :: renew_chart
@@ -166,7 +167,8 @@ module tandem_simulation
         procedure, private :: explain
         procedure, private :: compare_procedures
         procedure, private :: with_rows
-        procedure, private :: book_time
+        procedure :: start_clock
+        procedure :: book_time
     end type simulation_type
 
     abstract interface
@@ -364,6 +366,14 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine choose_rows_anew
 
+        !> Whether a chart of all rows cannot be: a dense one has at most as many rows as coordinates, so that it waits for those that
+        !> are left out.
+        module function has_surplus_rows(self)
+            implicit none (type, external)
+            class(simulation_type), intent(in) :: self
+            logical :: has_surplus_rows
+        end function has_surplus_rows
+
         !> Watch an event from the current state on; call it after `initialize`, which forgets all events, and before which nothing
         !> is watched. The event is the caller's and must outlive the run.
         module subroutine add_event(self, event)
@@ -530,8 +540,7 @@ contains
             return
         end if
         self%is_integrating = .true.
-        call system_clock(self%clock_from)
-        call cpu_time(self%cpu_from)
+        call self%start_clock()
         if (present(observer)) call observer%observe(self, at_start, error)
         do while (self%state%t < t_end .and. .not. allocated(error))
             call self%advance(t_end, error)
@@ -567,7 +576,15 @@ contains
         end if
     end subroutine limit_steps
 
-    !> Add the time since the last call, or since the start of `integrate`, to the tally.
+    !> Count time from here on, see `book_time`. `integrate` does both; whoever makes single steps may.
+    subroutine start_clock(self)
+        class(simulation_type), intent(inout) :: self
+
+        call system_clock(self%clock_from)
+        call cpu_time(self%cpu_from)
+    end subroutine start_clock
+
+    !> Add the time since the last call, or since the clock was started, to the tally.
     subroutine book_time(self)
         class(simulation_type), intent(inout) :: self
         integer(long) :: now, rate

@@ -16,13 +16,13 @@ contains
 
         self%start%q = self%state%q
         self%start%qd = self%state%qd
-        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        call begin_chart(self, stat)
         if (self%is_sparse .and. stat == status_rank_deficient .and. &
             (allocated(self%blank) .or. .not. keeps_dependent_rows(self%model, self%options))) call leave_out_rows(self, stat)
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
             call leave_sparse(self, stat, error)
             if (allocated(error)) return
-            call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+            call begin_chart(self, stat)
         end if
         if (stat == status_ok) call measure(self, rows, stat)
         if (stat == status_ok .and. allocated(self%chart%left_out)) then
@@ -133,8 +133,21 @@ contains
         end if
         self%is_sparse = .false.
         call self%allocate_chart()
-        call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+        if (.not. self%has_surplus_rows()) call self%chart%initialize(self%model, self%options, self%method%implicit, error)
     end subroutine leave_sparse
+
+    !> Make a chart of all rows at the start.
+    subroutine begin_chart(self, stat)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(out) :: stat
+
+        stat = status_rank_deficient
+        if (.not. self%has_surplus_rows()) call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+    end subroutine begin_chart
+
+    module procedure has_surplus_rows
+        has_surplus_rows = .not. self%is_sparse .and. self%model%n_constraints() > self%model%n
+    end procedure has_surplus_rows
 
     !> The constraint errors of the start.
     subroutine measure(self, rows, stat)
