@@ -194,6 +194,11 @@ class Runs(unittest.TestCase):
         self.assertAlmostEqual(q @ q, 1, delta=1e-12)
         self.assertAlmostEqual(q @ qd, 0, delta=1e-12)
 
+    def test_time_is_counted(self):
+        figures = tandem.solve(Pendulum(), (0, 20), *START, rtol=1e-10).statistics
+        self.assertGreater(figures["cpu_seconds"], 0.0)
+        self.assertGreater(figures["wall_seconds"], 0.5*figures["cpu_seconds"])
+
     def test_warnings_and_figures(self):
         run = tandem.Simulation(Pendulum(), *START, step=0.01, stepper="rk4")
         run.integrate(1.0)
@@ -318,6 +323,19 @@ class Callbacks(unittest.TestCase):
             tandem.solve(with_force(force), (0, 1), *START)
         self.assertEqual(caught.exception.status, "not_evaluable")
 
+    def test_habits_of_scipy_that_mean_something_else(self):
+        def high(t, q, qd):
+            return q[0] - 0.9
+
+        high.terminal = 2
+        for wrong, words in (({"step": 1e-2, "rtol": 1e-5}, "give one of them"), ({"stepper": "rk4"}, "give step"),
+                             ({"events": high}, "terminal = 2"), ({"t_eval": [[0.1, 0.2], [0.3, 0.4]]}, "a list of times")):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                tandem.solve(Pendulum(), (0, 1), *START, **wrong)
+        for option, words in (("dense_output", "simulation.at"), ("method", "stepper")):
+            with self.subTest(option), self.assertRaisesRegex(TypeError, words):
+                tandem.solve(Pendulum(), (0, 1), *START, **{option: True})
+
     def test_wrong_states(self):
         for q, kind in (([1.0, 2.0, 3.0], ValueError), ([[-1.0, 0.0]], ValueError), (["a", "b"], TypeError), ([1j, 0], TypeError),
                         ([1.0, 1.0], tandem.InvalidInput), ([np.nan, 0.0], tandem.TandemError)):
@@ -343,6 +361,8 @@ class Callbacks(unittest.TestCase):
             tandem.Model(mas_matrix=1)
         with self.assertRaises(TypeError):
             tandem.solve(tandem.Model(n=2.5), (0, 1), *START)
+        with self.assertRaisesRegex(TypeError, r"give an instance of tandem.Model, Pendulum\(\)"):
+            tandem.solve(Pendulum, (0, 1), *START)
         with self.assertRaisesRegex(tandem.InvalidInput, "at most as many constraints"):
             tandem.solve(tandem.Model(n=1, n_holonomic=2), (0, 1), [0], [0])
         with self.assertRaisesRegex(tandem.InvalidInput, "mass_matrix"):

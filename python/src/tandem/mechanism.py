@@ -110,14 +110,14 @@ class Mechanism:
         those of the scene and `events`; options of the scene's [solver] count where they are not given here."""
         model = self.model(settings, t_span)
         return Simulation(model, q, qd, model.times[0], events=[*scene_events(model.scene), *listed(events)],
-                          **{**solver_options(model.scene), **options})
+                          **solver_options(model.scene, options))
 
     def solve(self, t_span: tuple[float, float] | None = None, *, settings: Mapping[str, Any] | None = None, q: Any = None, qd: Any = None,
               events: Any = None, **options: Any) -> Solution:
         """A whole run in this process, its rows in memory: see `tandem.solve`. What sensors and `[results]` show, `run` tells."""
         model = self.model(settings, t_span)
         return solve(model, model.times, q, qd, events=[*scene_events(model.scene), *listed(events)],
-                     **{**solver_options(model.scene), **options})
+                     **solver_options(model.scene, options))
 
     def check(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Rows, degrees of freedom, and every derivative against differences; `ProgramError` where something is wrong."""
@@ -198,14 +198,20 @@ def scene_events(scene: Mapping[str, Any]) -> list[Event]:
     return found
 
 
-def solver_options(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """What a scene says of its solver. A scene that says nothing runs as `tandem.solve` does."""
+def solver_options(scene: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """What a scene says of its solver, where it is not given. A scene that says nothing runs as `tandem.solve` does."""
     solver = dict(scene.get("solver", {}))
+    # A kind of steps that is given takes the place of the scene's.
+    if given.get("step") is not None and given.get("rtol") is None:
+        for key in ("rtol", "atol", "first_step"):
+            solver.pop(key, None)
+    elif solver.get("rtol") or given.get("rtol") is not None:
+        solver.pop("step", None)
     if solver:
         solver.setdefault("stepper", "rk4")
-        if not solver.get("rtol"):
+        if not (solver.get("rtol") or given.get("rtol")):
             solver.setdefault("step", 1e-3)
-    return solver
+    return {**solver, **given}
 
 
 def parts_of(key: str) -> list[str]:

@@ -26,6 +26,10 @@ LISTS = {"rtol_q", "rtol_qd", "atol_q", "atol_qd", "fixed_q", "fixed_qd", "weigh
 #: The keys of [initial] that say how a start is assembled, as options.
 ASSEMBLY = {"fixed": "fixed_q", "fixed_velocities": "fixed_qd", "weights": "weight_q", "velocity_weights": "weight_qd",
             "velocity_metric": "velocity_metric", "largest_move": "largest_move_q", "largest_velocity_move": "largest_move_qd"}
+#: What users of `solve_ivp` may look for.
+OF_SCIPY = {"dense_output": "`solution.simulation.at(t)` tells the state within the last step, and t_eval at any times",
+            "method": "name a stepper", "args": "let the functions of the model know them", "jac": "see `force_q` and its like",
+            "vectorized": "functions are called for one time"}
 SETTERS = {"t q": "set_position_function", "q": "set_position_function", "t q qd": "set_motion_function",
            "q qd": "set_motion_function"}
 
@@ -54,6 +58,8 @@ class Event:
         if isinstance(given, Mapping):
             return cls(**given)
         if callable(given) or address_of(given) is not None:
+            if getattr(given, "terminal", 0) not in (0, 1):
+                raise ValueError(f"terminal = {given.terminal!r} of an event: a run stops at the first occurrence or at none, True or False")
             return cls(given, getattr(given, "__name__", "").replace("<lambda>", ""), direction=int(np.sign(getattr(given, "direction", 0))),
                        stops=bool(getattr(given, "terminal", False)))
         raise TypeError(f"an event is a function of (t, q, qd) or a tandem.Event, not {given!r}")
@@ -77,6 +83,9 @@ class Problem:
     """A model in the hands of the library. Two threads that use it at the same time are refused."""
 
     def __init__(self, model: Model, options: Mapping[str, Any] | None = None, events: Sequence[Any] | Callable | None = None):
+        if not isinstance(model, Model):
+            raise TypeError(f"the model is {model!r}: give an instance of tandem.Model" + (
+                f", {model.__name__}()" if isinstance(model, type) else ""))
         model.check_sizes()
         self.model = model
         self._library = library()
@@ -241,6 +250,8 @@ class Problem:
         """An option by its name in doc/options.md; lists are arrays, and rtol and atol may be lists too."""
         if value is None:
             return
+        if name in OF_SCIPY:
+            raise TypeError(f"{name!r} is no option of tandem: {OF_SCIPY[name]}")
         if name in ("rtol_q", "rtol_qd", "atol_q", "atol_qd") and not np.ndim(value):
             value = np.full(self.n, float(value))
         if name in LISTS or (name in ("rtol", "atol") and np.ndim(value)):

@@ -79,7 +79,11 @@ class Simulation:
     def __init__(self, model: Model, q: Any, qd: Any, t: float = 0.0, *, events: Sequence[Any] | Callable | None = None,
                  watch_error: float | None = None, stepper: str | None = None, rtol: Any = None, step: float | None = None,
                  **options: Any):
+        if rtol is not None and step is not None:
+            raise ValueError("step is that of fixed steps, rtol the tolerance that steps follow: give one of them, or first_step with rtol")
         if rtol is None and step is None:
+            if stepper == "rk4":
+                raise ValueError("rk4 makes fixed steps: give step")
             rtol = 1e-8
         options = {"stepper": stepper or "dop853", "rtol": rtol, "step": step, **options}
         if (q is None) != (qd is None):

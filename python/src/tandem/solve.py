@@ -110,7 +110,9 @@ def solve(model: Model, t_span: tuple[float, float], q: Any = None, qd: Any = No
         run.watch_error(t1)
     times = None
     if t_eval is not None:
-        times = np.array(t_eval, dtype=np.float64).reshape(-1)
+        times = np.array(t_eval, dtype=np.float64)
+        if times.ndim != 1:
+            raise ValueError(f"t_eval has the shape {times.shape}: it must be a list of times")
         if times.size and (times.min() < t0 or times.max() > t1):
             raise ValueError(f"t_eval goes from {times.min()} to {times.max()}: it must lie within t_span = ({t0}, {t1})")
     start = run.state

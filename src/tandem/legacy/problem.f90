@@ -141,6 +141,7 @@ contains
             return
         end if
         self%busy = .true.
+        call self%simulation%start_clock()
         call self%simulation%look_back()
         if (.not. at_steps) call take_rows()
         do taken = 1, most
@@ -152,6 +153,7 @@ contains
             call take_rows()
             if (self%simulation%is_stopped) exit
         end do
+        call self%simulation%book_time()
         self%busy = .false.
         call self%conclude(error)
 
