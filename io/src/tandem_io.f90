@@ -20,7 +20,7 @@ module tandem_io
     use tandem_io_study_cases, only: case_groups, case_names
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_measure, only: make_reference, settle_scene
-    use tandem_io_study_modes, only: at_pair, at_zero, critical_type, crossing_name, locus_point_type, modes_type
+    use tandem_io_study_modes, only: at_meeting, at_pair, at_zero, critical_type, crossing_name, locus_point_type, modes_type
     use tandem_io_study_paper, only: paper_columns, paper_type
     use tandem_io_study_precision, only: precision_columns, precision_type
     use tandem_io_study_reference, only: read_reference, reference_type, write_reference
@@ -49,7 +49,7 @@ module tandem_io
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, count_column, real_column, brief
     public :: write_linearisation, write_nearest, body_motions, check_target
-    public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, crossing_name
+    public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
         write_reference

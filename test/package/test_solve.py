@@ -178,6 +178,9 @@ class Runs(unittest.TestCase):
         words[5] ^= 1
         with self.assertRaises(tandem.InvalidInput):
             other.restore(words)
+        # It stays where it was, and can go on.
+        self.assertEqual(other.t, 3.0)
+        self.assertTrue(np.array_equal(run.integrate(4.0).q, other.integrate(4.0).q))
 
     def test_check_names_what_is_wrong(self):
         tandem.check(Pendulum(), *START)

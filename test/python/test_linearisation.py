@@ -42,6 +42,44 @@ rail = { joint = "rail" }
 [time]
 end = 1
 """
+SLEEPING_TOP = """
+[scene]
+model = "mechanism"
+[parameters]
+w = 100
+[gravity]
+vector = [0, 0, -9.81]
+[body.top]
+mass = 1.0
+inertia = [0.02, 0.02, 0.01]
+position = [0, 0, 0.3]
+omega = [0, 0, "w"]
+[joint.tip]
+type = "spherical"
+bodies = ["ground", "top"]
+at = [0, 0, 0]
+[time]
+end = 1
+"""
+ZIEGLER = """
+[scene]
+model = "mechanism"
+planar = true
+[parameters]
+push = 1
+[body]
+first = { mass = 2, inertia = 0, position = [1, 0] }
+second = { mass = 1, inertia = 0, position = [2, 0] }
+[joint]
+foot = { type = "revolute", bodies = ["ground", "first"], at = [0, 0] }
+knee = { type = "revolute", bodies = ["first", "second"], at = [1, 0] }
+[force]
+at_foot = { type = "torsion", joint = "foot", stiffness = 1 }
+at_knee = { type = "torsion", joint = "knee", stiffness = 1 }
+follower = { type = "load", on = "second", force = ["-push", 0], in_body = true }
+[time]
+end = 1
+"""
 SWUNG = CART + """
 motion = 0
 [body.bob]
@@ -118,6 +156,7 @@ class Linearisation(Case):
             self.assertLess(min(abs(value - expected) for value in values), 1e-12)
         self.assertEqual(sum(mode["cause"] != "motion" for mode in said["modes"]), 6)
         self.assertEqual(said["kind"], "steady motion")
+        self.assertEqual(said["zeros"], {"count": 6, "jordan_blocks": [2, 2, 1, 1]})
         # The matrix is the one whose eigenvalues these are; zeros in its Jordan blocks come out as 1e-8 of numpy.
         found = np.sort_complex(np.linalg.eigvals(np.array(said["a"])))
         self.assertLess(np.max(np.abs(found - np.sort_complex(np.array(values)))), 1e-6)
@@ -262,6 +301,32 @@ class Linearisation(Case):
         # Real ones that meet and part as a pair cross nothing.
         rows = self.said("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2")
         self.assertEqual([len(rows["rows"]), rows["critical"]], [2, []])
+
+    def test_critical_values_of_what_loses_no_energy(self):
+        """Two eigenvalues that meet at zero, or two pairs that meet on the imaginary axis, against closed forms."""
+        disk = ("mechanism_disk", "--set", 'body.disk.velocity=[0,"w",0]', "--set", 'body.disk.omega=["-w",0,0]', "--set", "parameters.w=1")
+        for over in "1:3:11", "1.5:2:2", "1:3:41", "1.7888:1.7889:3":
+            with self.subTest(over):
+                found, = self.said("study", "modes", *disk, "--over", "parameters.w=" + over)["critical"]
+                self.assertEqual([found["crossing"], found["grows_beyond"]], ["zero", False])
+                self.assertLess(abs(found["value"] - np.sqrt(10*9.6*2.5001/(5*(5 + 10)))), 1e-10)
+        top = self.folder / "top.toml"
+        top.write_text(SLEEPING_TOP)
+        inertia, height = 0.02, 0.3
+        for over in "50:300:30", "113:115:2", "100:120:3":
+            with self.subTest(over):
+                found, = self.said("study", "modes", str(top), "--over", "parameters.w=" + over)["critical"]
+                self.assertEqual([found["crossing"], found["grows_beyond"]], ["krein", False])
+                exact = 2*np.sqrt((inertia + height**2)*9.81*height)/0.01
+                self.assertLess(abs(found["value"] - exact), 1e-9)
+                # Nutation and precession are one there, half of C omega/A'.
+                self.assertLess(abs(found["eigenvalue"][1] - 0.01*exact/(2*(inertia + height**2))), 1e-5)
+        # Ziegler's column (1952): two rods, masses 2 and 1, springs of 1, a force that follows the last rod.
+        column = self.folder / "column.toml"
+        column.write_text(ZIEGLER)
+        found, = self.said("study", "modes", str(column), "--over", "parameters.push=0.5:3:26")["critical"]
+        self.assertEqual([found["crossing"], found["grows_beyond"]], ["krein", True])
+        self.assertLess(abs(found["value"] - (3.5 - np.sqrt(2))), 1e-9)
 
     def test_a_study_of_modes_that_cannot_be(self):
         for over in ("parameters.speed", "parameters.speed=1:2", "parameters.speed=2:1:3", "parameters.speed=1:2:1",

@@ -535,6 +535,8 @@ WRONG_IN_SPACE = [
     ("across = [0, 1, 0]", "across = [1, 1, 0]", ["axes that are not perpendicular", "90 degrees"]),
     ("across = [0, 1, 0]\n", "", ["j has axes that are not perpendicular"]),
     ("inertia = [1, 1, 1]\nposition = [0, 0, 1]", "inertia = [1, 1, 3]\nposition = [0, 0, 1]", ["larger than the sum of the two others"]),
+    ("inertia = [1, 1, 1]\nposition = [0, 0, 1]", "inertia = [1, 1, 1, 1.1, 0, 0]\nposition = [0, 0, 1]", ["negative about one of its principal"]),
+    ("inertia = [1, 1, 1]\nposition = [0, 0, 1]", "inertia = [1, 1, 1, 0.6, 0.6, -0.6]\nposition = [0, 0, 1]", ["negative about one of its principal"]),
     ("inertia = [1, 1, 1]\nposition = [0, 0, 1]", "inertia = [1, 1]\nposition = [0, 0, 1]", ["body.a.inertia", "give 3 or 6"]),
     ("position = [0, 0, 2]", "position = [0, 0, 2]\neuler_parameters = [0, 0, 0, 0]", ["Euler parameters", "zero"]),
     ("position = [0, 0, 2]", "position = [0, 0, 2]\nrotation = [0, 0, 1]\neuler_parameters = [1, 0, 0, 0]", ["body.b.rotation", "beside"]),

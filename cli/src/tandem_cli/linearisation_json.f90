@@ -19,7 +19,7 @@ contains
         !> Multipliers, where they were asked for.
         type(floquet_type), intent(in), optional :: floquet
         type(json_type) :: json
-        integer :: i
+        integer :: i, k
 
         call json%begin_object()
         call json%add('scene', scene%name)
@@ -40,8 +40,11 @@ contains
             call json%begin_object('zeros')
             call json%add('count', spectrum%n_zeros)
             call json%begin_array('jordan_blocks')
-            do i = 1, size(spectrum%blocks)
-                call json%add('', spectrum%blocks(i))
+            ! blocks(k) is how many are of size k or more.
+            do k = size(spectrum%blocks), 1, -1
+                do i = 1, spectrum%blocks(k) - sum(spectrum%blocks(k + 1:min(k + 1, size(spectrum%blocks))))
+                    call json%add('', k)
+                end do
             end do
             call json%end_array()
             call json%end_object()

@@ -4,7 +4,7 @@ module tandem_cli_study_modes
     use tandem, only: cause_name, error_type, is_input_error, kind_name, of_motion, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
-    use tandem_io, only: at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
+    use tandem_io, only: at_meeting, at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
     use tandem_status, only: status_invalid_option
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -113,12 +113,15 @@ contains
             associate (it => study%critical(i))
                 write (number, '(f0.13)') it%value
                 line = 'critical at '//trim(number)//' +- '//brief(it%uncertainty)
-                if (it%crossing == at_pair) then
-                    line = line//': a pair at +- '//to_text(aimag(it%eigenvalue))//' i (Hopf)'
-                else
-                    line = line//': a real eigenvalue is zero'
-                end if
-                call say(line//', which grows '//trim(merge('beyond', 'before', it%grows_beyond))//' it')
+                select case (it%crossing)
+                case (at_pair)
+                    line = line//': a pair at +- '//to_text(aimag(it%eigenvalue))//' i (Hopf), which grows '
+                case (at_meeting)
+                    line = line//': two pairs meet at +- '//to_text(aimag(it%eigenvalue))//' i, of which one grows '
+                case default
+                    line = line//': a real eigenvalue is zero, which grows '
+                end select
+                call say(line//trim(merge('beyond', 'before', it%grows_beyond))//' it')
             end associate
         end do
     end subroutine print_loci

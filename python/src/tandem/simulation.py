@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .errors import TandemError
 from .model import Model
 from .problem import Problem, as_state, pointer
 
@@ -261,9 +262,16 @@ class Simulation:
         return words
 
     def restore(self, words: Any) -> None:
-        """Go on from what `save` gave, bitwise as if nothing had been, in a run of the same model with the same options."""
+        """Go on from what `save` gave, bitwise as if nothing had been, in a run of the same model with the same options. Where it is
+        refused, the run stays where it is."""
         words = np.ascontiguousarray(words, dtype=np.int64)
-        self.problem.call("restore_state", words.size, pointer(words))
+        before, state = self.save(), self.state
+        try:
+            self.problem.call("restore_state", words.size, pointer(words))
+        except TandemError:
+            self.start(state.q, state.qd, state.t)
+            self.problem.call("restore_state", before.size, pointer(before))
+            raise
 
     def linearise(self) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues of small motions about the current state (k), complex, 1/s, by their real parts; and the matrix (k, k)."""

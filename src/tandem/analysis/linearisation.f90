@@ -84,6 +84,8 @@ contains
         !> Names of the fields along which the motion may go on; any, where they are absent.
         character(len=*), intent(in), optional :: names(:)
         type(point_type), allocatable :: point
+        !> The sizes of the terms that entries of A are sums of.
+        real(wp), allocatable :: terms(:, :)
         integer :: stat
 
         call check_model(model, error)
@@ -116,16 +118,21 @@ contains
         call point%describe(stat, 'cannot be linearised at the point', error)
         if (allocated(error)) return
         self%qdd = point%qdd
-        call self%form(point)
+        call self%form(point, terms)
         call self%find_rates(point)
-        if (self%kind == in_steady_motion) call self%go_along(point)
+        if (self%kind == in_steady_motion) call self%go_along(point, terms)
+        ! Balances leave rounding where the terms of an entry cancel: a square root of it would be an eigenvalue.
+        if (self%has_gradients) then
+            where (abs(self%a) <= 100*epsilon(1.0_wp)*terms) self%a = 0.0_wp
+        end if
         call self%find_spectrum(point, error)
     end subroutine make
 
-    !> A of the point.
-    subroutine form(self, point)
+    !> A of the point, and the sizes of what its entries are sums of.
+    subroutine form(self, point, terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
+        real(wp), allocatable, intent(out) :: terms(:, :)
         real(wp), allocatable :: g(:, :), by_v(:, :), by_w(:, :), none(:, :)
         integer :: i
 
@@ -143,6 +150,10 @@ contains
             self%a(:nv, nv + 1:) = matmul(transpose(v), w)
             self%a(nv + 1:, :nv) = matmul(transpose(w), by_v)
             self%a(nv + 1:, nv + 1:) = matmul(transpose(w), by_w)
+            allocate (terms(nv + nw, nv + nw), source=0.0_wp)
+            terms(:nv, :nv) = matmul(transpose(abs(v)), abs(g))
+            call point%size_of_acceleration(abs(v), abs(g), terms(nv + 1:, :nv))
+            call point%size_of_acceleration(none, abs(w), terms(nv + 1:, nv + 1:))
             self%v = v
             self%g = g
             self%w = w
@@ -249,9 +260,10 @@ contains
     end function residual_of
 
     !> A in coordinates that go along with the steady motion.
-    subroutine go_along(self, point)
+    subroutine go_along(self, point, terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
+        real(wp), intent(inout) :: terms(:, :)
         real(wp), allocatable :: l(:, :), g(:, :)
         integer :: j
 
@@ -265,6 +277,9 @@ contains
             a(:nv, :nv) = a(:nv, :nv) - matmul(transpose(v), matmul(l, v))
             a(nv + 1:, :nv) = a(nv + 1:, :nv) - matmul(transpose(w), matmul(l, g))
             a(nv + 1:, nv + 1:) = a(nv + 1:, nv + 1:) - matmul(transpose(w), matmul(l, w))
+            terms(:nv, :nv) = terms(:nv, :nv) + matmul(transpose(abs(v)), matmul(abs(l), abs(v)))
+            terms(nv + 1:, :nv) = terms(nv + 1:, :nv) + matmul(transpose(abs(w)), matmul(abs(l), abs(g)))
+            terms(nv + 1:, nv + 1:) = terms(nv + 1:, nv + 1:) + matmul(transpose(abs(w)), matmul(abs(l), abs(w)))
         end associate
     end subroutine go_along
 

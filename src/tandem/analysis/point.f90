@@ -60,6 +60,7 @@ module tandem_analysis_point
         procedure :: apply_position_inverse
         procedure :: restore_position
         procedure :: set_acceleration
+        procedure :: size_of_acceleration
         procedure :: describe
     end type point_type
 
@@ -259,6 +260,30 @@ contains
         end do
         dqdd = dqdd + matmul(self%w, force)
     end subroutine vary_acceleration
+
+    !> How large the terms are of which W' dqdd is a sum: what rounding leaves of a balance is a small part of that.
+    subroutine size_of_acceleration(self, dq, dqd, size_of)
+        class(point_type), intent(in) :: self
+        !> Sizes of changes of q and qd (n, k).
+        real(wp), intent(in) :: dq(:, :), dqd(:, :)
+        !> (nw, k).
+        real(wp), intent(out) :: size_of(:, :)
+        real(wp) :: inverse(self%nw, self%nw), forces(self%n), changes(self%n, size(dq, 2))
+        integer :: j
+
+        inverse = 0.0_wp
+        do j = 1, self%nw
+            inverse(j, j) = 1.0_wp
+            call self%reduced_mass%solve(inverse(:, j))
+        end do
+        ! Models add up the stiffness of forces in balance: as large as these, where they turn with what they act on.
+        forces = matmul(abs(self%lambda), abs(self%jacobian)) + abs(self%force)
+        changes = matmul(abs(self%dynamics_q), dq) + matmul(abs(self%dynamics_qd), dqd)
+        do j = 1, size(dq, 2)
+            changes(:, j) = changes(:, j) + forces*sum(dq(:, j))
+        end do
+        size_of = matmul(abs(inverse), matmul(transpose(abs(self%w)), changes))
+    end subroutine size_of_acceleration
 
     !> The gradients at the point, for the qdd and lambda that it holds.
     subroutine differentiate(self, stat)

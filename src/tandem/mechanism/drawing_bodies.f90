@@ -171,9 +171,28 @@ contains
             else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
                 call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
                     'no body has that: check the three values', error)
+            else if (.not. is_semidefinite(body%inertia)) then
+                call refuse(label//' has an inertia that is negative about one of its principal axes', &
+                    'check the products of inertia: no one may exceed the root of the product of its two moments', error)
             end if
         end if
     end subroutine take_inertia
+
+    !> Whether no principal minor of a symmetric matrix, whose diagonal is not negative, is below zero but for rounding.
+    pure logical function is_semidefinite(a)
+        real(wp), intent(in) :: a(3, 3)
+        real(wp), parameter :: rounding = 1.0e-12_wp
+        real(wp) :: size_of
+        integer :: i, k
+
+        size_of = maxval(abs(a))
+        is_semidefinite = a(1, 1)*(a(2, 2)*a(3, 3) - a(2, 3)**2) - a(1, 2)*(a(1, 2)*a(3, 3) - a(2, 3)*a(1, 3)) + &
+            a(1, 3)*(a(1, 2)*a(2, 3) - a(2, 2)*a(1, 3)) >= -rounding*size_of**3
+        do i = 1, 3
+            k = 1 + modulo(i, 3)
+            is_semidefinite = is_semidefinite .and. a(i, i)*a(k, k) - a(i, k)**2 >= -rounding*size_of**2
+        end do
+    end function is_semidefinite
 
     !> What the element of a name is.
     pure function kind_of(self, name) result(kind)

@@ -6,13 +6,14 @@
 !> constraints. Rows of constraints may have any units: they are compared on their own scale, that of their entries in C.
 module tandem_model_verification
     use tandem_error, only: error_type
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: long, wp
     use tandem_linalg_random, only: random_vector
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable
     use tandem_model_counts, only: counts_type
     use, intrinsic :: ieee_exceptions, only: ieee_all, ieee_get_flag, ieee_set_flag
@@ -82,13 +83,20 @@ contains
         type(counts_type) :: counts
         type(parts_type) :: parts
         real(wp) :: scale(model%n), q1(model%n), qd1(model%n), qdd1(model%n), lambda(model%n_constraints())
+        type(pack_type) :: pack
         character(len=len(evaluator%failed_term)) :: failed
+        character(len=40) :: problem
+        integer(long), allocatable :: memory(:)
         logical :: flags(size(ieee_all))
         integer :: state, seed, stat
 
         allocate (findings(0))
         call check_model(model, error)
         if (allocated(error)) return
+        ! A model may count turns from state to state: the random ones are none that it has been in.
+        call pack%begin_writing()
+        call model%pack_state(pack)
+        call pack%end_writing('model', memory)
         scale = 1.0_wp
         if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
         call ieee_get_flag(ieee_all, flags)
@@ -113,6 +121,8 @@ contains
             end if
             if (stat /= 0) call add_finding(findings, finding_type(name='evaluation of '//failed, passed=.false., stat=stat))
         end do
+        call pack%begin_reading('model', memory, problem)
+        call model%pack_state(pack)
         call ieee_set_flag(ieee_all, flags)
     end subroutine verify_model
 

@@ -4,8 +4,8 @@
 module test_mechanism_rows
     use asserts, only: check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
-    use tandem, only: expression_type, failure_type => error_type, mechanism_type, parse_expression, polynomial_type, ramp, &
-        sine_type, wp
+    use tandem, only: expression_type, failure_type => error_type, finding_type, mechanism_type, options_type, parse_expression, &
+        polynomial_type, ramp, simulation_type, sine_type, verify_model, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -24,6 +24,7 @@ contains
             new_unittest('freedoms-of-the-primitive', test_primitive), &
             new_unittest('freedoms-at-velocity-level', test_glides), &
             new_unittest('couplings', test_couplings), &
+            new_unittest('a-check-leaves-turns-as-they-were', test_turns_after_check), &
             new_unittest('rows-by-expression', test_rate_rows), &
             new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
             new_unittest('what-cannot-be', test_words)]
@@ -108,6 +109,52 @@ contains
             end do
         end do
     end subroutine test_glides
+
+    !> The random states of a check are far apart: what a coupling counts of turns must be that of the drawing afterwards.
+    subroutine test_turns_after_check(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        type(finding_type), allocatable :: findings(:)
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp), parameter :: inertia(3) = 0.1_wp
+
+        call mechanism%add_body('a', 1.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], failure, inertia=inertia, &
+            euler_parameters=turned_by([-0.163_wp, -0.482_wp, 0.599_wp]))
+        call check_no_failure(error, failure)
+        call mechanism%add_body('b', 1.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], failure, inertia=inertia, &
+            euler_parameters=turned_by([0.040_wp, -0.292_wp, -0.782_wp]))
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('ja', 'revolute', 'ground', 'a', failure, at=[0.581_wp, 0.365_wp, 0.294_wp], &
+            axis=[0.346_wp, 0.822_wp, 0.330_wp])
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('jb', 'revolute', 'a', 'b', failure, at=[1.0_wp, 0.0_wp, 0.0_wp], &
+            axis=[-0.652_wp, 0.453_wp, 0.223_wp])
+        call check_no_failure(error, failure)
+        call mechanism%add_coupling('c', ['ja', 'jb'], [1.0_wp, 0.5_wp], failure)
+        call check_no_failure(error, failure)
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        call verify_model(mechanism, 0.0_wp, q, qd, 10, findings, failure)
+        call check_no_failure(error, failure)
+        call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+
+    contains
+
+        !> Euler parameters of a vector of rotation.
+        pure function turned_by(vector) result(p)
+            real(wp), intent(in) :: vector(3)
+            real(wp) :: p(4)
+
+            p = [cos(0.5_wp*norm2(vector)), sin(0.5_wp*norm2(vector))/norm2(vector)*vector]
+        end function turned_by
+    end subroutine test_turns_after_check
 
     !> Gears and racks of joints that share a body, a screw.
     subroutine test_couplings(error)

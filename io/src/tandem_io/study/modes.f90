@@ -2,9 +2,11 @@
 !> Root loci: the eigenvalues of a scene's start over a value of it, and the critical values at which eigenvalues cross the
 !> imaginary axis.
 !>
-!> Between two samples, a real eigenvalue that has passed zero is one where the product of all has changed its sign; a pair that has
-!> passed the axis is matched with the nearest at the other end. Where the number of growing eigenvalues changes in another way, the
-!> interval is halved. What crosses and comes back between two samples is not seen.
+!> Between two samples, the product of all changes its sign where a real eigenvalue passes zero, or where two of opposite signs meet
+!> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair that
+!> has passed the axis is matched with the nearest at the other end. Two pairs on the axis may meet and leave it to either side
+!> (of systems without damping: Krein, 1950); the square of half their difference is smooth and changes its sign. Where the number of
+!> growing eigenvalues changes in another way, the interval is halved. What crosses and comes back between two samples is not seen.
 module tandem_io_study_modes
     use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_io_scene, only: read_scene, scene_type
@@ -13,11 +15,11 @@ module tandem_io_study_modes
     implicit none (type, external)
     private
 
-    public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, crossing_name
+    public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
 
-    !> What crosses the axis: a real eigenvalue at zero, or a pair (Hopf).
-    integer, parameter :: at_zero = 1, at_pair = 2
-    character(len=4), parameter :: crossing_name(2) = [character(len=4) :: 'zero', 'hopf']
+    !> What crosses the axis: a real eigenvalue at zero, or a pair (Hopf); or two pairs on it that meet (Krein).
+    integer, parameter :: at_zero = 1, at_pair = 2, at_meeting = 3
+    character(len=5), parameter :: crossing_name(3) = [character(len=5) :: 'zero', 'hopf', 'krein']
     !> How often an interval is halved at most, and how many points a critical value may take.
     integer, parameter :: deepest = 8, most_points = 80
     !> A critical value is known where its bracket is this part of it, or of the interval.
@@ -37,7 +39,7 @@ module tandem_io_study_modes
     !> A value at which stability changes.
     type :: critical_type
         real(wp) :: value = 0.0_wp
-        !> `at_zero` or `at_pair`; the eigenvalue there.
+        !> `at_zero`, `at_pair` or `at_meeting`; the eigenvalue there.
         integer :: crossing = 0
         complex(wp) :: eigenvalue = (0.0_wp, 0.0_wp)
         !> Whether it grows beyond the value, else before it.
@@ -62,6 +64,7 @@ module tandem_io_study_modes
         procedure, private :: interpolate
         procedure, private :: find_pairs
         procedure, private :: refine_pair
+        procedure, private :: find_collision
     end type modes_type
 
 contains
@@ -133,6 +136,8 @@ contains
             if (allocated(error)) return
         end if
         call self%find_pairs(a, b, found, n, change, error)
+        if (.not. allocated(error) .and. abs(growing(b) - growing(a) - change) == 2) &
+            call self%find_collision(a, b, found, n, change, error)
         if (allocated(error)) return
         if (change /= growing(b) - growing(a) .and. depth < deepest) then
             call self%sample((a%value + b%value)/2, middle, error)
@@ -173,17 +178,17 @@ contains
             real(point%values, wp) < 0.0_wp), 2)
     end function product_sign
 
-    !> The real eigenvalue of the motion next to zero, with the sign of the product of all; zero where it counts among the zeros.
-    pure real(wp) function smallest_of(point, n) result(value)
-        type(locus_point_type), intent(in) :: point
-        !> How many eigenvalues of the motion there are elsewhere.
-        integer, intent(in) :: n
+    !> The product of the eigenvalues of the motion over that at another point; zero where some count among the zeros.
+    pure real(wp) function product_of(point, other) result(value)
+        type(locus_point_type), intent(in) :: point, other
+        real(wp), parameter :: largest = 300.0_wp
 
         value = 0.0_wp
-        if (count(point%cause == of_motion) < n) return
-        value = product_sign(point)*minval(abs(point%values), &
-            point%cause == of_motion .and. .not. abs(aimag(point%values)) > 0.0_wp)
-    end function smallest_of
+        if (count(point%cause == of_motion) < count(other%cause == of_motion)) return
+        ! By logarithms: of many eigenvalues the product is out of range.
+        value = sum(log(abs(point%values)), point%cause == of_motion) - sum(log(abs(other%values)), other%cause == of_motion)
+        value = product_sign(point)*exp(min(max(value, -largest), largest))
+    end function product_of
 
     !> Where a real eigenvalue passes zero.
     subroutine find_zero(self, a, b, found, n, change, error)
@@ -202,21 +207,21 @@ contains
         if (count(b%cause == of_motion) /= n_motion) return
         bracket%a = a%value
         bracket%b = b%value
-        bracket%value_a = smallest_of(a, n_motion)
-        bracket%value_b = smallest_of(b, n_motion)
+        bracket%value_a = product_of(a, a)
+        bracket%value_b = product_of(b, a)
         do i = 1, most_points
             if (is_fine(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
-            value = smallest_of(point, n_motion)
+            value = product_of(point, a)
             if (.not. abs(value) > 0.0_wp) exit
             call bracket%narrow(x, value)
         end do
         n = n + 1
         found(n)%value = (bracket%a + bracket%b)/2
         found(n)%uncertainty = (bracket%b - bracket%a)/2
-        if (.not. is_fine(bracket, a, b)) call self%interpolate(x, bracket, n_motion, found(n), error)
+        if (.not. is_fine(bracket, a, b)) call self%interpolate(x, bracket, a, found(n), error)
         if (allocated(error)) return
         found(n)%crossing = at_zero
         ! The number of real ones that grow: to which side it went.
@@ -226,13 +231,14 @@ contains
     end subroutine find_zero
 
     !> Near its zero an eigenvalue counts among the zeros. So the value is interpolated between four points beside it, as a cubic
-    !> function of the eigenvalue; what a quadratic one differs by is its uncertainty.
-    subroutine interpolate(self, x, bracket, n_motion, found, error)
+    !> function of the product; what a quadratic one differs by is its uncertainty.
+    subroutine interpolate(self, x, bracket, other, found, error)
         class(modes_type), intent(in) :: self
         !> A value at which it does.
         real(wp), intent(in) :: x
         type(bracket_type), intent(in) :: bracket
-        integer, intent(in) :: n_motion
+        !> What products are divided by that of.
+        type(locus_point_type), intent(in) :: other
         type(critical_type), intent(inout) :: found
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
@@ -246,7 +252,7 @@ contains
         do i = 1, 4
             call self%sample(x + place(i)*delta, point, error)
             if (allocated(error)) return
-            values(i) = smallest_of(point, n_motion)
+            values(i) = product_of(point, other)
         end do
         ! So near to an end of the interval that there is no room beside it.
         if (any(abs(values) <= 0.0_wp) .or. values(2)*values(3) > 0.0_wp) return
@@ -339,6 +345,92 @@ contains
         found%eigenvalue = cmplx(0.0_wp, abs(aimag(value)), wp)
         found%grows_beyond = bracket%value_b > 0.0_wp
     end subroutine refine_pair
+
+    !> Where two pairs on the imaginary axis meet and leave it, or come back to it: two pairs that neither grow nor decay at one end, and
+    !> at the other one that grows and one that decays as fast, with the same frequency.
+    subroutine find_collision(self, a, b, found, n, change, error)
+        class(modes_type), intent(in) :: self
+        type(locus_point_type), intent(in) :: a, b
+        type(critical_type), intent(inout) :: found(:)
+        integer, intent(inout) :: n, change
+        type(error_type), allocatable, intent(out) :: error
+        type(bracket_type) :: bracket
+        type(locus_point_type) :: point
+        complex(wp) :: at_a, at_b, centre
+        real(wp) :: x, square
+        logical :: grows_beyond
+        integer :: i, k
+
+        grows_beyond = growing(b) > growing(a)
+        if (grows_beyond) then
+            k = fastest_pair(b)
+        else
+            k = fastest_pair(a)
+        end if
+        if (k == 0) return
+        if (grows_beyond) then
+            at_b = cmplx(0.0_wp, aimag(b%values(k)), wp)
+            at_a = at_b
+        else
+            at_a = cmplx(0.0_wp, aimag(a%values(k)), wp)
+            at_b = at_a
+        end if
+        call look_at_two(a, at_a, bracket%value_a)
+        call look_at_two(b, at_b, bracket%value_b)
+        if (.not. bracket%value_a*bracket%value_b < 0.0_wp .or. (bracket%value_b > 0.0_wp .neqv. grows_beyond)) return
+        bracket%a = a%value
+        bracket%b = b%value
+        do i = 1, most_points
+            if (is_fine(bracket, a, b)) exit
+            x = bracket%next_point()
+            call self%sample(x, point, error)
+            if (allocated(error)) return
+            centre = at_a + (x - bracket%a)/(bracket%b - bracket%a)*(at_b - at_a)
+            call look_at_two(point, centre, square)
+            call bracket%narrow(x, square)
+            if (bracket%a >= x) at_a = centre
+            if (bracket%b <= x) at_b = centre
+        end do
+        n = n + 1
+        found(n)%value = (bracket%a + bracket%b)/2
+        found(n)%uncertainty = (bracket%b - bracket%a)/2
+        found(n)%crossing = at_meeting
+        found(n)%eigenvalue = cmplx(0.0_wp, aimag(at_a + at_b)/2, wp)
+        found(n)%grows_beyond = grows_beyond
+        change = change + merge(2, -2, grows_beyond)
+    end subroutine find_collision
+
+    !> The growing pair that oscillates and grows fastest, the one with a positive imaginary part; 0 for none.
+    pure integer function fastest_pair(point)
+        type(locus_point_type), intent(in) :: point
+        logical :: grows(size(point%values))
+
+        fastest_pair = 0
+        grows = point%cause == of_motion .and. aimag(point%values) > 0.0_wp .and. real(point%values, wp) > 100*point%error
+        if (any(grows)) fastest_pair = maxloc(real(point%values, wp), dim=1, mask=grows)
+    end function fastest_pair
+
+    !> The two eigenvalues above the real axis that are nearest to a place, which becomes their middle, and the square of half their
+    !> difference: below zero for two on the imaginary axis, above it for two beside it.
+    pure subroutine look_at_two(point, centre, square)
+        type(locus_point_type), intent(in) :: point
+        complex(wp), intent(inout) :: centre
+        real(wp), intent(out) :: square
+        logical :: is_free(size(point%values))
+        complex(wp) :: two(2)
+        integer :: i, k
+
+        square = 0.0_wp
+        is_free = point%cause == of_motion .and. aimag(point%values) > 0.0_wp
+        if (count(is_free) < 2) return
+        do i = 1, 2
+            k = minloc(abs(point%values - centre), dim=1, mask=is_free)
+            two(i) = point%values(k)
+            is_free(k) = .false.
+        end do
+        square = real(((two(1) - two(2))/2)**2, wp)
+        centre = (two(1) + two(2))/2
+    end subroutine look_at_two
 
     !> Whether a bracket is as narrow as can be.
     pure logical function is_fine(bracket, a, b)
