@@ -192,6 +192,14 @@ class Runs(unittest.TestCase):
         with self.assertRaisesRegex(tandem.InvalidInput, "constraint_acceleration is wrong"):
             tandem.check(Wrong(), *START)
 
+    def test_functions_that_contradict_each_other_are_told_at_once(self):
+        class Halved(Pendulum):
+            def holonomic_jacobian(self, t, q):
+                return q
+
+        with self.assertWarnsRegex(RuntimeWarning, "contradicts itself"), self.assertRaises(tandem.RunFailed):
+            tandem.solve(Halved(), (0, 1), *START, max_steps=3000)
+
     def test_assemble(self):
         q, qd = tandem.assemble(Pendulum(), [-1.1, 0.1], [0.1, 0.3])
         self.assertAlmostEqual(q @ q, 1, delta=1e-12)

@@ -57,7 +57,7 @@ class Tables(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.folder = Path(cls.scratch.name)
-        for name, text in (("disks", SWEEP), ("indices", INDICES)):
+        for name, text in (("disks", SWEEP), ("indices", INDICES), ("late", SWEEP.replace("0.02]\n[[keep", "0.02, 1.0]\n[[keep"))):
             (cls.folder / f"{name}.toml").write_text(text)
             tandem.run_program("sweep", cls.folder / f"{name}.toml", "--output", cls.folder / f"{name}.h5", "--quiet", "--jobs", 1)
 
@@ -126,6 +126,12 @@ class Tables(unittest.TestCase):
                                           file["indices/rz_end"][()])
         # The height hardly depends on the mass.
         self.assertLess(one.total[0], 0.1*one.total[1])
+
+    def test_bands_leave_out_times_that_no_case_reaches(self):
+        from tandem.plot import bands
+
+        self.assertEqual(len(tandem.read_table(self.folder / "late.h5").outputs["spin"].times), 4)
+        self.assertEqual(list(bands(self.folder / "late.h5").axes[0].lines[0].get_xdata()), [0.0, 0.01, 0.02])
 
     def test_what_is_no_table(self):
         with self.assertRaisesRegex(KeyError, "there is no column 'mass'; there are model.mass, "):

@@ -146,7 +146,8 @@ class Tables(Case):
         self.assertEqual({row["status"] for row in rows}, {"ok"})
 
     def test_cases_from_a_file(self):
-        (self.folder / "cases.csv").write_text("model.mass,solver.stepper\n5.0,rk4\n7.5,dop853\n")
+        # With the mark that spreadsheets put in front.
+        (self.folder / "cases.csv").write_text("\ufeffmodel.mass,solver.stepper\n5.0,rk4\n7.5,dop853\n", encoding="utf-8")
         self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.1"]\ncsv = "cases.csv"\n')
         self.sweep("--quiet")
         with h5py.File(self.folder / "sweep.h5") as file:
@@ -677,6 +678,8 @@ WRONG = [
     (HEAD + VARY + "normal = [1.0, 2.0]\n", "must have one"),
     (HEAD + VARY + VARY, "gives the name of another input"),
     (HEAD + VARY + '[[vary]]\nkey = "model.mass"\nname = "m"\nvalues = [1.0]\n', "a second time"),
+    (HEAD + 2*'[[vary]]\nkey = "initial.omega[2]"\nvalues = [1.0]\n' + 'name = "again"\n', "a second time"),
+    ('[sweep]\nscene = "a01_pendulum"\n[[vary]]\nkey = "parameters.ll"\nvalues = [1.0]\n', "no parameter of the scene"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0, 1.0]\n", "the latter larger"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0]\n", "uniform has 1 elements"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nnormal = [2.0, 0.0]\n", "the latter positive"),

@@ -275,14 +275,14 @@ class Problem:
         event = Event(**{**event.__dict__, "name": name})
         if event.function is not None:
             address = self._guard.address(f"event {name!r}", event.function, (), True, False)
-            self.call("add_event_function", name.encode(), address, event.direction, int(event.stops))
+            self.call("add_event_function", name.encode(), address, int(np.sign(event.direction)), int(event.stops))
         else:
             if isinstance(event.index, str):
                 known = self.model.constraints if event.quantity == "lambda" else self.model.coordinate_names
                 if event.index not in (known or ()):
                     raise KeyError(f"the event {name!r} watches {event.index!r}; there are {', '.join(known or ())}")
                 event.index = list(known).index(event.index)
-            self.call("add_event", name.encode(), event.quantity.encode(), event.index, float(event.value), event.direction,
+            self.call("add_event", name.encode(), event.quantity.encode(), event.index, float(event.value), int(np.sign(event.direction)),
                       int(event.stops))
         self.events.append(event)
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ctypes
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -100,6 +101,7 @@ class Simulation:
     def start(self, q: Any, qd: Any, t: float = 0.0) -> None:
         """Start, or start anew, with the same model and options."""
         n = self.problem.n
+        self._has_warned = False
         q, qd = as_state("q", q, n), as_state("qd", qd, n)
         with self.problem.interruptible():
             self.problem.call("start", float(t), pointer(q), pointer(qd))
@@ -142,6 +144,7 @@ class Simulation:
             except BaseException as error:
                 failure = error
             done += filled.value
+            self.warn_of_contradictions()
             if filled.value:
                 yield t[:filled.value], q[:filled.value], qd[:filled.value], qdd[:filled.value]
             if failure is not None:
@@ -149,6 +152,14 @@ class Simulation:
             left = not at_steps and done < wanted.size and wanted[done] <= self.t
             if not left and (self.t >= t_end or self.stopped_by is not None):
                 return
+
+    def warn_of_contradictions(self) -> None:
+        """Say at once, by Python's warnings, that functions of the model contradict each other: such a run may take for ever."""
+        if not self._has_warned and self.problem.number("count_warnings"):
+            for text in self.warnings:
+                if "contradicts itself" in text:
+                    self._has_warned = True
+                    warnings.warn(text, RuntimeWarning, stacklevel=3)
 
     # --- what is known of it ---------------------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ module tandem_mechanism_described_elements
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_described_points, only: take_point, take_points
-    use tandem_mechanism_element_keys, only: key_length
+    use tandem_mechanism_element_keys, only: key_length, text_length
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
@@ -26,7 +26,7 @@ contains
         integer, intent(inout) :: n_points
         character(len=:), allocatable :: kind, name
         character(len=key_length) :: points(2)
-        character(len=key_length), allocatable :: texts(:)
+        character(len=text_length), allocatable :: texts(:)
         real(wp), allocatable :: length, factors(:)
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)

@@ -4,7 +4,7 @@ module tandem_mechanism_described_points
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_element_keys, only: key_length
+    use tandem_mechanism_element_keys, only: key_length, text_length
     use tandem_mechanism_key_reader, only: anything, key_reader_type
     implicit none (type, external)
     private
@@ -85,7 +85,7 @@ contains
         character(len=key_length), intent(out) :: points(2)
         character(len=*), intent(in) :: help
         logical, intent(in) :: required
-        character(len=key_length), allocatable :: texts(:)
+        character(len=text_length), allocatable :: texts(:)
         integer :: i
 
         points = ''

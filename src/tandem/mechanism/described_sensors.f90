@@ -5,7 +5,7 @@ module tandem_mechanism_described_sensors
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_described_points, only: take_point, take_points
-    use tandem_mechanism_element_keys, only: key_length
+    use tandem_mechanism_element_keys, only: key_length, text_length
     use tandem_mechanism_key_reader, only: anything, key_reader_type
     implicit none (type, external)
     private
@@ -80,7 +80,7 @@ contains
             'coordinates, reactions, power of motions', 'places and forces of contact', &
             'forces and multipliers', 'forces, lengths, energies, power']
         character(len=:), allocatable :: text
-        character(len=key_length), allocatable :: names(:)
+        character(len=text_length), allocatable :: names(:)
         type(error_type), allocatable :: error
         logical :: balance
         integer :: i

@@ -9,7 +9,7 @@ module tandem_mechanism_description
     use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
     use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
-    use tandem_mechanism_element_keys, only: key_length
+    use tandem_mechanism_element_keys, only: key_length, text_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
@@ -384,7 +384,7 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
         character(len=key_length) :: sides(2), point
-        character(len=key_length), allocatable :: texts(:)
+        character(len=text_length), allocatable :: texts(:)
         character(len=:), allocatable :: kind, name, at_point, named
         real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
         integer, allocatable :: hold(:), drive

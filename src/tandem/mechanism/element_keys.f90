@@ -5,10 +5,12 @@ module tandem_mechanism_element_keys
     implicit none (type, external)
     private
 
-    public :: element_type, add_to, joined, key_length, key_of, listed, path_of, up_to_dot
+    public :: element_type, add_to, joined, key_length, key_of, listed, path_of, text_length, up_to_dot
 
     !> Length of the names of kinds, of elements and of keys.
     integer, parameter :: key_length = 64
+    !> Length of what stands in lists of texts, as points with three numbers of full precision do.
+    integer, parameter :: text_length = 256
 
     !> The entries of an element.
     type :: element_type

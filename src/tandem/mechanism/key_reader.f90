@@ -6,7 +6,8 @@
 module tandem_mechanism_key_reader
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
-    use tandem_mechanism_element_keys, only: add_to, element_type, joined, key_length, key_of, listed, path_of, up_to_dot
+    use tandem_mechanism_element_keys, only: add_to, element_type, joined, key_length, key_of, listed, path_of, text_length, &
+        up_to_dot
     use tandem_mechanism_entries, only: atom_type, entries_type, is_text, value_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
@@ -148,7 +149,7 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in) :: key
             !> How many there must be, 0 for any number.
             integer, intent(in) :: length
-            character(len=key_length), allocatable, intent(inout) :: texts(:)
+            character(len=text_length), allocatable, intent(inout) :: texts(:)
             character(len=*), intent(in), optional :: help
             logical, intent(in), optional :: required
         end subroutine get_texts

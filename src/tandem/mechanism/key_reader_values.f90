@@ -106,8 +106,8 @@ contains
                 if (allocated(texts)) deallocate (texts)
                 allocate (texts(size(given%atoms)))
                 do i = 1, size(texts)
-                    if (len(given%atoms(i)%text) > key_length) then
-                        call self%fail(key, 'has a text of more than '//to_text(key_length)//' characters', 'shorten it')
+                    if (len(given%atoms(i)%text) > text_length) then
+                        call self%fail(key, 'has a text of more than '//to_text(text_length)//' characters', 'shorten it')
                         return
                     end if
                     texts(i) = given%atoms(i)%text

@@ -59,8 +59,8 @@ module tandem_model
         integer :: n_holonomic = 0
         !> Number of nonholonomic constraints E(t, q) qd = e(t, q).
         integer :: n_nonholonomic = 0
-        !> Whether there may be more rows than coordinates, as joints in closed loops bring them: which of them repeat others is found
-        !> at the start. Otherwise so many are taken for a mistake.
+        !> Whether there may be more rows than coordinates, as joints in closed loops bring them: which of them repeat others is
+        !> found at the start. Otherwise so many are taken for a mistake.
         logical :: rows_may_repeat = .false.
         !> True where M does not depend on q: it is then evaluated once.
         logical :: constant_mass = .false.

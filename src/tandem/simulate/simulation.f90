@@ -366,8 +366,8 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine choose_rows_anew
 
-        !> Whether a chart of all rows cannot be: a dense one has at most as many rows as coordinates, so that it waits for those that
-        !> are left out.
+        !> Whether a chart of all rows cannot be: a dense one has at most as many rows as coordinates, so that it waits for those
+        !> that are left out.
         module function has_surplus_rows(self)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self

@@ -3,10 +3,11 @@
 !> imaginary axis.
 !>
 !> Between two samples, the product of all changes its sign where a real eigenvalue passes zero, or where two of opposite signs meet
-!> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair that
-!> has passed the axis is matched with the nearest at the other end. Two pairs on the axis may meet and leave it to either side
-!> (of systems without damping: Krein, 1950); the square of half their difference is smooth and changes its sign. Where the number of
-!> growing eigenvalues changes in another way, the interval is halved. What crosses and comes back between two samples is not seen.
+!> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair
+!> that has passed the axis is matched with the nearest at the other end. Two pairs on the axis may meet and leave it to either side
+!> (of systems without damping: Krein, 1950); the square of half their difference is smooth and changes its sign. Where the number
+!> of growing eigenvalues changes in another way, the interval is halved. What crosses and comes back between two samples is not
+!> seen.
 module tandem_io_study_modes
     use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_io_scene, only: read_scene, scene_type
@@ -346,8 +347,8 @@ contains
         found%grows_beyond = bracket%value_b > 0.0_wp
     end subroutine refine_pair
 
-    !> Where two pairs on the imaginary axis meet and leave it, or come back to it: two pairs that neither grow nor decay at one end, and
-    !> at the other one that grows and one that decays as fast, with the same frequency.
+    !> Where two pairs on the imaginary axis meet and leave it, or come back to it: two pairs that neither grow nor decay at one
+    !> end, and at the other one that grows and one that decays as fast, with the same frequency.
     subroutine find_collision(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b

@@ -11,7 +11,7 @@ module tandem_io_sweep_columns
 
     public :: read_columns
 
-    character(len=*), parameter :: newline = new_line('a')
+    character(len=*), parameter :: newline = new_line('a'), byte_order_mark = char(239)//char(187)//char(191)
 
 contains
 
@@ -41,6 +41,8 @@ contains
         write (sum, '(z16.16)') checksum(transfer(text//repeat(' ', word), [0_long], len(text)/word + 1))
         from = 1
         line = next_line(text, from)
+        ! What spreadsheets put in front of UTF-8.
+        if (index(line, byte_order_mark) == 1) line = line(len(byte_order_mark) + 1:)
         n = 1
         do i = 1, len(line)
             if (line(i:i) == ',') n = n + 1

@@ -285,6 +285,7 @@ contains
         type(plan_type), intent(inout) :: plan
         character(len=:), allocatable :: known, text
         integer :: i, j, dot
+        logical :: given_twice
 
         allocate (character(len=1) :: plan%carriers(0))
         if (reader%failed()) return
@@ -297,8 +298,15 @@ contains
                     if (plan%inputs(j)%path == input%path) exit
                 end do
                 if (j < i) input%setting = plan%inputs(j)%setting
-                if (j < i .and. (input%element == 0 .or. plan%inputs(min(j, i))%element == 0)) then
+                if (j < i) given_twice = any([input%element, plan%inputs(j)%element] == 0) .or. &
+                    any(plan%inputs(:i - 1)%element == input%element .and. plan%inputs(:i - 1)%setting == input%setting)
+                if (j < i .and. given_twice) then
                     call refuse_input(reader, plan, i, 'gives '//input%path//' a second time')
+                    return
+                end if
+                ! Any other key that is not there is refused by the scene; a parameter more would change nothing.
+                if (known == '' .and. index(input%path, 'parameters.') == 1) then
+                    call refuse_input(reader, plan, i, 'is no parameter of the scene: '//input%path)
                     return
                 end if
                 if (input%element > count_elements_of(known)) then

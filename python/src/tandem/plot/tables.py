@@ -105,11 +105,17 @@ def bands(given, names: Sequence[str] | None = None, *, title: str | None = None
     figure, axes = new_figure(1, max(1, len(wanted)))
     for i, (one, name) in enumerate(zip(axes[0], wanted, strict=False)):
         column, colour = table.outputs[name], COLOURS[i % len(COLOURS)]
-        here = np.isfinite(column.values).all(axis=1)
-        levels = np.quantile(column.values[here], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-        one.fill_between(column.times, levels[0], levels[4], color=colour, alpha=0.2, linewidth=0, label="90 %")
-        one.fill_between(column.times, levels[1], levels[3], color=colour, alpha=0.35, linewidth=0, label="50 %")
-        one.plot(column.times, levels[2], color=colour, label="median")
+        # A time that no case reaches has no bands.
+        reached = np.isfinite(column.values).any(axis=0)
+        values = column.values[:, reached]
+        here = np.isfinite(values).all(axis=1)
+        if not here.any():
+            missing(one, "no case reaches these times")
+            continue
+        times, levels = column.times[reached], np.quantile(values[here], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
+        one.fill_between(times, levels[0], levels[4], color=colour, alpha=0.2, linewidth=0, label="90 %")
+        one.fill_between(times, levels[1], levels[3], color=colour, alpha=0.35, linewidth=0, label="50 %")
+        one.plot(times, levels[2], color=colour, label="median")
         one.set_xlabel("t [s]")
         one.set_ylabel(label(name, column.unit))
         one.legend()

@@ -55,7 +55,10 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
     for arrow in drawing.arrows:
         add(filled(arrow.places), least)
         vectors = np.nan_to_num(arrow.vectors)
-        add(vectors, 1e-4*max(1e-300, np.abs(vectors).max(initial=0)))
+        # The legend tells three digits: of what it is mostly, where it is very large at times.
+        sizes = np.linalg.norm(vectors, axis=1)
+        middle = np.median(sizes[sizes > 1e-9*sizes.max()]) if sizes.max(initial=0) > 0 else 0.0
+        add(vectors, max(1e-300, min(1e-4*sizes.max(initial=0), 1e-3*middle)))
     for curve in drawing.curves:
         add(curve.values[:, None], 1e-6*max(1e-300, np.abs(curve.values).max(initial=0)))
     nf = len(drawing.times)
