@@ -3,7 +3,8 @@
 !> that both have in common, and a small turn. Couplings hold sums of them, springs and bushings act along them, expressions and
 !> sensors read them. Each gives its value, its gradient, the derivatives of both along the motion, and its second gradient.
 !>
-!> An angle is counted over any number of turns: it is the one nearest to what it was at the point that was looked at before.
+!> An angle is counted over any number of turns: it is the one nearest to what it was where a run has arrived last, and without a
+!> run at the point that was looked at before.
 module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
     use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
@@ -13,7 +14,7 @@ module tandem_mechanism_coordinate
     implicit none (type, external)
     private
 
-    public :: coordinate_type, measure, differentiate_coordinate, find_slope
+    public :: coordinate_type, count_turns, measure, differentiate_coordinate, find_slope
     public :: is_way, is_distance, is_angle, is_tilt
 
     !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
@@ -29,8 +30,10 @@ module tandem_mechanism_coordinate
         type(span_type) :: span
         !> What is taken off: x = 0 is there (m or rad).
         real(wp) :: offset = 0.0_wp
-        !> The angle at the last point that was looked at, before the offset is taken off.
+        !> The angle at the last point that counts, before the offset is taken off; and whether points are only those at which a run
+        !> arrives, not those that steps try.
         real(wp) :: last = 0.0_wp
+        logical :: waits = .false.
     end type coordinate_type
 
     real(wp), parameter :: pi = acos(-1.0_wp)
@@ -60,7 +63,7 @@ contains
                 call dot_curve(self%other, pose, 0, no_functions, local, a, d)
                 x = atan2(product_rate(a, d, 0), x)
                 x = x + 2*pi*anint((self%last - x)/(2*pi))
-                self%last = x
+                if (.not. self%waits) self%last = x
             end if
         case default
             call dot_curve(self%one, pose, 0, no_functions, local, a, d)
@@ -72,6 +75,21 @@ contains
         end select
         x = x - self%offset
     end subroutine measure
+
+    !> Count turns where a run has arrived, and from then on nowhere else.
+    pure subroutine count_turns(self, pose, starts)
+        type(coordinate_type), intent(inout) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        !> Whether it starts there: then turns are counted from the drawing, where the angle is zero.
+        logical, intent(in) :: starts
+        real(wp) :: x
+
+        if (self%kind /= is_angle) return
+        if (starts) self%last = 0.0_wp
+        self%waits = .false.
+        call measure(self, pose, x)
+        self%waits = .true.
+    end subroutine count_turns
 
     !> Value, rate and gradient, which is all that a force asks for: of an angle in space without the rates of its gradient and of
     !> the directions that it is between. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
@@ -102,7 +120,7 @@ contains
             s = dot3(a_s, d_s)
             x(0) = atan2(s, c)
             x(0) = x(0) + 2*pi*anint((self%last - x(0))/(2*pi))
-            self%last = x(0)
+            if (.not. self%waits) self%last = x(0)
             x(0) = x(0) - self%offset
             x(1) = 0.0_wp
             over = 1/(c**2 + s**2)

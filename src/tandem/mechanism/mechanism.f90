@@ -12,11 +12,13 @@ module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
+    use tandem_mechanism_coordinate, only: count_turns
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_formula, only: is_joint
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
@@ -86,6 +88,7 @@ module tandem_mechanism
         procedure :: start
         procedure :: find_body_motions
         procedure :: pack_state
+        procedure :: arrive
     end type mechanism_type
 
     interface
@@ -582,6 +585,32 @@ contains
             call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
         end select
     end subroutine list_motions
+
+    !> Count the turns of angles in space; in the plane angles are coordinates.
+    subroutine arrive(self, q, starts)
+        class(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: q(:)
+        logical, intent(in) :: starts
+        integer :: i, k
+
+        if (self%planar .or. size(self%torsions) + size(self%formulas) + size(self%couplings) == 0) return
+        call set_places(self, q)
+        do i = 1, size(self%torsions)
+            call count_turns(self%torsions(i)%coordinate, self%pose, starts)
+        end do
+        do i = 1, size(self%formulas)
+            do k = 1, size(self%formulas(i)%variables)
+                associate (variable => self%formulas(i)%variables(k))
+                    if (variable%kind == is_joint) call count_turns(self%coordinates(variable%of), self%pose, starts)
+                end associate
+            end do
+        end do
+        do i = 1, size(self%couplings)
+            do k = 1, self%couplings(i)%n
+                call count_turns(self%couplings(i)%coordinates(k), self%pose, starts)
+            end do
+        end do
+    end subroutine arrive
 
     !> The angles from which turns are counted, and what events may change.
     subroutine pack_state(self, pack)

@@ -182,6 +182,7 @@ module tandem_model
         procedure :: row_name
         procedure :: coordinate_label
         procedure :: pack_state
+        procedure :: arrive
     end type model_type
 
     abstract interface
@@ -499,4 +500,14 @@ contains
         !> Writes or reads.
         type(pack_type), intent(inout) :: pack
     end subroutine pack_state
+
+    !> A run has come to q, at its start or by a step that is kept. Procedures that count something along the way, as turns, count
+    !> it here, and not at the points that steps try. Nothing unless overridden.
+    subroutine arrive(self, q, starts)
+        class(model_type), intent(inout) :: self
+        !> Coordinates (n).
+        real(wp), intent(in) :: q(:)
+        !> Whether a run starts there, so that what was counted before is forgotten.
+        logical, intent(in) :: starts
+    end subroutine arrive
 end module tandem_model

@@ -44,9 +44,11 @@ contains
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
         start_q = q
         start_qd = qd
+        call model%arrive(start_q, .true.)
         ! Before the chart has taken its memory.
         if (present(assembly)) call assemble(model, assembly, t, start_q, start_qd, error)
         if (allocated(error)) return
+        call model%arrive(start_q, .false.)
         call self%allocate_chart()
         if (.not. self%has_surplus_rows()) call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return

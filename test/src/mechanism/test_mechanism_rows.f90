@@ -2,7 +2,7 @@
 !> Tests of rows of mechanisms beyond those of simple joints, each alone against differences at random states: freedoms of the
 !> primitive at either level, couplings, rows by expression, what rolls on planes that move; and runs against closed forms.
 module test_mechanism_rows
-    use asserts, only: check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
     use tandem, only: expression_type, failure_type => error_type, finding_type, mechanism_type, options_type, parse_expression, &
         polynomial_type, ramp, simulation_type, sine_type, verify_model, wp
@@ -25,6 +25,7 @@ contains
             new_unittest('freedoms-at-velocity-level', test_glides), &
             new_unittest('couplings', test_couplings), &
             new_unittest('a-check-leaves-turns-as-they-were', test_turns_after_check), &
+            new_unittest('turns-are-counted-where-steps-arrive', test_turns_of_steps), &
             new_unittest('rows-by-expression', test_rate_rows), &
             new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
             new_unittest('what-cannot-be', test_words)]
@@ -155,6 +156,52 @@ contains
             p = [cos(0.5_wp*norm2(vector)), sin(0.5_wp*norm2(vector))/norm2(vector)*vector]
         end function turned_by
     end subroutine test_turns_after_check
+
+    !> A body spins fast about a hinge with a weak torsion spring: steps of sdirk54 at a coarse tolerance try points far ahead,
+    !> which must not count as turns; and a second start counts from the drawing again. The angle obeys J x'' = -k x.
+    subroutine test_turns_of_steps(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp), parameter :: z(3) = [0.0_wp, 0.0_wp, 1.0_wp], spring = 0.02_wp, spin = 30.0_wp, inertia = 0.2_wp
+        real(wp) :: angle, pull, tolerance(2)
+        integer :: k
+
+        call mechanism%add_body('a', 1.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, inertia], omega=spin*z)
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('j', 'revolute', 'ground', 'a', failure, at=[0.0_wp, 0.0_wp, 0.0_wp], axis=z)
+        call check_no_failure(error, failure)
+        call mechanism%add_torsion('t', 'j', failure, stiffness=spring)
+        call check_no_failure(error, failure)
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        tolerance = [1.0e-9_wp, 1.0e-2_wp]
+        do k = 1, 2
+            options%stepper = merge('dop853 ', 'sdirk54', k == 1)
+            options%rtol = tolerance(k)
+            options%atol = tolerance(k)
+            call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do while (simulation%state%t < 3.3_wp .and. .not. allocated(failure))
+                call simulation%step(3.3_wp, failure)
+                ! The torque says how many turns were counted.
+                associate (state => simulation%state, rate => sqrt(spring/inertia))
+                    angle = spin/rate*sin(rate*state%t)
+                    pull = inertia*2*(state%q(4)*state%qdd(7) - state%qdd(4)*state%q(7))
+                    call check_below(error, abs(pull + spring*angle), merge(1.0e-6_wp, 0.05_wp, k == 1), 'torque of the spring')
+                end associate
+                if (allocated(error)) return
+            end do
+            call check_no_failure(error, failure)
+        end do
+    end subroutine test_turns_of_steps
 
     !> Gears and racks of joints that share a body, a screw.
     subroutine test_couplings(error)
