@@ -202,7 +202,6 @@ contains
         class(stiffness_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%by_q)
-        call pack%item(self%by_qd)
+        call pack%item(self%by_q, self%by_qd)
     end subroutine pack_state
 end module tandem_model_stiffness

@@ -225,7 +225,6 @@ contains
         class(newton_factor_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%lower)
-        call pack%item(self%upper)
+        call pack%item(self%lower, self%upper)
     end subroutine pack_state
 end module tandem_chart_sparse_newton_factor
