@@ -9,7 +9,6 @@ submodule(tandem_mechanism) tandem_mechanism_changing
 
 contains
 
-    !> Let events change it.
     module procedure allow_changes
         self%change => change
     end procedure allow_changes

@@ -596,8 +596,8 @@ module tandem_mechanism_drawing
         !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz
         !> (m/s), in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as
         !> `body.x`; of each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`,
-        !> counted from the drawing. Parse an expression with them after what it names was added, and add its element before another
-        !> body or joint.
+        !> counted from the drawing, and of each massless wheel that slides its way and speed. Parse an expression with them after
+        !> what it names was added, and add its element before another body or joint.
         module function variable_names(self) result(names)
             implicit none (type, external)
             class(drawing_type), intent(in) :: self

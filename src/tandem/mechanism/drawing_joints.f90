@@ -14,7 +14,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
 
 contains
 
-    !> A joint between two bodies.
     module procedure add_joint
         type(joint_type) :: joint
         character(len=:), allocatable :: label
@@ -103,7 +102,6 @@ contains
             'hold both of the other turns, or none', error)
     end subroutine take_freedoms
 
-    !> Where a joint or a bushing is.
     module procedure place_joint
         real(wp) :: frame(3, 3), place(3), a1(3, 3), a2(3, 3), r1(3), r2(3), gap(3)
         logical :: points(2), may_be_open
@@ -375,7 +373,6 @@ contains
         end do
     end subroutine add_glides
 
-    !> A sum of coordinates of joints that is held.
     module procedure add_coupling
         character(len=:), allocatable :: label
         integer :: i, numbers(max_coupled), motion_number
@@ -429,7 +426,6 @@ contains
         self%couplings(self%n_of%couplings) = coupling
     end subroutine couple
 
-    !> A row at velocity level by expressions.
     module procedure add_rate_row
         type(rate_row_type) :: row
         type(rate_row_type), allocatable :: longer(:)
@@ -486,7 +482,6 @@ contains
         call self%keep_name(name, of_row, -size(self%rate_rows))
     end procedure add_rate_row
 
-    !> A distance between two points that is held, by default that of the drawing, or imposed.
     module procedure add_distance
         type(span_type) :: span
         character(len=:), allocatable :: label

@@ -11,7 +11,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
 
 contains
 
-    !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
     module procedure add_knife_edge
         type(edge_type) :: edge
         real(wp) :: r(3), a(3, 3), pivot(3)
@@ -48,7 +47,6 @@ contains
         call self%keep_name(name, of_edge, self%n_of%edges)
     end procedure add_knife_edge
 
-    !> A disk that rolls on a plane.
     module procedure add_rolling_disk
         type(roller_type) :: roller
         character(len=:), allocatable :: label
@@ -66,7 +64,6 @@ contains
             pivot, slide, along)
     end procedure add_rolling_disk
 
-    !> A sphere that rolls on a plane.
     module procedure add_rolling_sphere
         type(roller_type) :: roller
         character(len=:), allocatable :: label
@@ -79,7 +76,6 @@ contains
             pivot, slide, along)
     end procedure add_rolling_sphere
 
-    !> An ellipsoid that rolls on a plane.
     module procedure add_rolling_ellipsoid
         type(roller_type) :: roller
         character(len=:), allocatable :: label

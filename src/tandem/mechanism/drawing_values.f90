@@ -10,7 +10,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_values
 
 contains
 
-    !> Keep a function of time, and give its number.
     module procedure take_motion
         number = self%n_of%motions + 1
         if (number > size(self%motions)) call resize_motions(self, 2*number)
@@ -37,7 +36,6 @@ contains
         call move_alloc(others, self%motions)
     end subroutine resize_motions
 
-    !> Keep a law, and give its number.
     module procedure take_law
         number = self%n_of%laws + 1
         if (number > size(self%laws)) call resize_laws(self, 2*number)
@@ -59,7 +57,6 @@ contains
         call move_alloc(others, self%laws)
     end subroutine resize_laws
 
-    !> Keep an expression of the state, and give its number.
     module procedure take_formula
         number = self%n_of%formulas + 1
         if (number > size(self%formulas)) call resize_formulas(self, 2*number)
@@ -78,7 +75,6 @@ contains
         call move_alloc(others, self%formulas)
     end subroutine resize_formulas
 
-    !> Cut the lists of what was added to what is there.
     module procedure fit
         associate (n => self%n_of)
             self%bodies = self%bodies(:n%bodies)
@@ -107,11 +103,6 @@ contains
         end associate
     end procedure fit
 
-    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s),
-    !> in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as `body.x`; of
-    !> each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`, counted from the
-    !> drawing, and of each massless wheel that slides its way and speed. Parse an expression with them after what it names was
-    !> added, and add its element before another body or joint.
     module procedure variable_names
         type(variable_type), allocatable :: variables(:)
 
@@ -119,7 +110,6 @@ contains
         names = variables%name
     end procedure variable_names
 
-    !> What they are.
     module procedure list_variables
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
         integer :: i, k, m, n
@@ -187,7 +177,6 @@ contains
         end subroutine add
     end procedure list_variables
 
-    !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
     module procedure find_coordinate
         integer :: k, dot, type_of, turn, way
 
@@ -216,7 +205,6 @@ contains
             ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
     end procedure find_coordinate
 
-    !> Where a body is in the drawing.
     module procedure frame_of
         type(pose_type) :: ground
 
@@ -234,13 +222,11 @@ contains
         end associate
     end procedure frame_of
 
-    !> The angle of a body in the drawing.
     module procedure angle_of
         angle_of = 0.0_wp
         if (body > 0) angle_of = self%bodies(body)%angle
     end procedure angle_of
 
-    !> A unit vector along what is given.
     module procedure take_direction
         call take_vector(self%planar, label, what, given, vector, error)
         if (allocated(error)) return
@@ -251,7 +237,6 @@ contains
         end if
     end procedure take_direction
 
-    !> Refuse the ground and point masses.
     module procedure need_turning_body
         logical :: turns
 

@@ -12,7 +12,6 @@ submodule(tandem_mechanism) tandem_mechanism_numbering
 
 contains
 
-    !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
     module procedure number_coordinates
         character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
         integer, allocatable :: blocks(:)
@@ -136,7 +135,6 @@ contains
         name = self%held_name(row)
     end function element_name
 
-    !> Rows and their names; those at velocity level come behind all others.
     module procedure name_rows
         integer :: i
 
@@ -190,7 +188,6 @@ contains
             size(self%bushings), size(self%loads)) > 0
     end procedure form_groups
 
-    !> Bodies, what their rows touch, and the columns of C and M.
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
         integer :: i
@@ -209,7 +206,6 @@ contains
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
     end procedure declare_pattern
 
-    !> Where the bodies' coordinates stand in the terms.
     module procedure set_columns
         integer :: i
 
@@ -236,7 +232,6 @@ contains
         call place_turning(self%pose, self%turning_groups)
     end procedure set_columns
 
-    !> Which rows of C go into the blocks that a chart wants.
     module procedure find_blocks
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)

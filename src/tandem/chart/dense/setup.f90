@@ -5,7 +5,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_setup
 
 contains
 
-    !> Attach the model and allocate the work space.
     module procedure initialize
         real(wp) :: utol
         integer :: way, i
@@ -238,7 +237,6 @@ contains
             self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
     end procedure place_bases
 
-    !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
     module procedure pack_state
         call self%pack_contract(pack)
         call self%model%pack_state(pack)
