@@ -167,7 +167,7 @@ contains
                 d = a%update_start(n)
                 do j = a%later_start(n), a%later_start(n + 1) - 1
                     p = a%height(a%later(j))
-                    call multiply_block(p, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
+                    call multiply_block(p, s, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
                     do i = 1, p*s
                         lower(at(j) + i) = scaled(i)
                     end do
