@@ -21,7 +21,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_rate_row, only: rate_row_type
-    use tandem_mechanism_row_index, only: row_index_type
+    use tandem_mechanism_row_list, only: row_list_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
@@ -52,7 +52,7 @@ module tandem_mechanism_drawing
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
             springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0, rolling_rows = 0
+            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
     !> All that was added. `planar` and `gravity` are set before the first word.
@@ -88,11 +88,8 @@ module tandem_mechanism_drawing
         type(roller_type), allocatable :: rollers(:)
         type(massless_wheel_type), allocatable :: massless_wheels(:)
         type(sensor_type), allocatable :: sensors(:)
-        !> Names and units of the rows so far, at position level without those of Euler parameters (n_held), and at velocity level.
-        integer :: n_held = 0
-        character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
-            rolling_unit(:)
-        type(row_index_type), private :: held_index, rolling_index
+        !> The rows so far, at position level without those of Euler parameters, and at velocity level.
+        type(row_list_type) :: held, rolling
         !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, a sensor among
         !> the sensors, and the first function of time of an element among these.
         character(len=name_length), allocatable, private :: names(:)
@@ -145,8 +142,6 @@ module tandem_mechanism_drawing
         procedure, private :: drawn_length
         procedure, private :: take_direction
         procedure, private :: need_turning_body
-        procedure, private :: new_row
-        procedure, private :: new_rolling_row
         procedure, private :: place_joint
     end type drawing_type
 
@@ -692,11 +687,6 @@ contains
         self%rollers = [roller_type ::]
         self%massless_wheels = [massless_wheel_type ::]
         self%sensors = [sensor_type ::]
-        self%n_held = 0
-        if (allocated(self%held_name)) deallocate (self%held_name, self%held_unit)
-        allocate (self%held_name(16), self%held_unit(16))
-        self%rolling_name = [character(len=label_length) ::]
-        self%rolling_unit = [character(len=label_length) ::]
         if (allocated(self%names)) deallocate (self%names, self%types, self%numbers)
         allocate (self%names(16), self%types(16), self%numbers(16))
         self%n_names = 0
@@ -704,8 +694,8 @@ contains
         call self%point_index%clear()
         call self%sensor_index%clear()
         call self%motion_index%clear()
-        call self%held_index%clear()
-        call self%rolling_index%clear()
+        call self%held%clear()
+        call self%rolling%clear()
         self%n_of = numbers_type()
     end subroutine clear
 
@@ -765,37 +755,4 @@ contains
         call self%frame_of(span%second, r2, a2)
         drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
     end function drawn_length
-
-    !> One row more at position level.
-    pure subroutine new_row(self, name, unit)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, unit
-
-        ! Room for many more: a row more must not cost a copy of all before.
-        if (self%n_held == size(self%held_name)) then
-            self%held_name = [character(len=label_length) :: self%held_name, self%held_name]
-            self%held_unit = [character(len=label_length) :: self%held_unit, self%held_unit]
-        end if
-        self%n_held = self%n_held + 1
-        self%held_name(self%n_held) = name
-        self%held_unit(self%n_held) = unit
-        call self%held_index%add(name)
-    end subroutine new_row
-
-    !> One row more at velocity level.
-    pure subroutine new_rolling_row(self, name, unit)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, unit
-
-        self%n_of%rolling_rows = self%n_of%rolling_rows + 1
-        associate (n => self%n_of%rolling_rows)
-            if (n > size(self%rolling_name)) then
-                self%rolling_name = [character(len=label_length) :: self%rolling_name, self%rolling_name, name]
-                self%rolling_unit = [character(len=label_length) :: self%rolling_unit, self%rolling_unit, unit]
-            end if
-            self%rolling_name(n) = name
-            self%rolling_unit(n) = unit
-        end associate
-        call self%rolling_index%add(name)
-    end subroutine new_rolling_row
 end module tandem_mechanism_drawing

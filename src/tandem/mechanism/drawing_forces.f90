@@ -132,16 +132,16 @@ contains
 
         head = joint
         if (index(joint, '.') > 0) head = joint(:index(joint, '.') - 1)
-        i = self%held_index%first(head)
+        i = self%held%first(head)
         do while (i > 0)
-            call take(i, self%held_name(i), self%held_unit(i))
-            i = self%held_index%next(i)
+            call take(i, self%held%name(i), self%held%unit(i))
+            i = self%held%next(i)
         end do
-        i = self%rolling_index%first(head)
+        i = self%rolling%first(head)
         do while (i > 0)
             ! Until the mechanism is defined those at velocity level are negative.
-            call take(-i, self%rolling_name(i), self%rolling_unit(i))
-            i = self%rolling_index%next(i)
+            call take(-i, self%rolling%name(i), self%rolling%unit(i))
+            i = self%rolling%next(i)
         end do
 
     contains

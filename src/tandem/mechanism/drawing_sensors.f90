@@ -184,15 +184,15 @@ contains
         type(sensor_type), intent(inout) :: sensor
         integer :: i
 
-        i = self%held_index%first(element)
+        i = self%held%first(element)
         do while (i > 0)
-            call add(i, self%held_unit(i))
-            i = self%held_index%next(i)
+            call add(i, self%held%unit(i))
+            i = self%held%next(i)
         end do
-        i = self%rolling_index%first(element)
+        i = self%rolling%first(element)
         do while (i > 0)
-            call add(-i, self%rolling_unit(i))
-            i = self%rolling_index%next(i)
+            call add(-i, self%rolling%unit(i))
+            i = self%rolling%next(i)
         end do
 
     contains

@@ -95,8 +95,6 @@ contains
             self%rollers = self%rollers(:n%rollers)
             self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
-            self%rolling_name = self%rolling_name(:n%rolling_rows)
-            self%rolling_unit = self%rolling_unit(:n%rolling_rows)
             call resize_motions(self, n%motions)
             call resize_laws(self, n%laws)
             call resize_formulas(self, n%formulas)

@@ -59,7 +59,7 @@ contains
         ! The slacks of couplings that events lock and free.
         do i = 1, size(self%couplings)
             if (.not. self%couplings(i)%can_be_freed) cycle
-            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            call add_coordinate(trim(self%held%name(self%couplings(i)%row))//'.slack', '1', 1)
             self%couplings(i)%slack = n
         end do
         self%n = n
@@ -130,22 +130,22 @@ contains
     pure function element_name(self, row) result(name)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: row
-        character(len=index(self%held_name(row), ' ') - 1) :: name
+        character(len=index(self%held%name(row), ' ') - 1) :: name
 
-        name = self%held_name(row)
+        name = self%held%name(row)
     end function element_name
 
     module procedure name_rows
         integer :: i
 
-        self%before_norms = self%n_held
+        self%before_norms = self%held%n
         self%n_holonomic = self%before_norms + size(self%turning)
-        self%n_nonholonomic = size(self%rolling_name)
-        self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
+        self%n_nonholonomic = self%rolling%n
+        self%holonomic_name = [character(len=label_length) :: self%held%name(:self%held%n), &
             (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
-        self%nonholonomic_name = self%rolling_name
-        self%multiplier_unit = [character(len=label_length) :: self%held_unit(:self%n_held), ('J', i=1, size(self%turning)), &
-            self%rolling_unit]
+        self%nonholonomic_name = self%rolling%name(:self%rolling%n)
+        self%multiplier_unit = [character(len=label_length) :: self%held%unit(:self%held%n), ('J', i=1, size(self%turning)), &
+            self%rolling%unit(:self%rolling%n)]
         self%glides%row = self%glides%row + self%n_holonomic
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic
         self%edges%row = self%edges%row + self%n_holonomic
@@ -159,7 +159,7 @@ contains
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
-        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
+        call gather_hinges(self%meetings, self%dots, self%pose, self%held%n, self%hinges, self%loose_meetings, self%loose_dots)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
