@@ -73,6 +73,7 @@ program main
     use test_sparse, only: collect_sparse
     use test_sparse_implicit, only: collect_sparse_implicit
     use test_sparse_kernels, only: collect_sparse_kernels
+    use test_sparse_runs, only: collect_sparse_runs
     use test_singular, only: collect_singular
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
@@ -171,6 +172,7 @@ program main
         new_testsuite('closed_loops', collect_closed_loops), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
+        new_testsuite('sparse_runs', collect_sparse_runs), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &
         new_testsuite('sparse_kernels', collect_sparse_kernels), &
         new_testsuite('mechanism_references', collect_mechanism_references), &

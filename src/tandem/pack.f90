@@ -30,7 +30,8 @@ module tandem_pack
         procedure :: end_writing
         procedure :: begin_reading
         procedure :: end_reading
-        !> Numbers, logicals and texts, and allocatable arrays of numbers with their shapes, or that they are not allocated.
+        !> Numbers, logicals and texts, and allocatable arrays of numbers with their shapes, or that they are not allocated; up to
+        !> five of one kind in a call, texts and cubes one by one.
         generic :: item => item_real, item_integer, item_long, item_logical, item_text, item_reals, item_matrix, item_cube, &
             item_integers, item_longs
         !> Arrays whose shape never changes.
@@ -115,9 +116,10 @@ contains
         if (self%n /= size(self%words)) self%has_failed = .true.
     end subroutine end_reading
 
-    subroutine item_real(self, value)
+    recursive subroutine item_real(self, value, b, c, d, e)
         class(pack_type), intent(inout) :: self
         real(wp), intent(inout) :: value
+        real(wp), intent(inout), optional :: b, c, d, e
 
         call self%reserve(1)
         if (self%has_failed) return
@@ -126,11 +128,13 @@ contains
         else
             self%words(self%n) = transfer(value, self%words(1))
         end if
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_real
 
-    subroutine item_long(self, value)
+    recursive subroutine item_long(self, value, b, c, d, e)
         class(pack_type), intent(inout) :: self
         integer(long), intent(inout) :: value
+        integer(long), intent(inout), optional :: b, c, d, e
 
         call self%reserve(1)
         if (self%has_failed) return
@@ -139,26 +143,31 @@ contains
         else
             self%words(self%n) = value
         end if
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_long
 
-    subroutine item_integer(self, value)
+    recursive subroutine item_integer(self, value, b, c, d, e)
         class(pack_type), intent(inout) :: self
         integer, intent(inout) :: value
+        integer, intent(inout), optional :: b, c, d, e
         integer(long) :: word
 
         word = int(value, long)
         call self%item(word)
         value = int(word)
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_integer
 
-    subroutine item_logical(self, value)
+    recursive subroutine item_logical(self, value, b, c, d, e)
         class(pack_type), intent(inout) :: self
         logical, intent(inout) :: value
+        logical, intent(inout), optional :: b, c, d, e
         integer(long) :: word
 
         word = merge(1_long, 0_long, value)
         call self%item(word)
         value = word /= 0
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_logical
 
     subroutine item_text(self, value)
@@ -196,9 +205,10 @@ contains
         if (is_there) call self%item(value)
     end subroutine text
 
-    subroutine item_reals(self, values)
+    recursive subroutine item_reals(self, values, b, c, d, e)
         class(pack_type), intent(inout) :: self
         real(wp), allocatable, intent(inout) :: values(:)
+        real(wp), allocatable, intent(inout), optional :: b(:), c(:), d(:), e(:)
         integer :: extents(1)
         logical :: is_there
 
@@ -209,14 +219,17 @@ contains
         if (self%is_reading .and. allocated(values)) then
             if (.not. is_there .or. any(shape(values) /= extents)) deallocate (values)
         end if
-        if (.not. is_there) return
-        if (.not. allocated(values)) allocate (values(extents(1)))
-        call self%fixed(values)
+        if (is_there) then
+            if (.not. allocated(values)) allocate (values(extents(1)))
+            call self%fixed(values)
+        end if
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_reals
 
-    subroutine item_matrix(self, values)
+    recursive subroutine item_matrix(self, values, b, c, d, e)
         class(pack_type), intent(inout) :: self
         real(wp), allocatable, intent(inout) :: values(:, :)
+        real(wp), allocatable, intent(inout), optional :: b(:, :), c(:, :), d(:, :), e(:, :)
         integer :: extents(2), j
         logical :: is_there
 
@@ -227,11 +240,13 @@ contains
         if (self%is_reading .and. allocated(values)) then
             if (.not. is_there .or. any(shape(values) /= extents)) deallocate (values)
         end if
-        if (.not. is_there) return
-        if (.not. allocated(values)) allocate (values(extents(1), extents(2)))
-        do j = 1, extents(2)
-            call self%fixed(values(:, j))
-        end do
+        if (is_there) then
+            if (.not. allocated(values)) allocate (values(extents(1), extents(2)))
+            do j = 1, extents(2)
+                call self%fixed(values(:, j))
+            end do
+        end if
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_matrix
 
     subroutine item_cube(self, values)
@@ -274,16 +289,19 @@ contains
         call self%fixed(values)
     end subroutine item_longs
 
-    subroutine item_integers(self, values)
+    recursive subroutine item_integers(self, values, b, c, d, e)
         class(pack_type), intent(inout) :: self
         integer, allocatable, intent(inout) :: values(:)
+        integer, allocatable, intent(inout), optional :: b(:), c(:), d(:), e(:)
         integer(long), allocatable :: words(:)
 
         if (allocated(values)) allocate (words, source=int(values, long))
         call self%item(words)
-        if (.not. self%is_reading .or. self%has_failed) return
-        if (allocated(values)) deallocate (values)
-        if (allocated(words)) allocate (values, source=int(words))
+        if (self%is_reading .and. .not. self%has_failed) then
+            if (allocated(values)) deallocate (values)
+            if (allocated(words)) allocate (values, source=int(words))
+        end if
+        if (present(b)) call self%item(b, c, d, e)
     end subroutine item_integers
 
     subroutine fixed_reals(self, values)

@@ -528,16 +528,10 @@ contains
 
         call pack%item(self%matrix)
         call pack%item(self%eliminated)
-        call pack%item(self%pivots)
-        call pack%item(self%row_size)
-        call pack%item(self%scale)
-        call pack%item(self%pivot_scale)
-        call pack%item(self%parity)
-        call pack%item(self%choice)
-        call pack%item(self%last_choice)
+        call pack%item(self%pivots, self%row_size, self%scale, self%pivot_scale)
+        call pack%item(self%parity, self%choice, self%last_choice)
         call pack%item(self%has_pivots)
-        call pack%item(self%order)
-        call pack%item(self%exchanges)
+        call pack%item(self%order, self%exchanges)
         call pack%item(self%row_factor)
     end subroutine pack_state
 end module tandem_linalg_elimination

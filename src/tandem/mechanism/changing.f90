@@ -9,7 +9,6 @@ submodule(tandem_mechanism) tandem_mechanism_changing
 
 contains
 
-    !> Let events change it.
     module procedure allow_changes
         self%change => change
     end procedure allow_changes
@@ -50,7 +49,7 @@ contains
         problem = 'there is no coupling '//name//' that can be locked and freed: give one the key locked'
         k = 0
         do i = 1, size(self%couplings)
-            if (self%held_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
+            if (self%held%name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
         end do
         if (k == 0) return
         problem = ''

@@ -11,95 +11,28 @@ module tandem_mechanism_drawing
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_drawn, only: angle_type, drawn_type, motion_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
-    use tandem_mechanism_formula, only: formula_type, variable_name_length, variable_type
+    use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_glide, only: glide_type
-    use tandem_mechanism_law, only: law_item_type, law_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_joint, only: joint_type, name_length
+    use tandem_mechanism_law, only: law_type
+    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_rate_row, only: rate_row_type
-    use tandem_mechanism_row_index, only: row_index_type
     use tandem_mechanism_rolling, only: edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_mechanism_span, only: span_type
-    use tandem_model, only: label_length, model_type
-    use tandem_name_index, only: name_index_type
+    use tandem_model, only: label_length
     implicit none (type, external)
     private
 
-    public :: drawing_type, motion_type, angle_type
+    public :: drawing_type
 
-    !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it,
-    !> 0 where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
-    type :: motion_type
-        class(function_type), allocatable :: f
-        integer :: jump_order = -1
-        !> The element, for messages.
-        character(len=name_length) :: name = ''
-    end type motion_type
-
-    !> In the plane an angle that is held: angle2 - angle1 = offset + f(t).
-    type :: angle_type
-        integer :: first = 0, second = 0, row = 0
-        real(wp) :: offset = 0.0_wp
-        integer :: motion = 0
-    end type angle_type
-
-    !> How many elements of each type there are.
-    type :: numbers_type
-        integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
-            springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0, rolling_rows = 0
-    end type numbers_type
-
-    !> All that was added. `planar` and `gravity` are set before the first word.
-    type, extends(model_type) :: drawing_type
-        !> Whether bodies move in the plane (x, y, angle).
-        logical :: planar = .false.
-        !> Acceleration due to gravity (m/s^2).
-        real(wp) :: gravity(3) = 0.0_wp
-        !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
-        real(wp) :: times(2) = 0.0_wp
-        !> What is there; while it is drawn, lists have room for more, so that an element more does not cost a copy of all before.
-        type(numbers_type), private :: n_of
-        type(body_type), allocatable :: bodies(:)
-        type(point_type), allocatable :: points(:)
-        type(joint_type), allocatable :: joints(:)
-        type(motion_type), allocatable :: motions(:)
-        !> Elements by type.
-        type(dot_type), allocatable :: dots(:)
-        type(span_type), allocatable :: meetings(:), distances(:)
-        type(angle_type), allocatable :: angles(:)
-        type(spring_type), allocatable :: springs(:)
-        type(torsion_type), allocatable :: torsions(:)
-        type(bushing_type), allocatable :: bushings(:)
-        type(load_type), allocatable :: loads(:)
-        !> What forces are made of: laws of springs, expressions of the state, coordinates of joints.
-        type(law_item_type), allocatable :: laws(:)
-        type(formula_type), allocatable :: formulas(:)
-        type(coordinate_type), allocatable :: coordinates(:)
-        type(coupling_type), allocatable :: couplings(:)
-        type(glide_type), allocatable :: glides(:)
-        type(rate_row_type), allocatable :: rate_rows(:)
-        type(edge_type), allocatable :: edges(:)
-        type(roller_type), allocatable :: rollers(:)
-        type(massless_wheel_type), allocatable :: massless_wheels(:)
-        type(sensor_type), allocatable :: sensors(:)
-        !> Names and units of the rows so far, at position level without those of Euler parameters (n_held), and at velocity level.
-        integer :: n_held = 0
-        character(len=label_length), allocatable :: held_name(:), held_unit(:), rolling_name(:), &
-            rolling_unit(:)
-        type(row_index_type), private :: held_index, rolling_index
-        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, a sensor among
-        !> the sensors, and the first function of time of an element among these.
-        character(len=name_length), allocatable, private :: names(:)
-        integer, private :: n_names = 0
-        type(name_index_type), private :: name_index, point_index, sensor_index, motion_index
-        !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
-        integer, allocatable, private :: types(:), numbers(:)
+    !> The words.
+    type, extends(drawn_type) :: drawing_type
     contains
         procedure :: add_body
         procedure :: add_point
@@ -112,7 +45,6 @@ module tandem_mechanism_drawing
         procedure :: add_friction
         procedure :: add_bushing
         procedure :: add_load
-        procedure :: variable_names
         procedure :: add_knife_edge
         procedure :: add_rolling_disk
         procedure :: add_rolling_sphere
@@ -127,26 +59,9 @@ module tandem_mechanism_drawing
         procedure :: add_force_sensor
         procedure :: add_results
         procedure :: add_rolling_ellipsoid
-        procedure :: clear
-        procedure :: fit
-        procedure :: find_body
-        procedure :: find_element
         procedure, private :: check_name
-        procedure, private :: keep_name
         procedure, private :: take_point
         procedure, private :: take_pair
-        procedure, private :: take_motion
-        procedure, private :: take_law
-        procedure, private :: take_formula
-        procedure, private :: list_variables
-        procedure, private :: find_coordinate
-        procedure, private :: frame_of
-        procedure, private :: angle_of
-        procedure, private :: drawn_length
-        procedure, private :: take_direction
-        procedure, private :: need_turning_body
-        procedure, private :: new_row
-        procedure, private :: new_rolling_row
         procedure, private :: place_joint
     end type drawing_type
 
@@ -563,239 +478,4 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine take_pair
     end interface
-
-    interface
-        !> Keep a function of time, and give its number.
-        module subroutine take_motion(self, name, f, jump_order, number)
-            implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
-            !> The element.
-            character(len=*), intent(in) :: name
-            class(function_type), intent(in) :: f
-            !> See `motion_type`.
-            integer, intent(in) :: jump_order
-            integer, intent(out) :: number
-        end subroutine take_motion
-
-        !> Keep a law, and give its number.
-        module subroutine take_law(self, law, number)
-            implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
-            class(law_type), intent(in) :: law
-            integer, intent(out) :: number
-        end subroutine take_law
-
-        !> Keep an expression of the state, and give its number.
-        module subroutine take_formula(self, expression, number)
-            implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
-            type(expression_type), intent(in) :: expression
-            integer, intent(out) :: number
-        end subroutine take_formula
-
-        !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz
-        !> (m/s), in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as
-        !> `body.x`; of each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`,
-        !> counted from the drawing. Parse an expression with them after what it names was added, and add its element before another
-        !> body or joint.
-        module function variable_names(self) result(names)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            character(len=variable_name_length), allocatable :: names(:)
-        end function variable_names
-
-        !> Cut the lists of what was added to what is there.
-        module subroutine fit(self)
-            implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
-        end subroutine fit
-
-        !> What they are.
-        module function list_variables(self) result(variables)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            type(variable_type), allocatable :: variables(:)
-        end function list_variables
-
-        !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
-        module subroutine find_coordinate(self, label, text, number, error)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            character(len=*), intent(in) :: label, text
-            integer, intent(out) :: number
-            type(error_type), allocatable, intent(inout) :: error
-        end subroutine find_coordinate
-
-        !> Where a body is in the drawing.
-        pure module subroutine frame_of(self, body, r, a)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            integer, intent(in) :: body
-            real(wp), intent(out) :: r(3), a(3, 3)
-        end subroutine frame_of
-
-        !> The angle of a body in the drawing.
-        pure real(wp) module function angle_of(self, body)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            integer, intent(in) :: body
-        end function angle_of
-
-        !> A unit vector along what is given.
-        module subroutine take_direction(self, label, what, given, vector, error)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            character(len=*), intent(in) :: label, what
-            real(wp), intent(in) :: given(:)
-            real(wp), intent(inout) :: vector(3)
-            type(error_type), allocatable, intent(inout) :: error
-        end subroutine take_direction
-
-        !> Refuse the ground and point masses.
-        module subroutine need_turning_body(self, label, body, error)
-            implicit none (type, external)
-            class(drawing_type), intent(in) :: self
-            character(len=*), intent(in) :: label
-            integer, intent(in) :: body
-            type(error_type), allocatable, intent(inout) :: error
-        end subroutine need_turning_body
-    end interface
-
-contains
-
-    !> Forget all that was added.
-    pure subroutine clear(self)
-        class(drawing_type), intent(inout) :: self
-
-        self%bodies = [body_type ::]
-        self%points = [point_type ::]
-        self%joints = [joint_type ::]
-        if (allocated(self%motions)) deallocate (self%motions)
-        allocate (self%motions(0))
-        self%dots = [dot_type ::]
-        self%meetings = [span_type ::]
-        self%distances = [span_type ::]
-        self%angles = [angle_type ::]
-        self%springs = [spring_type ::]
-        self%torsions = [torsion_type ::]
-        self%bushings = [bushing_type ::]
-        self%loads = [load_type ::]
-        if (allocated(self%laws)) deallocate (self%laws)
-        if (allocated(self%formulas)) deallocate (self%formulas)
-        allocate (self%laws(0), self%formulas(0))
-        self%coordinates = [coordinate_type ::]
-        self%couplings = [coupling_type ::]
-        self%glides = [glide_type ::]
-        if (allocated(self%rate_rows)) deallocate (self%rate_rows)
-        allocate (self%rate_rows(0))
-        self%edges = [edge_type ::]
-        self%rollers = [roller_type ::]
-        self%massless_wheels = [massless_wheel_type ::]
-        self%sensors = [sensor_type ::]
-        self%n_held = 0
-        if (allocated(self%held_name)) deallocate (self%held_name, self%held_unit)
-        allocate (self%held_name(16), self%held_unit(16))
-        self%rolling_name = [character(len=label_length) ::]
-        self%rolling_unit = [character(len=label_length) ::]
-        if (allocated(self%names)) deallocate (self%names, self%types, self%numbers)
-        allocate (self%names(16), self%types(16), self%numbers(16))
-        self%n_names = 0
-        call self%name_index%clear()
-        call self%point_index%clear()
-        call self%sensor_index%clear()
-        call self%motion_index%clear()
-        call self%held_index%clear()
-        call self%rolling_index%clear()
-        self%n_of = numbers_type()
-    end subroutine clear
-
-    !> Remember a name.
-    pure subroutine keep_name(self, name, type_of, number)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name
-        !> What it is, and its number among those.
-        integer, intent(in) :: type_of, number
-
-        if (self%n_names == size(self%names)) then
-            self%names = [self%names, self%names]
-            self%types = [self%types, self%types]
-            self%numbers = [self%numbers, self%numbers]
-        end if
-        self%n_names = self%n_names + 1
-        self%names(self%n_names) = name
-        self%types(self%n_names) = type_of
-        self%numbers(self%n_names) = number
-        call self%name_index%put(name, self%n_names)
-    end subroutine keep_name
-
-    !> The index of a body, 0 for the ground, -1 for none.
-    pure integer function find_body(self, name)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: name
-        integer :: k
-
-        find_body = merge(0, -1, name == 'ground')
-        k = self%name_index%get(name)
-        if (k == 0) return
-        if (self%types(k) == 0) find_body = self%numbers(k)
-    end function find_body
-
-    !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
-    pure subroutine find_element(self, name, type_of, number)
-        class(drawing_type), intent(in) :: self
-        character(len=*), intent(in) :: name
-        integer, intent(out) :: type_of, number
-        integer :: k
-
-        type_of = -1
-        number = 0
-        k = self%name_index%get(name)
-        if (k == 0) return
-        type_of = self%types(k)
-        number = self%numbers(k)
-    end subroutine find_element
-
-    !> The distance of two points in the drawing.
-    pure real(wp) function drawn_length(self, span)
-        class(drawing_type), intent(in) :: self
-        type(span_type), intent(in) :: span
-        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
-
-        call self%frame_of(span%first, r1, a1)
-        call self%frame_of(span%second, r2, a2)
-        drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
-    end function drawn_length
-
-    !> One row more at position level.
-    pure subroutine new_row(self, name, unit)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, unit
-
-        ! Room for many more: a row more must not cost a copy of all before.
-        if (self%n_held == size(self%held_name)) then
-            self%held_name = [character(len=label_length) :: self%held_name, self%held_name]
-            self%held_unit = [character(len=label_length) :: self%held_unit, self%held_unit]
-        end if
-        self%n_held = self%n_held + 1
-        self%held_name(self%n_held) = name
-        self%held_unit(self%n_held) = unit
-        call self%held_index%add(name)
-    end subroutine new_row
-
-    !> One row more at velocity level.
-    pure subroutine new_rolling_row(self, name, unit)
-        class(drawing_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, unit
-
-        self%n_of%rolling_rows = self%n_of%rolling_rows + 1
-        associate (n => self%n_of%rolling_rows)
-            if (n > size(self%rolling_name)) then
-                self%rolling_name = [character(len=label_length) :: self%rolling_name, self%rolling_name, name]
-                self%rolling_unit = [character(len=label_length) :: self%rolling_unit, self%rolling_unit, unit]
-            end if
-            self%rolling_name(n) = name
-            self%rolling_unit(n) = unit
-        end associate
-        call self%rolling_index%add(name)
-    end subroutine new_rolling_row
 end module tandem_mechanism_drawing

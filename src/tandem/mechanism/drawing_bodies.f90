@@ -9,7 +9,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
 
 contains
 
-    !> A body. Without an inertia it is a point mass and does not turn.
     module procedure add_body
         type(body_type) :: body
         character(len=:), allocatable :: label
@@ -56,7 +55,6 @@ contains
         call self%keep_name(name, 0, self%n_of%bodies)
     end procedure add_body
 
-    !> A named point of a body or of the ground.
     module procedure add_point
         type(point_type) :: point
 
@@ -84,7 +82,6 @@ contains
         call self%point_index%put(trim(body)//'.'//name, self%n_of%points)
     end procedure add_point
 
-    !> A name that no other element has.
     module procedure check_name
         if (.not. allocated(self%names)) call self%clear()
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
@@ -97,7 +94,6 @@ contains
         end if
     end procedure check_name
 
-    !> A body and a point of it from `body` or `body.point`.
     module procedure take_point
         integer :: dot, k
 
@@ -120,7 +116,6 @@ contains
             'add it before, or correct the name', error)
     end procedure take_point
 
-    !> Two points of two different bodies.
     module procedure take_pair
         points = .false.
         second = 0

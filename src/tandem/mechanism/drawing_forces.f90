@@ -13,7 +13,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_forces
 
 contains
 
-    !> A spring and damper along the way between two points.
     module procedure add_spring
         type(spring_type) :: spring
         character(len=:), allocatable :: label
@@ -42,7 +41,6 @@ contains
         call self%keep_name(name, of_spring, self%n_of%springs)
     end procedure add_spring
 
-    !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
     module procedure add_torsion
         type(torsion_type) :: torsion
         character(len=:), allocatable :: label
@@ -65,7 +63,6 @@ contains
         call self%keep_name(name, of_torsion, self%n_of%torsions)
     end procedure add_torsion
 
-    !> Friction along the coordinate of a joint.
     module procedure add_friction
         type(friction_law_type) :: law
         type(press_type) :: press
@@ -135,16 +132,16 @@ contains
 
         head = joint
         if (index(joint, '.') > 0) head = joint(:index(joint, '.') - 1)
-        i = self%held_index%first(head)
+        i = self%held%first(head)
         do while (i > 0)
-            call take(i, self%held_name(i), self%held_unit(i))
-            i = self%held_index%next(i)
+            call take(i, self%held%name(i), self%held%unit(i))
+            i = self%held%next(i)
         end do
-        i = self%rolling_index%first(head)
+        i = self%rolling%first(head)
         do while (i > 0)
             ! Until the mechanism is defined those at velocity level are negative.
-            call take(-i, self%rolling_name(i), self%rolling_unit(i))
-            i = self%rolling_index%next(i)
+            call take(-i, self%rolling%name(i), self%rolling%unit(i))
+            i = self%rolling%next(i)
         end do
 
     contains
@@ -165,7 +162,6 @@ contains
         end subroutine take
     end subroutine find_press
 
-    !> Forces and torques that hold two frames together, which are one in the drawing.
     module procedure add_bushing
         type(bushing_type) :: bushing
         type(joint_type) :: joint
@@ -236,7 +232,6 @@ contains
         end subroutine take_matrix
     end procedure add_bushing
 
-    !> A force at a point of a body, and a torque on it.
     module procedure add_load
         type(load_type) :: load
         character(len=:), allocatable :: label

@@ -14,7 +14,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
 
 contains
 
-    !> A joint between two bodies.
     module procedure add_joint
         type(joint_type) :: joint
         character(len=:), allocatable :: label
@@ -103,7 +102,6 @@ contains
             'hold both of the other turns, or none', error)
     end subroutine take_freedoms
 
-    !> Where a joint or a bushing is.
     module procedure place_joint
         real(wp) :: frame(3, 3), place(3), a1(3, 3), a2(3, 3), r1(3), r2(3), gap(3)
         logical :: points(2), may_be_open
@@ -276,7 +274,7 @@ contains
         integer :: k, l, m, n, driven, number, before
         logical :: turn(3)
 
-        before = self%n_held
+        before = self%held%n
         n = merge(2, 3, self%planar)
         driven = drive
         number = 0
@@ -289,21 +287,21 @@ contains
         if (all(joint%kind%held(:n))) then
             call keep_meeting(self, span_type(first=joint%first, second=joint%second, row=before + 1, s1=joint%s1, s2=joint%s2))
             do k = 1, n
-                call self%new_row(trim(joint%name)//' '//letter(min(k, n)), 'N')
+                call self%held%add(trim(joint%name)//' '//letter(min(k, n)), 'N')
             end do
         else
             do k = 1, n
                 if (.not. joint%kind%held(k) .and. driven /= k) cycle
-                call self%new_row(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
-                call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
+                call self%held%add(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
+                call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, &
                     is_point=.true., a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1), &
                     motion=merge(number, 0, driven == k)))
             end do
         end if
         if (self%planar) then
             if (joint%kind%held(3) .or. driven == 3) then
-                call self%new_row(trim(joint%name)//merge(' motion', ' angle ', driven == 3), 'N m')
-                call keep_angle(self, angle_type(joint%first, joint%second, self%n_held, &
+                call self%held%add(trim(joint%name)//merge(' motion', ' angle ', driven == 3), 'N m')
+                call keep_angle(self, angle_type(joint%first, joint%second, self%held%n, &
                     self%angle_of(joint%second) - self%angle_of(joint%first), merge(number, 0, driven == 3)))
             end if
         else
@@ -318,8 +316,8 @@ contains
                     call add_direction(m, k, l)
                 end if
                 if (driven == k + 3) then
-                    call self%new_row(trim(joint%name)//' motion', 'N m')
-                    call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, &
+                    call self%held%add(trim(joint%name)//' motion', 'N m')
+                    call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, &
                         a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l)))
                 else if (count(turn) /= 2 .and. turn(k)) then
                     call add_direction(l, m, k)
@@ -327,7 +325,7 @@ contains
             end do
         end if
         joint%row = before + 1
-        joint%n_rows = self%n_held - before
+        joint%n_rows = self%held%n - before
 
     contains
 
@@ -335,8 +333,8 @@ contains
         subroutine add_direction(a, b, about)
             integer, intent(in) :: a, b, about
 
-            call self%new_row(trim(joint%name)//' turn '//letter(about), 'N m')
-            call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%n_held, a=joint%axes1(:, a), &
+            call self%held%add(trim(joint%name)//' turn '//letter(about), 'N m')
+            call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, a=joint%axes1(:, a), &
                 b=joint%axes2(:, b)))
         end subroutine add_direction
     end subroutine add_joint_rows
@@ -360,22 +358,21 @@ contains
                 glide%axis = joint%axes2(:, k)
                 glide%point = joint%s2
                 glide%moment = cross(joint%s2, joint%axes2(:, k))
-                call self%new_rolling_row(trim(joint%name)//' rate '//letter(min(k, n)), 'N')
+                call self%rolling%add(trim(joint%name)//' rate '//letter(min(k, n)), 'N')
             else
                 glide%axis = [0.0_wp, 0.0_wp, 1.0_wp]
                 if (.not. self%planar) glide%axis = joint%axes2(:, k - 3)
                 glide%moment = glide%axis
-                call self%new_rolling_row(trim(joint%name)//' spin '//letter(merge(3, k - 3, self%planar)), 'N m')
+                call self%rolling%add(trim(joint%name)//' spin '//letter(merge(3, k - 3, self%planar)), 'N m')
             end if
             if (driven == k) glide%motion = number
-            glide%row = self%n_of%rolling_rows
+            glide%row = self%rolling%n
             self%n_of%glides = self%n_of%glides + 1
             if (self%n_of%glides > size(self%glides)) self%glides = [self%glides, self%glides, glide]
             self%glides(self%n_of%glides) = glide
         end do
     end subroutine add_glides
 
-    !> A sum of coordinates of joints that is held.
     module procedure add_coupling
         character(len=:), allocatable :: label
         integer :: i, numbers(max_coupled), motion_number
@@ -422,14 +419,13 @@ contains
         coupling%coordinates(:coupling%n) = self%coordinates(numbers)
         coupling%factors(:coupling%n) = factors
         if (present(motion)) coupling%motion = motion
-        call self%new_row(name, unit)
-        coupling%row = self%n_held
+        call self%held%add(name, unit)
+        coupling%row = self%held%n
         self%n_of%couplings = self%n_of%couplings + 1
         if (self%n_of%couplings > size(self%couplings)) self%couplings = [self%couplings, self%couplings, coupling]
         self%couplings(self%n_of%couplings) = coupling
     end subroutine couple
 
-    !> A row at velocity level by expressions.
     module procedure add_rate_row
         type(rate_row_type) :: row
         type(rate_row_type), allocatable :: longer(:)
@@ -476,8 +472,8 @@ contains
             call self%take_formula(coefficients(i), row%coefficients(i))
         end do
         if (present(rhs)) call self%take_formula(rhs, row%rhs)
-        call self%new_rolling_row(name, 'N')
-        row%row = self%n_of%rolling_rows
+        call self%rolling%add(name, 'N')
+        row%row = self%rolling%n
         allocate (longer(size(self%rate_rows) + 1))
         longer(:size(self%rate_rows)) = self%rate_rows
         longer(size(longer)) = row
@@ -486,7 +482,6 @@ contains
         call self%keep_name(name, of_row, -size(self%rate_rows))
     end procedure add_rate_row
 
-    !> A distance between two points that is held, by default that of the drawing, or imposed.
     module procedure add_distance
         type(span_type) :: span
         character(len=:), allocatable :: label
@@ -512,8 +507,8 @@ contains
             return
         end if
         span%weight = span%length
-        span%row = self%n_held + 1
-        call self%new_row(name, 'N')
+        span%row = self%held%n + 1
+        call self%held%add(name, 'N')
         self%n_of%distances = self%n_of%distances + 1
         if (self%n_of%distances > size(self%distances)) self%distances = [self%distances, self%distances, span]
         self%distances(self%n_of%distances) = span

@@ -64,10 +64,10 @@ contains
         if (allocated(error)) return
         if (present(steer)) call self%take_motion(name, steer, 1, wheel%steer)
         if (present(rise)) call self%take_motion(name, rise, 1, wheel%rise)
-        call self%new_row(trim(name)//' height', 'N')
-        wheel%height_row = self%n_held
-        call self%new_rolling_row(trim(name)//' slip', 'N')
-        wheel%row = self%n_of%rolling_rows
+        call self%held%add(trim(name)//' height', 'N')
+        wheel%height_row = self%held%n
+        call self%rolling%add(trim(name)//' slip', 'N')
+        wheel%row = self%rolling%n
         if (present(along)) then
             ! Poses of what slides stand behind those of the bodies, which are not all known yet: they are numbered by `define`.
             self%n_of%slides = self%n_of%slides + 1

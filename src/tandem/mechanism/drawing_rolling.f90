@@ -11,7 +11,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
 
 contains
 
-    !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
     module procedure add_knife_edge
         type(edge_type) :: edge
         real(wp) :: r(3), a(3, 3), pivot(3)
@@ -40,15 +39,14 @@ contains
         edge%towards = matmul(cross(pivot, edge%across), a)
         edge%across = matmul(edge%across, a)
         edge%moment = cross(edge%point, edge%across)
-        call self%new_rolling_row(name, 'N')
-        edge%row = self%n_of%rolling_rows
+        call self%rolling%add(name, 'N')
+        edge%row = self%rolling%n
         self%n_of%edges = self%n_of%edges + 1
         if (self%n_of%edges > size(self%edges)) self%edges = [self%edges, self%edges, edge]
         self%edges(self%n_of%edges) = edge
         call self%keep_name(name, of_edge, self%n_of%edges)
     end procedure add_knife_edge
 
-    !> A disk that rolls on a plane.
     module procedure add_rolling_disk
         type(roller_type) :: roller
         character(len=:), allocatable :: label
@@ -66,7 +64,6 @@ contains
             pivot, slide, along)
     end procedure add_rolling_disk
 
-    !> A sphere that rolls on a plane.
     module procedure add_rolling_sphere
         type(roller_type) :: roller
         character(len=:), allocatable :: label
@@ -79,7 +76,6 @@ contains
             pivot, slide, along)
     end procedure add_rolling_sphere
 
-    !> An ellipsoid that rolls on a plane.
     module procedure add_rolling_ellipsoid
         type(roller_type) :: roller
         character(len=:), allocatable :: label
@@ -156,12 +152,12 @@ contains
         if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)
         if (present(turn)) call self%take_motion(name, turn, 1, roller%turn)
         if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
-        call self%new_row(trim(name)//' height', 'N')
-        roller%height_row = self%n_held
+        call self%held%add(trim(name)//' height', 'N')
+        roller%height_row = self%held%n
         do k = 1, 2
-            call self%new_rolling_row(trim(name)//' slip '//merge('1', '2', k == 1), 'N')
+            call self%rolling%add(trim(name)//' slip '//merge('1', '2', k == 1), 'N')
         end do
-        roller%row = self%n_of%rolling_rows - 1
+        roller%row = self%rolling%n - 1
         self%n_of%rollers = self%n_of%rollers + 1
         if (self%n_of%rollers > size(self%rollers)) self%rollers = [self%rollers, self%rollers, roller]
         self%rollers(self%n_of%rollers) = roller

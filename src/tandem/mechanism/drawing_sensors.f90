@@ -12,7 +12,6 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
 
 contains
 
-    !> A point: where it is, with velocity and acceleration.
     module procedure add_point_sensor
         type(sensor_type) :: sensor
         logical :: is_point
@@ -24,7 +23,6 @@ contains
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_point_sensor
 
-    !> The coordinate of a joint.
     module procedure add_joint_sensor
         type(sensor_type) :: sensor
         integer :: k, type_of
@@ -85,7 +83,6 @@ contains
         call keep_sensor(self, sensor)
     end subroutine add_slide_sensor
 
-    !> The distance of two points.
     module procedure add_distance_sensor
         type(sensor_type) :: sensor
         logical :: points(2)
@@ -99,7 +96,6 @@ contains
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_distance_sensor
 
-    !> Kinetic and potential energy of the whole.
     module procedure add_energy_sensor
         type(sensor_type) :: sensor
 
@@ -108,7 +104,6 @@ contains
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_energy_sensor
 
-    !> The balance of energies.
     module procedure add_balance_sensor
         type(sensor_type) :: sensor
 
@@ -118,7 +113,6 @@ contains
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_balance_sensor
 
-    !> A body.
     module procedure add_body_sensor
         type(sensor_type) :: sensor
 
@@ -137,7 +131,6 @@ contains
         call keep_sensor(self, sensor)
     end procedure add_body_sensor
 
-    !> A reaction.
     module procedure add_reaction_sensor
         integer, parameter :: types(6) = [of_joint, of_wheel, of_edge, of_massless_wheel, of_distance, of_row]
         type(sensor_type) :: sensor
@@ -191,15 +184,15 @@ contains
         type(sensor_type), intent(inout) :: sensor
         integer :: i
 
-        i = self%held_index%first(element)
+        i = self%held%first(element)
         do while (i > 0)
-            call add(i, self%held_unit(i))
-            i = self%held_index%next(i)
+            call add(i, self%held%unit(i))
+            i = self%held%next(i)
         end do
-        i = self%rolling_index%first(element)
+        i = self%rolling%first(element)
         do while (i > 0)
-            call add(-i, self%rolling_unit(i))
-            i = self%rolling_index%next(i)
+            call add(-i, self%rolling%unit(i))
+            i = self%rolling%next(i)
         end do
 
     contains
@@ -214,7 +207,6 @@ contains
         end subroutine add
     end subroutine find_rows
 
-    !> A force.
     module procedure add_force_sensor
         integer, parameter :: types(4) = [of_spring, of_torsion, of_bushing, of_load]
         type(sensor_type) :: sensor
@@ -257,7 +249,6 @@ contains
         call keep_sensor(self, sensor)
     end procedure add_force_sensor
 
-    !> Results of many elements.
     module procedure add_results
         character(len=name_length), allocatable :: list(:)
         integer, allocatable :: types(:)

@@ -7,7 +7,6 @@ submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_errors
 
 contains
 
-    !> An error about a key of the element; about the element where the key is not given.
     module procedure fail
         integer :: k
 
@@ -23,19 +22,16 @@ contains
         end associate
     end procedure fail
 
-    !> An error about no key of an element; `place` stays as it is.
     module procedure refuse
         call self%fail_at(0, problem, advice)
     end procedure refuse
 
-    !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
     module procedure blame
         if (.not. allocated(error) .or. self%failed()) return
         call move_alloc(error, self%error)
         self%place = self%place_in(self%elements(self%current))
     end procedure blame
 
-    !> Keep the error of what is made of all elements: its place is in the one that the message names.
     module procedure blame_named
         integer :: k
 
@@ -49,7 +45,6 @@ contains
         end do
     end procedure blame_named
 
-    !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
     module procedure place_in
         integer :: i, j, k
 
@@ -70,7 +65,6 @@ contains
         end do
     end procedure place_in
 
-    !> An error about an entry, 0 for none.
     module procedure fail_at
         if (self%failed()) return
         call set_error(self%error, status_invalid_model, problem, advice)

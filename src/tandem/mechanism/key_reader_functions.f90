@@ -11,7 +11,6 @@ submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_functions
 
 contains
 
-    !> A function of time: a number, or an expression of t and parameters.
     module procedure get_function
         type(expression_type) :: expression
         type(constant_type) :: constant
@@ -45,7 +44,6 @@ contains
         end associate
     end procedure get_function
 
-    !> Let functions and laws name a table.
     module procedure add_table
         type(table_type), allocatable :: longer(:)
         integer :: n
@@ -59,7 +57,6 @@ contains
         self%table_names = [character(len=key_length) :: self%table_names, name]
     end procedure add_table
 
-    !> The number of the table that an entry names by a text, 0 for none.
     module procedure table_at
         number = 0
         if (.not. allocated(self%tables)) return
@@ -69,7 +66,6 @@ contains
         end associate
     end procedure table_at
 
-    !> A law of time, a coordinate and its rate.
     module procedure get_law
         type(expression_type), allocatable :: expressions(:)
         integer :: k
@@ -87,7 +83,6 @@ contains
         if (allocated(expressions)) allocate (law, source=expression_law(expressions(1)))
     end procedure get_law
 
-    !> A list of numbers or expressions of variables, of one of some lengths.
     module procedure get_expressions
         character(len=key_length), allocatable :: names(:)
         character(len=32) :: number
@@ -125,7 +120,6 @@ contains
         end associate
     end procedure get_expressions
 
-    !> The number that an atom is, or that its expression gives.
     module procedure evaluate
         type(expression_type) :: expression
         character(len=key_length), allocatable :: names(:)
@@ -152,7 +146,6 @@ contains
         end associate
     end procedure evaluate
 
-    !> The number that an expression within the text of a key gives.
     module procedure evaluate_text
         type(atom_type) :: atom
 
@@ -162,7 +155,6 @@ contains
         if (.not. self%failed()) call self%evaluate(self%find(key), atom, number)
     end procedure evaluate_text
 
-    !> Parameters, and the indices of a repeated element.
     module procedure constants
         names = self%names
         values = self%values

@@ -7,7 +7,6 @@ submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
 
 contains
 
-    !> A number, or an expression of parameters; the value stays as it is where the key is not given.
     module procedure get_number
         integer :: k
         real(wp) :: number
@@ -26,7 +25,6 @@ contains
         if (allocated(value)) call self%remember(key, k, number_value(value), unit, help)
     end procedure get_number
 
-    !> A list of numbers or expressions of one of some lengths.
     module procedure get_numbers
         character(len=:), allocatable :: allowed
         type(value_type) :: shown
@@ -58,7 +56,6 @@ contains
         call self%remember(key, k, shown, unit, help)
     end procedure get_numbers
 
-    !> A text; where it is not given and has no default, it is not allocated.
     module procedure get_text
         integer :: k
 
@@ -75,7 +72,6 @@ contains
         if (allocated(text)) call self%remember(key, k, text_value(text), help=help)
     end procedure get_text
 
-    !> One of some texts.
     module procedure get_choice
         character(len=:), allocatable :: comment
 
@@ -89,7 +85,6 @@ contains
         end if
     end procedure get_choice
 
-    !> A list of some texts.
     module procedure get_texts
         type(value_type) :: shown
         integer :: k, i
@@ -124,7 +119,6 @@ contains
         call self%remember(key, k, shown, help=help)
     end procedure get_texts
 
-    !> Texts that are for others: they stay in the complete mechanism as they are given.
     module procedure pass
         integer :: k
 
@@ -139,7 +133,6 @@ contains
         end associate
     end procedure pass
 
-    !> True or false.
     module procedure get_truth
         type(value_type) :: shown
         integer :: k

@@ -25,7 +25,6 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
 
 contains
 
-    !> What the sensors give.
     module procedure list_quantities
         type(quantity_type), allocatable :: all_of_them(:)
         integer :: i, k, m, n

@@ -12,7 +12,6 @@ submodule(tandem_mechanism) tandem_mechanism_numbering
 
 contains
 
-    !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
     module procedure number_coordinates
         character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
         integer, allocatable :: blocks(:)
@@ -60,7 +59,7 @@ contains
         ! The slacks of couplings that events lock and free.
         do i = 1, size(self%couplings)
             if (.not. self%couplings(i)%can_be_freed) cycle
-            call add_coordinate(trim(self%held_name(self%couplings(i)%row))//'.slack', '1', 1)
+            call add_coordinate(trim(self%held%name(self%couplings(i)%row))//'.slack', '1', 1)
             self%couplings(i)%slack = n
         end do
         self%n = n
@@ -131,24 +130,23 @@ contains
     pure function element_name(self, row) result(name)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: row
-        character(len=index(self%held_name(row), ' ') - 1) :: name
+        character(len=index(self%held%name(row), ' ') - 1) :: name
 
-        name = self%held_name(row)
+        name = self%held%name(row)
     end function element_name
 
-    !> Rows and their names; those at velocity level come behind all others.
     module procedure name_rows
         integer :: i
 
-        self%before_norms = self%n_held
+        self%before_norms = self%held%n
         self%n_holonomic = self%before_norms + size(self%turning)
-        self%n_nonholonomic = size(self%rolling_name)
+        self%n_nonholonomic = self%rolling%n
         self%rows_may_repeat = .true.
-        self%holonomic_name = [character(len=label_length) :: self%held_name(:self%n_held), &
+        self%holonomic_name = [character(len=label_length) :: self%held%name(:self%held%n), &
             (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
-        self%nonholonomic_name = self%rolling_name
-        self%multiplier_unit = [character(len=label_length) :: self%held_unit(:self%n_held), ('J', i=1, size(self%turning)), &
-            self%rolling_unit]
+        self%nonholonomic_name = self%rolling%name(:self%rolling%n)
+        self%multiplier_unit = [character(len=label_length) :: self%held%unit(:self%held%n), ('J', i=1, size(self%turning)), &
+            self%rolling%unit(:self%rolling%n)]
         self%glides%row = self%glides%row + self%n_holonomic
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic
         self%edges%row = self%edges%row + self%n_holonomic
@@ -162,7 +160,7 @@ contains
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
-        call gather_hinges(self%meetings, self%dots, self%pose, self%n_held, self%hinges, self%loose_meetings, self%loose_dots)
+        call gather_hinges(self%meetings, self%dots, self%pose, self%held%n, self%hinges, self%loose_meetings, self%loose_dots)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
@@ -191,7 +189,6 @@ contains
             size(self%bushings), size(self%loads)) > 0
     end procedure form_groups
 
-    !> Bodies, what their rows touch, and the columns of C and M.
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
         integer :: i
@@ -210,7 +207,6 @@ contains
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
     end procedure declare_pattern
 
-    !> Where the bodies' coordinates stand in the terms.
     module procedure set_columns
         integer :: i
 
@@ -237,7 +233,6 @@ contains
         call place_turning(self%pose, self%turning_groups)
     end procedure set_columns
 
-    !> Which rows of C go into the blocks that a chart wants.
     module procedure find_blocks
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)

@@ -7,7 +7,6 @@ submodule(tandem_mechanism) tandem_mechanism_rubbing
 
 contains
 
-    !> What rubs.
     module procedure list_frictions
         integer :: i
 

@@ -7,7 +7,6 @@ submodule(tandem_mechanism) tandem_mechanism_segments
 
 contains
 
-    !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
     module procedure find_breakpoints
         real(wp), allocatable :: places(:), kinks(:)
         integer, allocatable :: orders(:)
@@ -60,7 +59,6 @@ contains
         self%nu_jumps = self%nu_jumps(:n)
     end procedure find_breakpoints
 
-    !> Let the functions hold the smooth pieces of the current segment.
     module procedure hold_segment
         real(wp) :: ends(2), t
         integer :: i

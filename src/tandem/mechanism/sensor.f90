@@ -305,9 +305,7 @@ contains
         type(sensor_type), intent(inout) :: sensor
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(sensor%last_time)
-        call pack%item(sensor%last_angle)
-        call pack%item(sensor%last_rate)
+        call pack%item(sensor%last_time, sensor%last_angle, sensor%last_rate)
         call pack%item(sensor%has_begun)
         call pack%item(sensor%first_energy)
     end subroutine pack_sensor

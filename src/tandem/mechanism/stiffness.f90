@@ -88,7 +88,6 @@ contains
         end subroutine join
     end subroutine list_load
 
-    !> The blocks of all elements.
     module procedure add_stiffness
         integer, allocatable :: bodies(:)
         integer :: i, j, n_rows

@@ -43,27 +43,15 @@ contains
         class(counts_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%right_hand_sides)
-        call pack%item(self%position_corrections)
-        call pack%item(self%b_corrections)
-        call pack%item(self%h_corrections)
-        call pack%item(self%position_factorizations)
-        call pack%item(self%constraint_factorizations)
-        call pack%item(self%mass_factorizations)
+        call pack%item(self%right_hand_sides, self%position_corrections, self%b_corrections, self%h_corrections)
+        call pack%item(self%position_factorizations, self%constraint_factorizations, self%mass_factorizations)
         call pack%item(self%basis_factorizations)
         call pack%fixed(self%terms)
-        call pack%item(self%fused_calls)
-        call pack%item(self%start_evaluations)
-        call pack%item(self%newton_matrices)
-        call pack%item(self%newton_factorizations)
-        call pack%item(self%newton_corrections)
-        call pack%item(self%implicit_stages)
+        call pack%item(self%fused_calls, self%start_evaluations, self%newton_matrices, self%newton_factorizations)
+        call pack%item(self%newton_corrections, self%implicit_stages)
         call pack%fixed(self%derivatives)
-        call pack%item(self%difference_evaluations)
-        call pack%item(self%gamma_evaluations)
+        call pack%item(self%difference_evaluations, self%gamma_evaluations)
         call pack%item(self%gamma_noise)
-        call pack%item(self%multipliers)
-        call pack%item(self%kinetic_energies)
-        call pack%item(self%potential_energies)
+        call pack%item(self%multipliers, self%kinetic_energies, self%potential_energies)
     end subroutine pack_state
 end module tandem_model_counts

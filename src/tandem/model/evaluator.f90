@@ -611,7 +611,6 @@ contains
         call pack%item(self%blocks)
         call pack%item(self%failed_term)
         if (.not. allocated(self%directions)) return
-        call pack%item(self%directions)
-        call pack%item(self%normals_gradient)
+        call pack%item(self%directions, self%normals_gradient)
     end subroutine pack_state
 end module tandem_model_evaluator

@@ -9,6 +9,7 @@
 module tandem_model_pattern
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
+    use tandem_model_lists, only: sort_to_lists
     implicit none (type, external)
     private
 
@@ -62,8 +63,7 @@ contains
         integer, intent(in) :: rows(:), bodies(:)
         !> The owners of the rows (n_rows), 0 for none.
         integer, intent(in) :: owner(:)
-        integer, allocatable :: next(:), all_bodies(:)
-        integer :: b, i, j, k, last, n
+        integer :: b, j, k, n
 
         self%fault = unusable(first, mass_blocks, n_rows, rows, bodies, owner)
         if (self%fault /= '') return
@@ -71,48 +71,9 @@ contains
         self%n_rows = n_rows
         self%first = first
         self%owner = owner
-        ! The bodies of each row, then each once and in their order.
-        allocate (next(n_rows + 1), source=0)
-        do k = 1, size(rows)
-            if (bodies(k) > 0) next(rows(k) + 1) = next(rows(k) + 1) + 1
-        end do
-        next(1) = 1
-        do i = 2, n_rows + 1
-            next(i) = next(i) + next(i - 1)
-        end do
-        self%row_start = next
-        allocate (all_bodies(next(n_rows + 1) - 1))
-        do k = 1, size(rows)
-            if (bodies(k) == 0) cycle
-            all_bodies(next(rows(k))) = bodies(k)
-            next(rows(k)) = next(rows(k)) + 1
-        end do
-        n = 0
-        do i = 1, n_rows
-            associate (from => self%row_start(i), to => next(i) - 1)
-                last = n
-                do k = from, to
-                    b = all_bodies(k)
-                    j = n
-                    do while (j > last)
-                        if (all_bodies(j) <= b) exit
-                        j = j - 1
-                    end do
-                    if (j > last) then
-                        if (all_bodies(j) == b) cycle
-                    end if
-                    all_bodies(j + 2:n + 1) = all_bodies(j + 1:n)
-                    all_bodies(j + 1) = b
-                    n = n + 1
-                end do
-                next(i) = last + 1
-            end associate
-        end do
-        next(n_rows + 1) = n + 1
-        self%row_start = next
-        self%row_body = all_bodies(:n)
+        call sort_to_lists(n_rows, rows, bodies, self%row_start, self%row_body)
         self%n_entries = 0
-        do k = 1, n
+        do k = 1, size(self%row_body)
             b = self%row_body(k)
             self%n_entries = self%n_entries + first(b + 1) - first(b)
         end do
@@ -269,26 +230,13 @@ contains
     !> Columns of the compressed C: each body takes the first colour that no body has which shares a row with it.
     pure subroutine colour(self)
         class(pattern_type), intent(inout) :: self
-        integer, allocatable :: body_start(:), body_row(:), next(:), colour_of(:), taken_by(:), width(:)
+        integer, allocatable :: body_start(:), body_row(:), colour_of(:), taken_by(:), width(:)
         integer :: b, c, i, j, k, n_colours
 
         associate (n_bodies => self%n_bodies, row_start => self%row_start, row_body => self%row_body)
-            allocate (body_start(n_bodies + 1), colour_of(n_bodies), taken_by(n_bodies), width(n_bodies), source=0)
-            do k = 1, size(row_body)
-                body_start(row_body(k) + 1) = body_start(row_body(k) + 1) + 1
-            end do
-            body_start(1) = 1
-            do b = 2, n_bodies + 1
-                body_start(b) = body_start(b) + body_start(b - 1)
-            end do
-            allocate (next, source=body_start)
-            allocate (body_row(size(row_body)))
-            do i = 1, self%n_rows
-                do k = row_start(i), row_start(i + 1) - 1
-                    body_row(next(row_body(k))) = i
-                    next(row_body(k)) = next(row_body(k)) + 1
-                end do
-            end do
+            allocate (colour_of(n_bodies), taken_by(n_bodies), width(n_bodies), source=0)
+            call sort_to_lists(n_bodies, row_body, [((i, k=row_start(i), row_start(i + 1) - 1), i=1, self%n_rows)], body_start, &
+                body_row)
             n_colours = 0
             do b = 1, n_bodies
                 do k = body_start(b), body_start(b + 1) - 1

@@ -4,6 +4,7 @@
 !> each other have one, and each with itself, so that memory grows with their number.
 module tandem_model_stiffness
     use tandem_kinds, only: wp
+    use tandem_model_lists, only: sort_to_lists
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -36,55 +37,13 @@ contains
         integer, intent(in) :: first(:)
         !> Pairs of bodies (2, :) in any order and as often as it happens; one with 0, the ground, counts for nothing.
         integer, intent(in) :: pairs(:, :)
-        integer, allocatable :: next(:), list(:)
-        integer :: b, i, j, k, last, n, n_bodies
+        integer :: b, k, n, n_bodies
 
         n_bodies = size(first) - 1
         self%first = first
-        allocate (next(n_bodies + 1), source=1)
-        next(1) = 1
-        do k = 1, size(pairs, 2)
-            if (any(pairs(:, k) == 0) .or. pairs(1, k) == pairs(2, k)) cycle
-            next(pairs(:, k) + 1) = next(pairs(:, k) + 1) + 1
-        end do
-        do b = 2, n_bodies + 1
-            next(b) = next(b) + next(b - 1)
-        end do
-        self%start = next
-        allocate (list(next(n_bodies + 1) - 1))
-        do b = 1, n_bodies
-            list(next(b)) = b
-            next(b) = next(b) + 1
-        end do
-        do k = 1, size(pairs, 2)
-            if (any(pairs(:, k) == 0) .or. pairs(1, k) == pairs(2, k)) cycle
-            do i = 1, 2
-                list(next(pairs(i, k))) = pairs(3 - i, k)
-                next(pairs(i, k)) = next(pairs(i, k)) + 1
-            end do
-        end do
-        ! Each partner once and in order, by insertion.
-        n = 0
-        do b = 1, n_bodies
-            last = n
-            do k = self%start(b), next(b) - 1
-                i = list(k)
-                j = n
-                do while (j > last)
-                    if (list(j) <= i) exit
-                    j = j - 1
-                end do
-                if (j > last) then
-                    if (list(j) == i) cycle
-                end if
-                list(j + 2:n + 1) = list(j + 1:n)
-                list(j + 1) = i
-                n = n + 1
-            end do
-            self%start(b) = last + 1
-        end do
-        self%start(n_bodies + 1) = n + 1
-        self%partner = list(:n)
+        ! Each body is a partner of itself.
+        call sort_to_lists(n_bodies, [(b, b=1, n_bodies), pairs(1, :), pairs(2, :)], &
+            [(b, b=1, n_bodies), pairs(2, :), pairs(1, :)], self%start, self%partner)
         self%offset = self%partner
         n = 0
         do b = 1, n_bodies
@@ -202,7 +161,6 @@ contains
         class(stiffness_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%by_q)
-        call pack%item(self%by_qd)
+        call pack%item(self%by_q, self%by_qd)
     end subroutine pack_state
 end module tandem_model_stiffness

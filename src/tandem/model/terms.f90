@@ -95,8 +95,7 @@ contains
 
         call pack%item(self%phi)
         call pack%item(self%jacobian)
-        call pack%item(self%nu)
-        call pack%item(self%gamma)
+        call pack%item(self%nu, self%gamma)
         call pack%item(self%mass)
         call pack%item(self%force)
     end subroutine pack_state

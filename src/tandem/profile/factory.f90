@@ -7,7 +7,7 @@ module tandem_profile_factory
     use tandem_options, only: options_type
     use tandem_profile_chart, only: profiled_chart_type
     use tandem_profile_ledger, only: profile_type
-    use tandem_profile_sparse_chart, only: profiled_sparse_chart_type
+    use tandem_profile_sparse_chart, only: profiled_sparse_chart_type => profiled_chart_type
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_factory, only: new_stepper, stepper_choices
     implicit none (type, external)

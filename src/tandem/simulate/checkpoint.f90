@@ -10,7 +10,6 @@ submodule(tandem_simulation) tandem_simulate_checkpoint
 
 contains
 
-    !> All that the run remembers.
     module procedure save_state
         type(pack_type) :: pack
         character(len=96) :: problem
@@ -32,7 +31,6 @@ contains
         call pack%end_writing(kind_of_row, words)
     end procedure save_state
 
-    !> Take up a run.
     module procedure restore_state
         type(pack_type) :: pack
         character(len=96) :: problem
@@ -195,8 +193,7 @@ contains
         call pack%item(self%renewal)
         call pack%item(self%room)
         call pack%item(self%hindrance)
-        call pack%item(self%is_interrupted)
-        call pack%item(self%try_has_failed)
+        call pack%item(self%is_interrupted, self%try_has_failed)
         call pack%item(self%last_gap)
         call pack%item(self%loss)
         call pack%item(self%loss_until)

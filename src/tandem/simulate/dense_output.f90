@@ -7,9 +7,6 @@ submodule(tandem_simulation) tandem_simulate_dense_output
 
 contains
 
-    !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold with
-    !> all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part in the
-    !> integration: the steps are bitwise the same with and without.
     module procedure look_at
         integer :: rows(3), stat
 
@@ -103,7 +100,6 @@ contains
         end associate
     end subroutine note_dense_error
 
-    !> Return to the state at the end of the last step.
     module procedure look_back
         if (.not. self%is_looking) return
         self%is_looking = .false.
@@ -116,8 +112,6 @@ contains
         call self%chart%forget()
     end procedure look_back
 
-    !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
-    !> the model cannot be evaluated there any more, and before `initialize`.
     module procedure multipliers
         integer :: stat
 
@@ -125,7 +119,6 @@ contains
         if (self%is_ready) call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
     end procedure multipliers
 
-    !> The kinetic energy at the current state.
     module procedure kinetic_energy
         energy = 0.0_wp
         stat = status_invalid_option
@@ -140,7 +133,6 @@ contains
         end if
     end procedure kinetic_energy
 
-    !> The potential energy at the current state; only where the model has one.
     module procedure potential_energy
         energy = 0.0_wp
         stat = status_invalid_option

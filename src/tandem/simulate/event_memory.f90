@@ -41,12 +41,10 @@ contains
         call self%event%pack_state(pack)
         call pack%item(self%value)
         call pack%item(self%sign_before)
-        call pack%item(self%is_open)
-        call pack%item(self%rests)
+        call pack%item(self%is_open, self%rests)
         call pack%item(self%direction)
         call pack%item(self%noise)
         call pack%item(self%is_sent_back)
-        call pack%item(self%judged_until)
-        call pack%item(self%reach)
+        call pack%item(self%judged_until, self%reach)
     end subroutine pack_state
 end module tandem_simulate_event_memory

@@ -38,7 +38,6 @@ submodule(tandem_simulation) tandem_simulate_event_search
 
 contains
 
-    !> Watch an event from the current state on.
     module procedure add_event
         type(watched_type), allocatable :: longer(:)
         integer :: n

@@ -6,7 +6,6 @@ submodule(tandem_simulation) tandem_simulate_exchange
 
 contains
 
-    !> Take the other stepper where the run shows that it is cheaper from here on.
     module procedure consider_exchange
         integer(long) :: tries
         integer :: n_differences, stat
@@ -58,7 +57,6 @@ contains
         self%tally%charts = self%tally%charts + 1
     end procedure consider_exchange
 
-    !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
     module procedure take_stepper
         class(chart_type), allocatable :: former
         type(counts_type) :: counts
@@ -93,7 +91,6 @@ contains
         self%chart_is_current = stat == status_ok
     end procedure take_stepper
 
-    !> What depends on the method.
     module procedure set_method
         real(wp) :: scale(self%model%n)
 

@@ -288,15 +288,12 @@ contains
         class(global_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%t_start)
-        call pack%item(self%due)
-        call pack%item(self%t)
-        call pack%item(self%longest)
+        call pack%item(self%t_start, self%due)
+        call pack%item(self%t, self%longest)
         call pack%item(self%t_last)
         call pack%item(self%state)
         call pack%item(self%n_seen)
-        call pack%item(self%is_changed)
-        call pack%item(self%is_stopped)
+        call pack%item(self%is_changed, self%is_stopped)
         call pack%item(self%work)
         if (.not. pack%is_reading) return
         ! The last place is for the end.

@@ -211,16 +211,10 @@ contains
         class(local_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%largest)
-        call pack%item(self%total)
+        call pack%item(self%largest, self%total)
         call pack%item(self%steps)
-        call pack%item(self%q0)
-        call pack%item(self%qd0)
-        call pack%item(self%sum_q)
-        call pack%item(self%sum_qd)
-        call pack%item(self%t0)
-        call pack%item(self%h)
-        call pack%item(self%t_last)
+        call pack%item(self%q0, self%qd0, self%sum_q, self%sum_qd)
+        call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
     end subroutine pack_state
 end module tandem_simulate_local_error

@@ -24,7 +24,6 @@ contains
         end associate
     end procedure check_rank
 
-    !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
     module procedure look_for_lost_rank
         integer :: loss
 
@@ -38,7 +37,6 @@ contains
         end associate
     end procedure look_for_lost_rank
 
-    !> Take note of a try that was given up, where it has met a loss of rank or a reason that may hide one.
     module procedure remember_loss
         if (all(stat /= [losses, status_position_diverged, status_chart_left, status_newton_failed])) return
         if (self%state%t > self%loss_until .or. all(self%loss /= losses)) self%loss = stat

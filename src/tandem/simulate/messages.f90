@@ -9,7 +9,6 @@ submodule(tandem_simulation) tandem_simulate_messages
 
 contains
 
-    !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
     module procedure fail
         character(len=:), allocatable :: message
 
@@ -42,7 +41,6 @@ contains
         call set_error(error, stat, message)
     end procedure fail
 
-    !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
     module procedure explain
         !> Time to look ahead.
         real(wp), parameter :: ahead = 1.0e-3_wp
@@ -76,7 +74,6 @@ contains
             self%tally%contradiction)
     end procedure compare_procedures
 
-    !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
     module procedure with_rows
         character(len=:), allocatable :: list
         integer :: i, n_named
@@ -95,7 +92,6 @@ contains
         text = list
     end procedure with_rows
 
-    !> Keep a warning, once.
     module procedure warn
         integer :: i
 

@@ -5,7 +5,6 @@ submodule(tandem_simulation) tandem_simulate_reckoning
 
 contains
 
-    !> What the run has cost and how wrong it was, so far.
     module procedure statistics
         statistics_ = self%tally
         ! Where an implicit stepper has taken over, that was heeded.

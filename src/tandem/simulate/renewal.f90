@@ -6,7 +6,6 @@ submodule(tandem_simulation) tandem_simulate_renewal
 
 contains
 
-    !> A chart that knows nothing yet.
     module procedure allocate_chart
         if (allocated(self%chart)) deallocate (self%chart)
         if (allocated(self%blank)) then
@@ -17,7 +16,6 @@ contains
         self%chart%damps = self%method%damps
     end procedure allocate_chart
 
-    !> Make the current state the origin of a new chart and count the reason.
     module procedure renew_chart
         integer :: stat
 
@@ -39,7 +37,6 @@ contains
         self%tally%charts = self%tally%charts + 1
     end procedure renew_chart
 
-    !> Make a new chart before the step where the policy wants one.
     module procedure renew_by_policy
         type(health_type) :: health
         !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, and one of explicit steps
@@ -91,7 +88,6 @@ contains
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end procedure renew_by_policy
 
-    !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
     module procedure stands_at_breakpoint
         stands_at_breakpoint = .false.
         if (.not. allocated(self%model%breakpoints)) return
@@ -99,8 +95,6 @@ contains
         stands_at_breakpoint = self%model%breakpoints(self%model%segment) <= self%state%t
     end procedure stands_at_breakpoint
 
-    !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next step.
-    !> On an error the state is that of the segment that ends.
     module procedure cross_breakpoint
         real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
         logical :: jumps

@@ -5,7 +5,6 @@ submodule(tandem_simulation) tandem_simulate_setup
 
 contains
 
-    !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it.
     module procedure initialize
         real(wp) :: start_q(model%n), start_qd(model%n)
 
@@ -63,7 +62,6 @@ contains
         self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
     end procedure initialize
 
-    !> The stepper that a run begins with, or its partner.
     module procedure allocate_stepper
         if (is_partner) then
             call new_stepper(self%explicit_method%partner, self%stepper)

@@ -10,7 +10,6 @@ submodule(tandem_simulation) tandem_simulate_start
 
 contains
 
-    !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
     module procedure accept_start
         integer :: rows(3), stat, i
 
@@ -241,7 +240,6 @@ contains
         call use_rows(self, kept, error)
     end subroutine drop_redundant_rows
 
-    !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
     module procedure choose_rows_anew
         type(redundancy_type) :: redundancy
         type(error_type), allocatable :: error

@@ -77,25 +77,15 @@ contains
         class(statistics_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%steps)
-        call pack%item(self%rejected)
-        call pack%item(self%failed)
-        call pack%item(self%smallest_step)
-        call pack%item(self%largest_step)
+        call pack%item(self%steps, self%rejected, self%failed)
+        call pack%item(self%smallest_step, self%largest_step)
         call pack%item(self%charts)
         call pack%fixed(self%charts_by)
-        call pack%item(self%position_error)
-        call pack%item(self%velocity_error)
-        call pack%item(self%acceleration_error)
-        call pack%item(self%velocity_gap)
-        call pack%item(self%t_gap)
-        call pack%item(self%dense_error)
-        call pack%item(self%start_moved_q)
-        call pack%item(self%start_moved_qd)
+        call pack%item(self%position_error, self%velocity_error, self%acceleration_error, self%velocity_gap, self%t_gap)
+        call pack%item(self%dense_error, self%start_moved_q, self%start_moved_qd)
         call pack%item(self%event_evaluations)
         call pack%item(self%velocity_jump)
         call pack%item(self%contradiction)
-        call pack%item(self%wall_seconds)
-        call pack%item(self%cpu_seconds)
+        call pack%item(self%wall_seconds, self%cpu_seconds)
     end subroutine pack_state
 end module tandem_simulate_statistics

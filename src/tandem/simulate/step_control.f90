@@ -289,14 +289,9 @@ contains
         call pack%item(self%h)
         call pack%item(order)
         call self%set_order(order)
-        call pack%item(self%last_norm)
-        call pack%item(self%last_step)
-        call pack%item(self%lambda)
-        call pack%item(self%is_at_limit)
-        call pack%item(self%was_rejected)
-        call pack%item(self%is_free)
-        call pack%item(self%barrier)
-        call pack%item(self%ceiling)
+        call pack%item(self%last_norm, self%last_step, self%lambda)
+        call pack%item(self%is_at_limit, self%was_rejected, self%is_free)
+        call pack%item(self%barrier, self%ceiling)
         call pack%item(self%since_barrier)
     end subroutine pack_state
 end module tandem_simulate_step_control

@@ -24,8 +24,6 @@ submodule(tandem_simulation) tandem_simulate_steps
 
 contains
 
-    !> One accepted step that does not pass t_limit, without the actions of events. On an error the state is that of the last
-    !> accepted step.
     module procedure advance
         type(before_type) :: before
         logical :: ends_at_breakpoint

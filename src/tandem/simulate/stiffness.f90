@@ -92,8 +92,7 @@ contains
         call pack%item(self%since)
         call pack%item(self%steps)
         call self%smoothness%pack_state(pack)
-        call pack%item(self%in_a_row)
-        call pack%item(self%others)
+        call pack%item(self%in_a_row, self%others)
         call pack%item(self%first)
     end subroutine pack_state
 end module tandem_simulate_stiffness

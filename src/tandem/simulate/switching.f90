@@ -266,21 +266,11 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%is_on)
-        call pack%item(self%switches)
-        call pack%item(self%implicit_steps)
-        call pack%item(self%asked)
-        call pack%item(self%tries_from)
-        call pack%item(self%steps_from)
-        call pack%item(self%needed_from)
-        call pack%item(self%t_from)
-        call pack%item(self%rate)
-        call pack%item(self%excess)
-        call pack%item(self%first_step)
+        call pack%item(self%switches, self%implicit_steps, self%asked, self%tries_from, self%steps_from)
+        call pack%item(self%needed_from, self%t_from, self%rate, self%excess, self%first_step)
         call pack%item(self%patience)
-        call pack%item(self%lambda)
-        call pack%item(self%stretch)
+        call pack%item(self%lambda, self%stretch)
         if (.not. allocated(self%direction_q)) return
-        call pack%item(self%direction_q)
-        call pack%item(self%direction_qd)
+        call pack%item(self%direction_q, self%direction_qd)
     end subroutine pack_state
 end module tandem_simulate_switching

@@ -194,10 +194,8 @@ contains
         class(history_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%n_kept)
-        call pack%item(self%last)
+        call pack%item(self%n_kept, self%last)
         call pack%fixed(self%t)
-        call pack%item(self%qd)
-        call pack%item(self%qdd)
+        call pack%item(self%qd, self%qdd)
     end subroutine pack_state
 end module tandem_stepper_history

@@ -343,14 +343,11 @@ contains
 
         call pack%item(self%theta)
         call pack%item(self%seen_change)
-        call pack%item(self%age)
-        call pack%item(self%seen_steps)
+        call pack%item(self%age, self%seen_steps)
         call pack%item(self%n_served)
         call pack%item(self%counted)
         call pack%item(self%spent)
-        call pack%item(self%is_fresh)
-        call pack%item(self%is_ahead)
-        call pack%item(self%is_worn)
+        call pack%item(self%is_fresh, self%is_ahead, self%is_worn)
         call self%prediction%pack_state(pack)
     end subroutine pack_state
 end module tandem_stepper_newton

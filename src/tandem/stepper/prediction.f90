@@ -141,8 +141,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%miss)
-        call pack%item(self%n_kept)
-        call pack%item(self%order)
+        call pack%item(self%n_kept, self%order)
         call pack%item(self%t_start)
     end subroutine pack_state
 end module tandem_stepper_prediction

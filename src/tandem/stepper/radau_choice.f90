@@ -196,16 +196,9 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%longest)
-        call pack%item(self%steps)
-        call pack%item(self%asked)
-        call pack%item(self%contraction)
-        call pack%item(self%last)
-        call pack%item(self%cost)
-        call pack%item(self%spent)
-        call pack%item(self%span)
-        call pack%item(self%rate_before)
-        call pack%item(self%promised)
-        call pack%item(self%excess)
+        call pack%item(self%steps, self%asked)
+        call pack%item(self%contraction, self%last, self%cost, self%spent, self%span)
+        call pack%item(self%rate_before, self%promised, self%excess)
         call pack%item(self%disappointed)
     end subroutine pack_state
 end module tandem_stepper_radau_choice

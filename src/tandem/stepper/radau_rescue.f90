@@ -15,7 +15,6 @@ submodule(tandem_stepper_radau) tandem_stepper_radau_rescue
 
 contains
 
-    !> Solve the three stages where no matrix that the past offers does.
     module procedure rescue
         !> Matrices made in the middle of the step before it is given up.
         integer, parameter :: most_matrices = 2

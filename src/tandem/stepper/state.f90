@@ -43,11 +43,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%t)
-        call pack%item(self%q)
-        call pack%item(self%qd)
-        call pack%item(self%qdd)
-        call pack%item(self%dq)
-        call pack%item(self%dqd)
+        call pack%item(self%q, self%qd, self%qdd, self%dq, self%dqd)
     end subroutine pack_state
 
     !> Take the values of another state of the same size. Assignment would allocate.

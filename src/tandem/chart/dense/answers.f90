@@ -5,7 +5,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_answers
 
 contains
 
-    !> lambda at (t, q, qd, qdd).
     module procedure multipliers
         lambda = 0.0_wp
         call self%move_with(t, q, qd, stat)
@@ -22,7 +21,6 @@ contains
         end if
     end procedure multipliers
 
-    !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
     module procedure project_velocity
         self%failed_row = 0
         call self%move_to(t, q, stat)
@@ -108,7 +106,6 @@ contains
         call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_qd)
     end procedure keep_tangent
 
-    !> The errors of the three constraint levels at the last point.
     module procedure constraint_errors
         errors = 0.0_wp
         rows = 0
@@ -143,7 +140,6 @@ contains
         end subroutine measure
     end procedure constraint_errors
 
-    !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
     module procedure measure_health
         self%failed_row = 0
         call self%move_to(t, q, stat)
@@ -168,7 +164,6 @@ contains
         end associate
     end procedure measure_health
 
-    !> qd' M qd / 2 at (t, q, qd).
     module procedure kinetic_energy
         energy = 0.0_wp
         call self%move_to(t, q, stat)

@@ -241,9 +241,7 @@ contains
         class(free_motion_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%basis)
-        call pack%item(self%origin)
-        call pack%item(self%choice)
-        call pack%item(self%origin_choice)
+        call pack%item(self%basis, self%origin)
+        call pack%item(self%choice, self%origin_choice)
     end subroutine pack_state
 end module tandem_chart_dense_free_motion

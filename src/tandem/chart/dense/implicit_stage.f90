@@ -5,7 +5,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_implicit_stage
 
 contains
 
-    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
     module procedure factor_stage
         self%failed_row = 0
         call self%move_with(t, q, qd, stat)
@@ -41,7 +40,6 @@ contains
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
     end procedure factor_stage
 
-    !> Make the last Newton matrix serve ha.
     module procedure reuse_stage
         can = self%stage_segment == self%model%segment()
         if (.not. can) return
@@ -69,7 +67,6 @@ contains
         matrix_cost = self%cost
     end procedure matrix_cost
 
-    !> One Newton correction of a stage's rates at the restored point.
     module procedure correct_stage
         self%failed_row = 0
         self%may_lean = .false.
@@ -104,7 +101,6 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine judge_correction
 
-    !> Factor the matrices of complex pairs of systems too.
     module procedure expect_pairs
         call self%stage%expect_pairs(ratios)
     end procedure expect_pairs
@@ -121,23 +117,19 @@ contains
         call self%stage%get_residual(residual)
     end procedure find_residual
 
-    !> The correction of the real system of stages that are solved together.
     module procedure solve_real
         call self%stage%solve_real(self%v_basis, self%v_dual, self%w_basis, self%w_dual, x)
     end procedure solve_real
 
-    !> The correction of one of their pairs of systems.
     module procedure solve_pair
         call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
     end procedure solve_pair
 
-    !> Add a correction to a stage's rates.
     module procedure move_rates
         call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
     end procedure move_rates
 
-    !> The error through the Newton matrix.
     module procedure filter_error
         call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
         if (self%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &

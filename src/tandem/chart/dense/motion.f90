@@ -5,7 +5,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_motion
 
 contains
 
-    !> q = q0 + xi - U u with Phi(t, q) = 0.
     module procedure restore_position
         call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
         self%phi_is_current = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
@@ -15,7 +14,6 @@ contains
         call self%fail_term()
     end procedure restore_position
 
-    !> Evaluate C, nu and M at (t, q), unless that was the last point. Splitting C later shows whether its rank is full.
     module procedure visit
         stat = status_ok
         if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
@@ -49,13 +47,11 @@ contains
         call copy(self%n, q, self%q_point)
     end subroutine go_to
 
-    !> The same, and refuse what is not finite.
     module procedure move_to
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%refuse_infinite(stat)
     end procedure move_to
 
-    !> Refuse C and nu that are not finite.
     module procedure refuse_infinite
         stat = status_ok
         if (self%is_finite_here) return
@@ -65,7 +61,6 @@ contains
         if (.not. self%is_finite_here) call self%name_infinite(stat)
     end procedure refuse_infinite
 
-    !> What R and D at the current point follow from, and with `refine` B too.
     module procedure find_velocity_basis
         stat = status_ok
         if (self%has_velocity_basis) return
@@ -99,13 +94,11 @@ contains
         if (stat == status_not_finite) call self%name_infinite(stat)
     end subroutine blame_velocity_basis
 
-    !> R and D at the current point as matrices.
     module procedure complete_velocity_basis
         call self%find_velocity_basis(stat)
         if (stat == status_ok) call self%velocity_basis%complete(self%model%terms%jacobian, self%x_basis, self%w_basis)
     end procedure complete_velocity_basis
 
-    !> qd = qd0 + eta - X x with C qd = nu.
     module procedure restore_velocity
         self%failed_row = 0
         call self%visit(t, q, stat)
@@ -143,7 +136,6 @@ contains
         end associate
     end subroutine restore_velocity_here
 
-    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
     module procedure move_with
         call self%visit(t, q, stat)
         if (stat /= status_ok) return
@@ -190,7 +182,6 @@ contains
             self%velocity_basis%right_inverse, t, q, qd, stat)
     end subroutine add_friction
 
-    !> The acceleration at the point of `restore_velocity`.
     module procedure solve_dynamics
         self%failed_row = 0
         ! A stage that was not projected left Phi as it was elsewhere.
@@ -221,7 +212,6 @@ contains
         end associate
     end subroutine solve_here
 
-    !> All of them, without a look whether the point is known.
     module procedure restore_motion
         logical :: remembers
 

@@ -5,7 +5,6 @@ submodule(tandem_chart_dense_position) tandem_chart_dense_position_iteration
 
 contains
 
-    !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
     module procedure restore
         self%failed_row = 0
         if (self%nh == 0) then
@@ -263,17 +262,14 @@ contains
         end do
     end subroutine correct_of
 
-    !> q := origin + increment - U u.
     module procedure place
         call place_of(width, n, u_basis, u, origin, increment, q)
     end procedure place
 
-    !> u := u + B Phi, see `correct_of`.
     module procedure correct
         call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
     end procedure correct
 
-    !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
     module procedure judge
         real(wp) :: total
 

@@ -6,7 +6,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_rank
 
 contains
 
-    !> How many steps as the one to (t, q) C is away from losing rank.
     module procedure measure_rank
         !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
         real(wp), parameter :: largest_rest = 1.0e-6_wp
@@ -71,7 +70,6 @@ contains
         if (room <= horizon) call self%blame_dependent(0)
     end procedure measure_rank
 
-    !> Take over what another chart of the same run has seen of how firm the constraints were.
     module procedure inherit
         self%best_independence = max(self%best_independence, other%best_independence)
         select type (other)
@@ -269,7 +267,6 @@ contains
         end do
     end subroutine compare_columns
 
-    !> The orientation and the independence of C at the current point.
     module procedure measure_split
         if (self%velocity_basis%is_measured) return
         call self%velocity_basis%measure_orientation()
@@ -355,7 +352,6 @@ contains
         change_from = sqrt(change_from)
     end function change_from
 
-    !> Remember which rows depend on each other at the current point.
     module procedure blame_dependent
         !> Smaller parts of the combination are not named.
         real(wp), parameter :: smallest_part = 0.01_wp

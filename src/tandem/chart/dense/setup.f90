@@ -5,7 +5,6 @@ submodule(tandem_chart_dense) tandem_chart_dense_setup
 
 contains
 
-    !> Attach the model and allocate the work space.
     module procedure initialize
         real(wp) :: utol
         integer :: way, i
@@ -238,7 +237,6 @@ contains
             self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
     end procedure place_bases
 
-    !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
     module procedure pack_state
         call self%pack_contract(pack)
         call self%model%pack_state(pack)
@@ -249,33 +247,20 @@ contains
             call self%stage%pack_state(pack)
             call self%metric%pack_state(pack)
             call pack%item(self%basis_scale)
-            call pack%item(self%knows_masses)
-            call pack%item(self%may_lean)
-            call pack%item(self%is_at_origin)
+            call pack%item(self%knows_masses, self%may_lean, self%is_at_origin)
         end if
-        call pack%item(self%q0)
-        call pack%item(self%qd0)
+        call pack%item(self%q0, self%qd0)
         call pack%item(self%basis%q)
-        call pack%item(self%x_basis)
-        call pack%item(self%v_basis)
-        call pack%item(self%w_basis)
-        call pack%item(self%v_dual)
-        call pack%item(self%w_dual)
+        call pack%item(self%x_basis, self%v_basis, self%w_basis, self%v_dual, self%w_dual)
         if (.not. self%has_bases) call self%free_motion%pack_state(pack)
         call pack%item(self%dropped)
         call pack%item(self%origin_orientation)
-        call pack%item(self%last_independence)
-        call pack%item(self%best_tie)
+        call pack%item(self%last_independence, self%best_tie)
         call pack%item(self%tie_weight)
         call pack%item(self%step_jacobian)
-        call pack%item(self%has_point)
-        call pack%item(self%is_finite_here)
-        call pack%item(self%has_velocity_basis)
-        call pack%item(self%phi_is_current)
-        call pack%item(self%has_motion)
+        call pack%item(self%has_point, self%is_finite_here, self%has_velocity_basis, self%phi_is_current, self%has_motion)
         call pack%item(self%t_point)
-        call pack%item(self%q_point)
-        call pack%item(self%qd_point)
+        call pack%item(self%q_point, self%qd_point)
         call pack%item(self%stage_segment)
     end procedure pack_state
 

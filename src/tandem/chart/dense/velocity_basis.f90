@@ -263,8 +263,7 @@ contains
         call pack%item(self%orientation)
         call pack%item(self%independence)
         call pack%item(self%is_measured)
-        call pack%item(self%failed_row)
-        call pack%item(self%most_corrections)
+        call pack%item(self%failed_row, self%most_corrections)
         call pack%item(self%c_x)
         if (self%way == by_elimination) then
             call self%elimination%pack_state(pack)

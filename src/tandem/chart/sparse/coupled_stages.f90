@@ -253,10 +253,8 @@ contains
         if (.not. allocated(self%newton)) return
         if (size(self%newton%pairs) == 0) return
         call self%allocate_stages(2*size(self%newton%pairs) + 1)
-        call pack%item(self%lambda_of)
-        call pack%item(self%lambda_before)
-        call pack%item(self%t_of)
-        call pack%item(self%t_before)
+        call pack%item(self%lambda_of, self%lambda_before)
+        call pack%item(self%t_of, self%t_before)
         call pack%item(self%n_known)
         call pack%item(self%has_before)
     end subroutine pack_coupled

@@ -524,16 +524,11 @@ contains
         type(pack_type), intent(inout) :: pack
         integer, allocatable :: out(:)
 
-        call pack%item(self%c)
-        call pack%item(self%y)
+        call pack%item(self%c, self%y)
         call pack%item(self%sent)
         call pack%item(self%own)
         call pack%item(self%w)
-        call pack%item(self%r)
-        call pack%item(self%blocks)
-        call pack%item(self%above)
-        call pack%item(self%alone)
-        call pack%item(self%added)
+        call pack%item(self%r, self%blocks, self%above, self%alone, self%added)
         call pack%item(self%least)
         call pack%item(self%weakest)
         call pack%item(self%rest)
@@ -541,8 +536,6 @@ contains
         out = merge(1, 0, self%is_out)
         call pack%item(out)
         self%is_out = out > 0
-        call pack%item(self%leaves_out)
-        call pack%item(self%has_rows)
-        call pack%item(self%is_factored)
+        call pack%item(self%leaves_out, self%has_rows, self%is_factored)
     end subroutine pack_state
 end module tandem_chart_sparse_factor

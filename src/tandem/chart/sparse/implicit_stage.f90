@@ -381,8 +381,7 @@ contains
         call pack%item(self%past)
         call pack%fixed(self%t_past)
         call pack%item(self%t_lambda)
-        call pack%item(self%n_past)
-        call pack%item(self%newest)
+        call pack%item(self%n_past, self%newest)
         call pack%item(self%has_lambda)
         call pack%item(self%left)
     end subroutine pack_newton

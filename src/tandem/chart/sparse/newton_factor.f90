@@ -167,7 +167,7 @@ contains
                 d = a%update_start(n)
                 do j = a%later_start(n), a%later_start(n + 1) - 1
                     p = a%height(a%later(j))
-                    call multiply_block(p, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
+                    call multiply_block(p, s, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
                     do i = 1, p*s
                         lower(at(j) + i) = scaled(i)
                     end do
@@ -225,7 +225,6 @@ contains
         class(newton_factor_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%lower)
-        call pack%item(self%upper)
+        call pack%item(self%lower, self%upper)
     end subroutine pack_state
 end module tandem_chart_sparse_newton_factor

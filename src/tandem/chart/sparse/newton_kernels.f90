@@ -69,39 +69,8 @@ contains
         real(wp), intent(in) :: a(s*s), x(s)
         real(wp), intent(out) :: y(s)
 
-        select case (s)
-        case (8)
-            call multiply_sized(8, a, x, y)
-        case (5)
-            call multiply_sized(5, a, x, y)
-        case (3)
-            call multiply_sized(3, a, x, y)
-        case (2)
-            call multiply_sized(2, a, x, y)
-        case default
-            call multiply_sized(s, a, x, y)
-        end select
+        call multiply_block(s, 1, s, a, x, y)
     end subroutine multiply
-
-    pure subroutine multiply_sized(s, a, x, y)
-        integer, intent(in), value :: s
-        real(wp), intent(in) :: a(s, s), x(s)
-        real(wp), intent(out) :: y(s)
-        real(wp) :: total(most)
-        integer :: i, j
-
-        do i = 1, s
-            total(i) = a(i, 1)*x(1)
-        end do
-        do j = 2, s
-            do i = 1, s
-                total(i) = total(i) + a(i, j)*x(j)
-            end do
-        end do
-        do i = 1, s
-            y(i) = total(i)
-        end do
-    end subroutine multiply_sized
 
     !> y := y - a x for a (p, s).
     pure subroutine subtract(p, s, a, x, y)
@@ -109,84 +78,45 @@ contains
         real(wp), intent(in) :: a(p*s), x(s)
         real(wp), intent(inout) :: y(p)
 
-        select case (16*p + s)
-        case (16*8 + 8)
-            call subtract_sized(8, 8, a, x, y)
-        case (16*5 + 8)
-            call subtract_sized(5, 8, a, x, y)
-        case (16*8 + 5)
-            call subtract_sized(8, 5, a, x, y)
-        case (16*5 + 5)
-            call subtract_sized(5, 5, a, x, y)
-        case (16*3 + 3)
-            call subtract_sized(3, 3, a, x, y)
-        case (16*2 + 3)
-            call subtract_sized(2, 3, a, x, y)
-        case (16*3 + 2)
-            call subtract_sized(3, 2, a, x, y)
-        case (16*2 + 2)
-            call subtract_sized(2, 2, a, x, y)
-        case default
-            call subtract_sized(p, s, a, x, y)
-        end select
+        call subtract_product(p, 1, s, a, x, y)
     end subroutine subtract
 
-    pure subroutine subtract_sized(p, s, a, x, y)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: a(p, s), x(s)
-        real(wp), intent(inout) :: y(p)
-        real(wp) :: total(most)
-        integer :: i, j
-
-        do i = 1, p
-            total(i) = y(i)
-        end do
-        do j = 1, s
-            do i = 1, p
-                total(i) = total(i) - a(i, j)*x(j)
-            end do
-        end do
-        do i = 1, p
-            y(i) = total(i)
-        end do
-    end subroutine subtract_sized
-
-    !> z := x y for x (p, s), y (s, s).
-    pure subroutine multiply_block(p, s, x, y, z)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: x(p*s), y(s*s)
-        real(wp), intent(out) :: z(p*s)
+    !> z := x y for x (p, s), y (s, q).
+    pure subroutine multiply_block(p, q, s, x, y, z)
+        integer, intent(in), value :: p, q, s
+        real(wp), intent(in) :: x(p*s), y(s*q)
+        real(wp), intent(out) :: z(p*q)
 
         select case (16*p + s)
         case (16*8 + 8)
-            call multiply_block_sized(8, 8, x, y, z)
+            call multiply_block_sized(8, q, 8, x, y, z)
         case (16*5 + 8)
-            call multiply_block_sized(5, 8, x, y, z)
+            call multiply_block_sized(5, q, 8, x, y, z)
         case (16*8 + 5)
-            call multiply_block_sized(8, 5, x, y, z)
+            call multiply_block_sized(8, q, 5, x, y, z)
         case (16*5 + 5)
-            call multiply_block_sized(5, 5, x, y, z)
+            call multiply_block_sized(5, q, 5, x, y, z)
         case (16*3 + 3)
-            call multiply_block_sized(3, 3, x, y, z)
+            call multiply_block_sized(3, q, 3, x, y, z)
         case (16*2 + 3)
-            call multiply_block_sized(2, 3, x, y, z)
+            call multiply_block_sized(2, q, 3, x, y, z)
         case (16*3 + 2)
-            call multiply_block_sized(3, 2, x, y, z)
+            call multiply_block_sized(3, q, 2, x, y, z)
         case (16*2 + 2)
-            call multiply_block_sized(2, 2, x, y, z)
+            call multiply_block_sized(2, q, 2, x, y, z)
         case default
-            call multiply_block_sized(p, s, x, y, z)
+            call multiply_block_sized(p, q, s, x, y, z)
         end select
     end subroutine multiply_block
 
-    pure subroutine multiply_block_sized(p, s, x, y, z)
-        integer, intent(in), value :: p, s
-        real(wp), intent(in) :: x(p, s), y(s, s)
-        real(wp), intent(out) :: z(p, s)
+    pure subroutine multiply_block_sized(p, q, s, x, y, z)
+        integer, intent(in), value :: p, q, s
+        real(wp), intent(in) :: x(p, s), y(s, q)
+        real(wp), intent(out) :: z(p, q)
         real(wp) :: column(most)
         integer :: i, j, k
 
-        do j = 1, s
+        do j = 1, q
             do i = 1, p
                 column(i) = x(i, 1)*y(1, j)
             end do

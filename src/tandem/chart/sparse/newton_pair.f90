@@ -77,13 +77,13 @@ contains
                     d = a%update_start(n)
                     do j = a%later_start(n), a%later_start(n + 1) - 1
                         p = a%height(a%later(j))
-                        call multiply_block(p, s, lower(at(j) + 1), lower(diagonal), scaled)
-                        call multiply_block(p, s, lower_im(at(j) + 1), lower_im(diagonal), part)
-                        call multiply_block(p, s, lower(at(j) + 1), lower_im(diagonal), scaled_im)
+                        call multiply_block(p, s, s, lower(at(j) + 1), lower(diagonal), scaled)
+                        call multiply_block(p, s, s, lower_im(at(j) + 1), lower_im(diagonal), part)
+                        call multiply_block(p, s, s, lower(at(j) + 1), lower_im(diagonal), scaled_im)
                         do i = 1, p*s
                             scaled(i) = scaled(i) - part(i)
                         end do
-                        call multiply_block(p, s, lower_im(at(j) + 1), lower(diagonal), part)
+                        call multiply_block(p, s, s, lower_im(at(j) + 1), lower(diagonal), part)
                         do i = 1, p*s
                             scaled_im(i) = scaled_im(i) + part(i)
                             minus_scaled_im(i) = -scaled_im(i)

@@ -135,8 +135,7 @@ contains
         class(rank_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%y)
-        call pack%item(self%force)
+        call pack%item(self%y, self%force)
         call pack%item(self%has_combination)
     end subroutine pack_state
 end module tandem_chart_sparse_rank

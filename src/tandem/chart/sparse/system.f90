@@ -369,14 +369,10 @@ contains
         do i = 1, 2
             call self%factor(i)%pack_state(pack)
         end do
-        call pack%item(self%base)
-        call pack%item(self%here)
+        call pack%item(self%base, self%here)
         call pack%item(self%t_point)
-        call pack%item(self%q_point)
-        call pack%item(self%qd_point)
-        call pack%item(self%has_point)
-        call pack%item(self%has_motion)
-        call pack%item(self%has_phi)
+        call pack%item(self%q_point, self%qd_point)
+        call pack%item(self%has_point, self%has_motion, self%has_phi)
         call pack%item(self%scales)
         call pack%item(self%has_scales)
     end subroutine pack_state

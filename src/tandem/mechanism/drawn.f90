@@ -1,0 +1,509 @@
+! SPDX-License-Identifier: MIT
+!> What is drawn of a mechanism: the lists of its elements, their names and rows, and what the words that add them have in common:
+!> functions, laws, expressions, directions that they are given, and where bodies are in the drawing.
+module tandem_mechanism_drawn
+    use tandem_error, only: error_type
+    use tandem_kinds, only: wp
+    use tandem_mechanism_body, only: body_type, point_type
+    use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_coupling, only: coupling_type
+    use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
+    use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
+        is_velocity, variable_name_length, variable_type
+    use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_glide, only: glide_type
+    use tandem_mechanism_joint, only: joint_type, name_length
+    use tandem_mechanism_law, only: law_item_type, law_type
+    use tandem_mechanism_load, only: load_type
+    use tandem_mechanism_massless_wheel, only: massless_wheel_type
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_rate_row, only: rate_row_type
+    use tandem_mechanism_refusal, only: refuse, take_vector
+    use tandem_mechanism_rolling, only: edge_type, roller_type
+    use tandem_mechanism_row_list, only: row_list_type
+    use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, sensor_type
+    use tandem_mechanism_span, only: span_type
+    use tandem_model, only: model_type
+    use tandem_name_index, only: name_index_type
+    use tandem_rigid_euler_parameters, only: rotation
+    implicit none (type, external)
+    private
+
+    public :: drawn_type, motion_type, angle_type
+
+    !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it,
+    !> 0 where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
+    type :: motion_type
+        class(function_type), allocatable :: f
+        integer :: jump_order = -1
+        !> The element, for messages.
+        character(len=name_length) :: name = ''
+    end type motion_type
+
+    !> In the plane an angle that is held: angle2 - angle1 = offset + f(t).
+    type :: angle_type
+        integer :: first = 0, second = 0, row = 0
+        real(wp) :: offset = 0.0_wp
+        integer :: motion = 0
+    end type angle_type
+
+    !> How many elements of each type there are.
+    type :: numbers_type
+        integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
+            springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
+            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
+    end type numbers_type
+
+    !> All that was added. `planar` and `gravity` are set before the first word.
+    type, extends(model_type) :: drawn_type
+        !> Whether bodies move in the plane (x, y, angle).
+        logical :: planar = .false.
+        !> Acceleration due to gravity (m/s^2).
+        real(wp) :: gravity(3) = 0.0_wp
+        !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
+        real(wp) :: times(2) = 0.0_wp
+        !> What is there; while it is drawn, lists have room for more, so that an element more does not cost a copy of all before.
+        type(numbers_type) :: n_of
+        type(body_type), allocatable :: bodies(:)
+        type(point_type), allocatable :: points(:)
+        type(joint_type), allocatable :: joints(:)
+        type(motion_type), allocatable :: motions(:)
+        !> Elements by type.
+        type(dot_type), allocatable :: dots(:)
+        type(span_type), allocatable :: meetings(:), distances(:)
+        type(angle_type), allocatable :: angles(:)
+        type(spring_type), allocatable :: springs(:)
+        type(torsion_type), allocatable :: torsions(:)
+        type(bushing_type), allocatable :: bushings(:)
+        type(load_type), allocatable :: loads(:)
+        !> What forces are made of: laws of springs, expressions of the state, coordinates of joints.
+        type(law_item_type), allocatable :: laws(:)
+        type(formula_type), allocatable :: formulas(:)
+        type(coordinate_type), allocatable :: coordinates(:)
+        type(coupling_type), allocatable :: couplings(:)
+        type(glide_type), allocatable :: glides(:)
+        type(rate_row_type), allocatable :: rate_rows(:)
+        type(edge_type), allocatable :: edges(:)
+        type(roller_type), allocatable :: rollers(:)
+        type(massless_wheel_type), allocatable :: massless_wheels(:)
+        type(sensor_type), allocatable :: sensors(:)
+        !> The rows so far, at position level without those of Euler parameters, and at velocity level.
+        type(row_list_type) :: held, rolling
+        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, a sensor among
+        !> the sensors, and the first function of time of an element among these.
+        character(len=name_length), allocatable :: names(:)
+        integer :: n_names = 0
+        type(name_index_type) :: name_index, point_index, sensor_index, motion_index
+        !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
+        integer, allocatable :: types(:), numbers(:)
+    contains
+        procedure :: clear
+        procedure :: fit
+        procedure :: find_body
+        procedure :: find_element
+        procedure :: keep_name
+        procedure :: variable_names
+        procedure :: list_variables
+        procedure :: take_motion
+        procedure :: take_law
+        procedure :: take_formula
+        procedure :: take_direction
+        procedure :: need_turning_body
+        procedure :: find_coordinate
+        procedure :: frame_of
+        procedure :: angle_of
+        procedure :: drawn_length
+    end type drawn_type
+
+contains
+
+    !> Forget all that was added.
+    pure subroutine clear(self)
+        class(drawn_type), intent(inout) :: self
+
+        self%bodies = [body_type ::]
+        self%points = [point_type ::]
+        self%joints = [joint_type ::]
+        if (allocated(self%motions)) deallocate (self%motions)
+        allocate (self%motions(0))
+        self%dots = [dot_type ::]
+        self%meetings = [span_type ::]
+        self%distances = [span_type ::]
+        self%angles = [angle_type ::]
+        self%springs = [spring_type ::]
+        self%torsions = [torsion_type ::]
+        self%bushings = [bushing_type ::]
+        self%loads = [load_type ::]
+        if (allocated(self%laws)) deallocate (self%laws)
+        if (allocated(self%formulas)) deallocate (self%formulas)
+        allocate (self%laws(0), self%formulas(0))
+        self%coordinates = [coordinate_type ::]
+        self%couplings = [coupling_type ::]
+        self%glides = [glide_type ::]
+        if (allocated(self%rate_rows)) deallocate (self%rate_rows)
+        allocate (self%rate_rows(0))
+        self%edges = [edge_type ::]
+        self%rollers = [roller_type ::]
+        self%massless_wheels = [massless_wheel_type ::]
+        self%sensors = [sensor_type ::]
+        if (allocated(self%names)) deallocate (self%names, self%types, self%numbers)
+        allocate (self%names(16), self%types(16), self%numbers(16))
+        self%n_names = 0
+        call self%name_index%clear()
+        call self%point_index%clear()
+        call self%sensor_index%clear()
+        call self%motion_index%clear()
+        call self%held%clear()
+        call self%rolling%clear()
+        self%n_of = numbers_type()
+    end subroutine clear
+
+    !> Remember a name.
+    pure subroutine keep_name(self, name, type_of, number)
+        class(drawn_type), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        !> What it is, and its number among those.
+        integer, intent(in) :: type_of, number
+
+        if (self%n_names == size(self%names)) then
+            self%names = [self%names, self%names]
+            self%types = [self%types, self%types]
+            self%numbers = [self%numbers, self%numbers]
+        end if
+        self%n_names = self%n_names + 1
+        self%names(self%n_names) = name
+        self%types(self%n_names) = type_of
+        self%numbers(self%n_names) = number
+        call self%name_index%put(name, self%n_names)
+    end subroutine keep_name
+
+    !> The index of a body, 0 for the ground, -1 for none.
+    pure integer function find_body(self, name)
+        class(drawn_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: k
+
+        find_body = merge(0, -1, name == 'ground')
+        k = self%name_index%get(name)
+        if (k == 0) return
+        if (self%types(k) == 0) find_body = self%numbers(k)
+    end function find_body
+
+    !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
+    pure subroutine find_element(self, name, type_of, number)
+        class(drawn_type), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(out) :: type_of, number
+        integer :: k
+
+        type_of = -1
+        number = 0
+        k = self%name_index%get(name)
+        if (k == 0) return
+        type_of = self%types(k)
+        number = self%numbers(k)
+    end subroutine find_element
+
+    !> The distance of two points in the drawing.
+    pure real(wp) function drawn_length(self, span)
+        class(drawn_type), intent(in) :: self
+        type(span_type), intent(in) :: span
+        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
+
+        call self%frame_of(span%first, r1, a1)
+        call self%frame_of(span%second, r2, a2)
+        drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
+    end function drawn_length
+
+    !> Keep a function of time, and give its number.
+    subroutine take_motion(self, name, f, jump_order, number)
+        class(drawn_type), intent(inout) :: self
+        !> The element.
+        character(len=*), intent(in) :: name
+        class(function_type), intent(in) :: f
+        !> See `motion_type`.
+        integer, intent(in) :: jump_order
+        integer, intent(out) :: number
+
+        number = self%n_of%motions + 1
+        if (number > size(self%motions)) call resize_motions(self, 2*number)
+        self%n_of%motions = number
+        allocate (self%motions(number)%f, source=f)
+        self%motions(number)%jump_order = jump_order
+        self%motions(number)%name = name
+        call self%motion_index%put(name, number)
+    end subroutine take_motion
+
+    !> Room for so many functions of time.
+    subroutine resize_motions(self, room)
+        class(drawn_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(motion_type), allocatable :: others(:)
+        integer :: i
+
+        allocate (others(room))
+        do i = 1, self%n_of%motions
+            call move_alloc(self%motions(i)%f, others(i)%f)
+            others(i)%jump_order = self%motions(i)%jump_order
+            others(i)%name = self%motions(i)%name
+        end do
+        call move_alloc(others, self%motions)
+    end subroutine resize_motions
+
+    !> Keep a law, and give its number.
+    subroutine take_law(self, law, number)
+        class(drawn_type), intent(inout) :: self
+        class(law_type), intent(in) :: law
+        integer, intent(out) :: number
+
+        number = self%n_of%laws + 1
+        if (number > size(self%laws)) call resize_laws(self, 2*number)
+        self%n_of%laws = number
+        allocate (self%laws(number)%law, source=law)
+    end subroutine take_law
+
+    !> Room for so many laws.
+    subroutine resize_laws(self, room)
+        class(drawn_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(law_item_type), allocatable :: others(:)
+        integer :: i
+
+        allocate (others(room))
+        do i = 1, self%n_of%laws
+            call move_alloc(self%laws(i)%law, others(i)%law)
+        end do
+        call move_alloc(others, self%laws)
+    end subroutine resize_laws
+
+    !> Keep an expression of the state, and give its number.
+    subroutine take_formula(self, expression, number)
+        class(drawn_type), intent(inout) :: self
+        type(expression_type), intent(in) :: expression
+        integer, intent(out) :: number
+
+        number = self%n_of%formulas + 1
+        if (number > size(self%formulas)) call resize_formulas(self, 2*number)
+        self%n_of%formulas = number
+        call self%formulas(number)%initialize(expression, self%list_variables())
+    end subroutine take_formula
+
+    !> Room for so many expressions of the state.
+    subroutine resize_formulas(self, room)
+        class(drawn_type), intent(inout) :: self
+        integer, intent(in) :: room
+        type(formula_type), allocatable :: others(:)
+
+        allocate (others(room))
+        others(:self%n_of%formulas) = self%formulas(:self%n_of%formulas)
+        call move_alloc(others, self%formulas)
+    end subroutine resize_formulas
+
+    !> Cut the lists of what was added to what is there.
+    subroutine fit(self)
+        class(drawn_type), intent(inout) :: self
+
+        associate (n => self%n_of)
+            self%bodies = self%bodies(:n%bodies)
+            self%points = self%points(:n%points)
+            self%joints = self%joints(:n%joints)
+            self%dots = self%dots(:n%dots)
+            self%meetings = self%meetings(:n%meetings)
+            self%distances = self%distances(:n%distances)
+            self%angles = self%angles(:n%angles)
+            self%springs = self%springs(:n%springs)
+            self%torsions = self%torsions(:n%torsions)
+            self%bushings = self%bushings(:n%bushings)
+            self%loads = self%loads(:n%loads)
+            self%coordinates = self%coordinates(:n%coordinates)
+            self%couplings = self%couplings(:n%couplings)
+            self%glides = self%glides(:n%glides)
+            self%edges = self%edges(:n%edges)
+            self%rollers = self%rollers(:n%rollers)
+            self%massless_wheels = self%massless_wheels(:n%massless_wheels)
+            self%sensors = self%sensors(:n%sensors)
+            call resize_motions(self, n%motions)
+            call resize_laws(self, n%laws)
+            call resize_formulas(self, n%formulas)
+        end associate
+    end subroutine fit
+
+    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz
+    !> (m/s), in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as
+    !> `body.x`; of each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`,
+    !> counted from the drawing, and of each massless wheel that slides its way and speed. Parse an expression with them after
+    !> what it names was added, and add its element before another body or joint.
+    function variable_names(self) result(names)
+        class(drawn_type), intent(in) :: self
+        character(len=variable_name_length), allocatable :: names(:)
+        type(variable_type), allocatable :: variables(:)
+
+        allocate (variables, source=self%list_variables())
+        names = variables%name
+    end function variable_names
+
+    !> What they are.
+    function list_variables(self) result(variables)
+        class(drawn_type), intent(in) :: self
+        type(variable_type), allocatable :: variables(:)
+        character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
+        integer :: i, k, m, n
+
+        ! At most so many of a body and of a joint.
+        allocate (variables(1 + 13*self%n_of%bodies + 4*self%n_of%joints + 2*self%n_of%slides))
+        m = 0
+        call add('t', is_time, 0, 0)
+        n = merge(2, 3, self%planar)
+        do i = 1, self%n_of%bodies
+            associate (name => trim(self%bodies(i)%name)//'.')
+                do k = 1, n
+                    call add(name//axis(k), is_place, i, k)
+                end do
+                do k = 1, n
+                    call add(name//'v'//axis(k), is_velocity, i, k)
+                end do
+                if (.not. self%bodies(i)%turns) cycle
+                if (self%planar) then
+                    call add(name//'angle', is_turn, i, 1)
+                    call add(name//'omega', is_turn_rate, i, 1)
+                    cycle
+                end if
+                do k = 1, 4
+                    call add(name//'e'//number(k), is_turn, i, k)
+                end do
+                do k = 1, 3
+                    call add(name//'w'//axis(k), is_spin, i, k)
+                end do
+            end associate
+        end do
+        do i = 1, self%n_of%joints
+            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
+                if (turn > 0) then
+                    call add(name//'angle', is_joint, turn, 1)
+                    call add(name//'rate', is_joint_rate, turn, 1)
+                end if
+                if (way > 0) call add_way(name, way)
+            end associate
+        end do
+        do i = 1, self%n_names
+            if (self%types(i) /= of_massless_wheel) cycle
+            associate (way => self%massless_wheels(self%numbers(i))%way)
+                if (way > 0) call add_way(trim(self%names(i))//'.', way)
+            end associate
+        end do
+        variables = variables(:m)
+
+    contains
+
+        subroutine add_way(name, way)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: way
+
+            call add(name//'way', is_joint, way, 1)
+            call add(name//'speed', is_joint_rate, way, 1)
+        end subroutine add_way
+
+        subroutine add(name, kind, of, place)
+            character(len=*), intent(in) :: name
+            integer, intent(in) :: kind, of, place
+
+            m = m + 1
+            variables(m) = variable_type(name, kind, of, place)
+        end subroutine add
+    end function list_variables
+
+    !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
+    subroutine find_coordinate(self, label, text, number, error)
+        class(drawn_type), intent(in) :: self
+        character(len=*), intent(in) :: label, text
+        integer, intent(out) :: number
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: k, dot, type_of, turn, way
+
+        number = 0
+        dot = index(text, '.')
+        if (dot == 0) dot = len_trim(text) + 1
+        call self%find_element(text(:dot - 1), type_of, k)
+        if (type_of == of_joint) then
+            turn = self%joints(k)%turn
+            way = self%joints(k)%way
+        else if (type_of == of_massless_wheel) then
+            turn = 0
+            way = self%massless_wheels(k)%way
+        else
+            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
+            return
+        end if
+        if (text(dot:) == '.angle') then
+            number = turn
+        else if (text(dot:) == '.way') then
+            number = way
+        else if (dot > len_trim(text)) then
+            number = merge(turn, way, turn > 0)
+        end if
+        if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
+            ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
+    end subroutine find_coordinate
+
+    !> Where a body is in the drawing.
+    pure subroutine frame_of(self, body, r, a)
+        class(drawn_type), intent(in) :: self
+        integer, intent(in) :: body
+        real(wp), intent(out) :: r(3), a(3, 3)
+        type(pose_type) :: ground
+
+        r = 0.0_wp
+        a = ground%a(:, :, 0)
+        if (body == 0) return
+        associate (its => self%bodies(body))
+            r = its%position
+            if (self%planar) then
+                a(1:2, 1) = [cos(its%angle), sin(its%angle)]
+                a(1:2, 2) = [-sin(its%angle), cos(its%angle)]
+            else
+                a = rotation(its%p)
+            end if
+        end associate
+    end subroutine frame_of
+
+    !> The angle of a body in the drawing.
+    pure real(wp) function angle_of(self, body)
+        class(drawn_type), intent(in) :: self
+        integer, intent(in) :: body
+
+        angle_of = 0.0_wp
+        if (body > 0) angle_of = self%bodies(body)%angle
+    end function angle_of
+
+    !> A unit vector along what is given.
+    subroutine take_direction(self, label, what, given, vector, error)
+        class(drawn_type), intent(in) :: self
+        character(len=*), intent(in) :: label, what
+        real(wp), intent(in) :: given(:)
+        real(wp), intent(inout) :: vector(3)
+        type(error_type), allocatable, intent(inout) :: error
+
+        call take_vector(self%planar, label, what, given, vector, error)
+        if (allocated(error)) return
+        if (.not. norm2(vector) > 0.0_wp) then
+            call refuse(label//': '//what//' is zero', 'give a direction', error)
+        else
+            vector = vector/norm2(vector)
+        end if
+    end subroutine take_direction
+
+    !> Refuse the ground and point masses.
+    subroutine need_turning_body(self, label, body, error)
+        class(drawn_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+        integer, intent(in) :: body
+        type(error_type), allocatable, intent(inout) :: error
+        logical :: turns
+
+        turns = .false.
+        if (body > 0) turns = self%bodies(body)%turns
+        if (.not. turns) call refuse(label//' is on the ground or on a point mass', 'name a body with an inertia', error)
+    end subroutine need_turning_body
+end module tandem_mechanism_drawn

@@ -1,0 +1,313 @@
+! SPDX-License-Identifier: MIT
+!> Tests of what a run asks of the sparse chart besides the motion: dense output, checkpoints, a profile, rows left out; when a run
+!> gets one, and what it refuses.
+module test_sparse_runs
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
+    use large_mechanisms, only: make_large
+    use large_runs, only: begin, controlled, go_on, scenes, start
+    use tandem, only: chart_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, options_type, &
+        profile_type, simulation_type, statistics_type, wp
+    use tandem_chart_sparse_factor, only: factor_type
+    use tandem_pack, only: pack_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_sparse_runs
+
+contains
+
+    !> The suite.
+    subroutine collect_sparse_runs(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('dense-output', test_dense_output), &
+            new_unittest('checkpoint', test_checkpoint), &
+            new_unittest('factor-of-a-checkpoint', test_factor_of_checkpoint), &
+            new_unittest('choice', test_choice), &
+            new_unittest('profile', test_profile), &
+            new_unittest('redundant-rows', test_redundant), &
+            new_unittest('refusals', test_refusals)]
+    end subroutine collect_sparse_runs
+
+    !> Between steps the constraints hold as at their ends, the motion is that of the dense chart, and the look leaves no trace.
+    subroutine test_dense_output(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two, three
+        type(simulation_type) :: sparse, dense, blind
+        type(failure_type), allocatable :: failure
+
+        call begin('spatial_chain', 12, controlled(1.0e-10_wp, 'sparse'), one, sparse, error)
+        call begin('spatial_chain', 12, controlled(1.0e-10_wp, 'sparse'), three, blind, error)
+        call begin('spatial_chain', 12, controlled(1.0e-10_wp, 'dense'), two, dense, error)
+        if (allocated(error)) return
+        do while (sparse%state%t < 0.1_wp)
+            call sparse%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            call blind%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call sparse%look_at(sparse%state%t - 0.3_wp*sparse%last_step, failure)
+            call check_no_failure(error, failure)
+            call check_below(error, maxval(sparse%errors), 1.0e-12_wp, 'errors between steps')
+            if (allocated(error)) return
+            if (sparse%state%t > 0.08_wp) exit
+            call sparse%look_back()
+        end do
+        call go_on(dense, sparse%state%t, error)
+        call check_close(error, sparse%state%q, dense%state%q, 1.0e-8_wp, 'q between steps')
+        call sparse%look_back()
+        call check_true(error, all(abs(sparse%state%q - blind%state%q) <= 0.0_wp), 'a look changes the steps')
+    end subroutine test_dense_output
+
+    !> A run that is taken up from a checkpoint goes on bitwise.
+    subroutine test_checkpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: first, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:), expected(:), found(:)
+        integer :: i, way
+        type(options_type) :: options
+
+        do i = 1, size(scenes)
+            do way = 1, 2
+                one = mechanism_type()
+                two = mechanism_type()
+                options = options_type(chart_kind='sparse')
+                if (way == 2) options = controlled(1.0e-9_wp, 'sparse')
+                call begin(scenes(i), 14, options, one, first, error)
+                call begin(scenes(i), 14, options, two, again, error)
+                call go_on(first, 0.021_wp, error)
+                if (allocated(error)) return
+                call first%save_state(words, failure)
+                call check_no_failure(error, failure)
+                call again%restore_state(words, failure)
+                call check_no_failure(error, failure)
+                call go_on(first, 0.05_wp, error)
+                call go_on(again, 0.05_wp, error)
+                if (allocated(error)) return
+                call first%save_state(expected, failure)
+                call again%save_state(found, failure)
+                call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
+                    all(abs(first%state%qd - again%state%qd) <= 0.0_wp), trim(scenes(i))//' goes on otherwise')
+                call check_count(error, size(found), size(expected), 'words of the state')
+            end do
+        end do
+    end subroutine test_checkpoint
+
+    !> A factor that is restored knows what of rows that were left out there was left, as a loss of rank is judged by that.
+    subroutine test_factor_of_checkpoint(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(factor_type) :: factor, again
+        type(pack_type) :: pack
+        integer(long), allocatable :: words(:)
+        character(len=64) :: problem
+
+        allocate (factor%is_out(1), again%is_out(1), source=.false.)
+        factor%rest = 0.25_wp
+        factor%loosest = 7
+        call pack%begin_writing()
+        call factor%pack_state(pack)
+        call pack%end_writing('factor', words)
+        call pack%begin_reading('factor', words, problem)
+        call again%pack_state(pack)
+        call check_close(error, [again%rest], [factor%rest], 0.0_wp, 'rest')
+        call check_count(error, again%loosest, factor%loosest, 'loosest')
+    end subroutine test_factor_of_checkpoint
+
+    !> Few bodies get the dense chart, many the sparse one, and those that cannot have it the dense one: a run with charts that cost
+    !> the square of the bodies in memory would not begin with two thousand.
+    subroutine test_choice(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        integer :: i
+
+        call begin('planar_chain', 4, options_type(), mechanism, simulation, error)
+        call go_on(simulation, 0.01_wp, error)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, statistics%basis_factorizations > 0, 'few bodies have a sparse chart')
+        mechanism = mechanism_type()
+        call begin('spatial_chain', 2000, options_type(), mechanism, simulation, error)
+        call go_on(simulation, 0.002_wp, error)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check_true(error, statistics%basis_factorizations == 0, 'many bodies have a dense chart')
+        ! Implicit steps.
+        mechanism = mechanism_type()
+        call begin('planar_chain', 25, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call go_on(simulation, 0.002_wp, error)
+        if (allocated(error)) return
+        ! Where the choice turns over, with explicit steps, with implicit ones, and with redundant rows.
+        do i = 1, 6
+            mechanism = mechanism_type()
+            select case (i)
+            case (1, 2)
+                call begin('planar_chain', 10 + i, options_type(), mechanism, simulation, error)
+            case (3, 4)
+                call begin('planar_chain', 16 + i, options_type(stepper='sdirk54'), mechanism, simulation, error)
+            case default
+                call draw_parallelograms(i - 3, mechanism, error)
+                if (.not. allocated(error)) call start(mechanism, options_type(), simulation, error)
+            end select
+            if (allocated(error)) return
+            call check_true(error, simulation%is_sparse .eqv. modulo(i, 2) == 0, 'another chart was chosen')
+            if (i > 4) call check_count(error, simulation%n_redundant, i - 3, 'redundant rows')
+        end do
+    end subroutine test_choice
+
+    !> A run whose time is taken has the chart that it would have, and takes the same steps.
+    subroutine test_profile(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: one, two
+        type(simulation_type) :: plain, timed
+        type(profile_type), target :: profile
+        class(chart_type), allocatable :: chart
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call begin('spatial_chain', 20, options_type(), one, plain, error)
+        call make_large('spatial_chain', 20, two, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(two%n), qd(two%n))
+        call two%start(q, qd)
+        call profile%begin()
+        two%timer => profile
+        call new_profiled_chart(two, options_type(), profile, chart)
+        call timed%initialize(two, options_type(), 0.0_wp, q, qd, failure, chart=chart)
+        call check_no_failure(error, failure)
+        call check_true(error, timed%is_sparse .and. plain%is_sparse, 'a chart is dense')
+        call go_on(plain, 0.02_wp, error)
+        call go_on(timed, 0.02_wp, error)
+        if (allocated(error)) return
+        call check_true(error, all(abs(plain%state%q - timed%state%q) <= 0.0_wp), 'it takes other steps')
+    end subroutine test_profile
+
+    !> Parallelograms in space on three hinges and a ball joint, one of whose rows is redundant each: as many rows are left out and
+    !> named, the motion is that of the dense chart, and a run that is taken up goes on bitwise.
+    subroutine test_redundant(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 5
+        type(mechanism_type), target :: one, two, three
+        type(simulation_type) :: sparse, dense, again
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        integer :: i
+
+        call draw_parallelograms(n, one, error)
+        call draw_parallelograms(n, two, error)
+        call draw_parallelograms(n, three, error)
+        if (allocated(error)) return
+        call start(one, controlled(1.0e-12_wp, 'sparse'), sparse, error)
+        call start(two, controlled(1.0e-12_wp, 'dense'), dense, error)
+        call start(three, controlled(1.0e-12_wp, 'sparse'), again, error)
+        if (allocated(error)) return
+        call check_count(error, sparse%n_redundant, n, 'rows left out')
+        call check_count(error, size(sparse%warnings), n, 'warnings')
+        if (allocated(error)) return
+        do i = 1, size(sparse%warnings)
+            call check_true(error, index(sparse%warnings(i)%text, 'repeats') > 0, 'a warning tells of no redundant row')
+        end do
+        call go_on(sparse, 0.1_wp, error)
+        if (allocated(error)) return
+        call sparse%save_state(words, failure)
+        call check_no_failure(error, failure)
+        call again%restore_state(words, failure)
+        call check_no_failure(error, failure)
+        call go_on(sparse, 0.2_wp, error)
+        call go_on(again, 0.2_wp, error)
+        call go_on(dense, 0.2_wp, error)
+        if (allocated(error)) return
+        call check_close(error, sparse%state%q, dense%state%q, 1.0e-10_wp, 'q')
+        call check_true(error, all(abs(sparse%state%q - again%state%q) <= 0.0_wp), 'it goes on otherwise')
+    end subroutine test_redundant
+
+    !> They stand side by side.
+    subroutine draw_parallelograms(n, mechanism, error)
+        integer, intent(in) :: n
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: along(3) = [0.0_wp, 1.0_wp, 0.0_wp], inertia(3) = [0.1_wp, 0.2_wp, 0.3_wp]
+        character(len=1) :: number
+        real(wp) :: y
+        integer :: i
+
+        mechanism%gravity = [3.0_wp, 0.0_wp, -9.81_wp]
+        do i = 1, n
+            if (allocated(error)) return
+            write (number, '(i0)') i
+            y = i
+            call mechanism%add_body('a'//number, 1.0_wp, [0.0_wp, y, 0.5_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_body('b'//number, 1.0_wp, [0.5_wp, y, 1.0_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_body('c'//number, 1.0_wp, [1.0_wp, y, 0.5_wp], failure, inertia=inertia)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('j'//number, 'revolute', 'ground', 'a'//number, failure, at=[0.0_wp, y, 0.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('k'//number, 'revolute', 'a'//number, 'b'//number, failure, at=[0.0_wp, y, 1.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('l'//number, 'revolute', 'b'//number, 'c'//number, failure, at=[1.0_wp, y, 1.0_wp], axis=along)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('m'//number, 'spherical', 'c'//number, 'ground', failure, at=[1.0_wp, y, 0.0_wp])
+            call check_no_failure(error, failure)
+        end do
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+    end subroutine draw_parallelograms
+    !> What this chart cannot do is refused at the set-up, with what to do.
+    subroutine test_refusals(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(failure_type), allocatable :: failure
+        type(mechanism_type), target :: mechanism
+        integer :: i
+
+        call refuse(options_type(chart_kind='sparse', chart='adaptive'), 'adaptive')
+        call refuse(options_type(chart_kind='sparse', refresh='refine'), 'refine')
+        call refuse(options_type(chart_kind='round'), 'chart_kind')
+        ! A body without inertia.
+        do i = 1, 2
+            mechanism = mechanism_type()
+            mechanism%planar = .true.
+            call mechanism%add_body('mass', 1.0_wp, [-1.0_wp, 0.0_wp], failure, inertia=[0.0_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('pivot', 'revolute', 'ground', 'mass', failure, at=[0.0_wp, 0.0_wp])
+            call check_no_failure(error, failure)
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call initialize(options_type(chart_kind=merge('sparse   ', 'automatic', i == 1)))
+            if (i == 1) call check_failure(error, failure, 'invalid_option', 'mass.angle')
+            if (i == 2) call check_no_failure(error, failure)
+        end do
+
+    contains
+
+        subroutine refuse(options, piece)
+            type(options_type), intent(in) :: options
+            character(len=*), intent(in) :: piece
+
+            if (allocated(error)) return
+            mechanism = mechanism_type()
+            call make_large('planar_chain', 5, mechanism, failure)
+            call check_no_failure(error, failure)
+            call initialize(options)
+            call check_failure(error, failure, 'invalid_option', piece)
+        end subroutine refuse
+
+        subroutine initialize(options)
+            type(options_type), intent(in) :: options
+            type(simulation_type) :: simulation
+            real(wp) :: q(mechanism%n), qd(mechanism%n)
+
+            call mechanism%start(q, qd)
+            call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+        end subroutine initialize
+    end subroutine test_refusals
+end module test_sparse_runs
