@@ -599,6 +599,33 @@ class Wrong(Case):
                 self.refused("check", self.scene(BASE), "--set", setting, says=f"--set:1:{places}")
 
 
+class Unmoved(Case):
+    def test_without_a_freedom_nothing_is_printed(self):
+        """No stepper asks LAPACK for systems of no unknowns, which tells of that on stdout."""
+        scene = self.scene("""
+[scene]
+model = "mechanism"
+planar = true
+[gravity]
+vector = [0, -9.81]
+[body.rod]
+mass = 1.0
+inertia = 0.1
+position = [1, 0]
+[joint.clamp]
+type = "fixed"
+bodies = ["ground", "rod"]
+at = [0, 0]
+[time]
+end = 1.0
+""")
+        for stepper in "rk4", "trapezoid", "sdirk54", "radau5":
+            with self.subTest(stepper):
+                done = self.tandem("run", scene, "--set", f"solver.stepper={stepper}", "--set", "solver.step=0.5", "--quiet", "--force",
+                                   "--no-error", "--output", "out.h5")
+                self.assertEqual(done.stdout, "")
+
+
 class ManyReactions(Case):
     def judge(self, numbers, *command):
         """Four times as many joints take four times the processor time; more where each looks through the rows of all."""
