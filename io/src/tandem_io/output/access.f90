@@ -7,7 +7,8 @@ module tandem_io_output_access
     implicit none (type, external)
     private
 
-    public :: make_access, make_reading_access, release_driver, start_swmr, end_of, forget_small_gaps, many_datasets
+    public :: make_access, make_reading_access, release_driver, start_swmr, end_of, forget_small_gaps, let_metadata_go, &
+        many_datasets
 
     !> Pieces of metadata begin at multiples of this (bytes).
     integer(hsize_t), parameter :: slot = 1024
@@ -55,6 +56,13 @@ module tandem_io_output_access
             integer(c_int64_t), value :: access
             integer(c_int) :: stat
         end function keep_metadata
+
+        !> Let go of nearly all that was kept so, before the file is closed.
+        subroutine let_metadata_go(file) bind(c, name='tandem_metadata_let_go')
+            import :: c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: file
+        end subroutine let_metadata_go
 
         !> How HDF5 keeps account of the space that is free in a file.
         function h5p_set_file_space_strategy(creation, strategy, persist, threshold) result(stat) &

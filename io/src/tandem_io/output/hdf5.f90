@@ -13,8 +13,8 @@ module tandem_io_output_hdf5
         h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5tclose_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_fletcher, only: fletcher_type
-    use tandem_io_output_access, only: end_of, forget_small_gaps, make_access, many_datasets, make_reading_access, &
-        release_driver, start_swmr
+    use tandem_io_output_access, only: end_of, forget_small_gaps, let_metadata_go, make_access, many_datasets, &
+        make_reading_access, release_driver, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
@@ -556,6 +556,7 @@ contains
         if (present(keeps_lock)) keeps_lock_ = keeps_lock
         if (self%file >= 0 .and. .not. allocated(self%problem)) then
             call forget_reason()
+            if (self%datasets >= many_datasets) call let_metadata_go(int(self%file, c_int64_t))
             call h5fclose_f(self%file, stat)
             call self%note(stat, 'bring the rows to the disk')
             if (stat == 0) call release_driver(self%driver)
