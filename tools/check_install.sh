@@ -83,7 +83,7 @@ check library-has-no-global-state no_common_state
 
 cp -R test/linking "$tmp/linking" && cp -R example "$tmp/example"
 check tests-compile-without-warning warns_not make -s -C "$tmp/linking" PREFIX="$prefix"
-for program in interface_c interface_f77 mechanism_f77 threads overhead; do tests_of "$tmp/linking/$program"; done
+for program in interface_c interface_f77 mechanism_f77 skates threads overhead; do tests_of "$tmp/linking/$program"; done
 
 # --- 3. the version of the interfaces ------------------------------------------------------------------------------
 

@@ -6,7 +6,8 @@ Usage: .venv/bin/fpm test tandem-fuzz --profile debug --runner test/fuzz/fuzz.py
        test/fuzz/fuzz.py PROGRAM [--seed N] [--count N]       with the program of any build
        test/fuzz/fuzz.py PROGRAM --again build/fuzz           once more what has failed and was kept
 
-The inputs are mutations of the shipped scenes and of some that use all tables (scenes.py), made from a seed (mutations.py). What
+The inputs are mutations of the shipped scenes and of some that use all tables (scenes.py), texts of TOML and mechanisms from
+grammars (mutations.py, mechanisms.py), made from a seed. What
 is required of each (judge.py): an answer within the time limit, no crash, no complaint of run-time checks, bounded memory; a
 message that names the line, or the setting, where it is refused; agreement with Python's tomllib where it is accepted: the text
 is TOML, what it says is what the complete scene says, all numbers are in their ranges, and the complete scene reads back as

@@ -8,6 +8,8 @@ named `same ...` only changes the spelling: it must be accepted. One that is nam
 import re
 from dataclasses import dataclass, field
 
+import mechanisms
+
 
 @dataclass
 class Case:
@@ -554,6 +556,7 @@ KINDS = [
     ("characters", 5, characters_put_in),
     ("garbage", 3, garbage),
     ("grammar", 20, grammatical),
+    ("mechanisms", 20, mechanisms.mechanical),
     ("nested", 1.5, nested),
     ("huge", 1.0, huge),
     ("same line ends", 1, same_line_ends),

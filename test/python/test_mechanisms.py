@@ -545,6 +545,7 @@ WRONG_IN_SPACE = [
     ("radius = 1\naxis = [1, 0, 0]", "radius = 1\naxis = [0, 0, 1]", ["w lies flat on its plane", "tilt it"]),
     ("radius = 1", "radius = -1", ["wheel.w.radius", "> 0"]),
     ("type = \"universal\"", 'type = "screw"', ["pitch"]),
+    ("type = \"universal\"", 'type = "primitive"\nhold = [1, 1, 1, 0, 0, 0]\npitch = 0.1', ["pitch"]),
     ("type = \"disk\"", 'type = "massless"\nsteer = "t"', ["w is steered without saying about what", "about or along"]),
     ("type = \"disk\"", 'type = "massless"\nabout = [0, 0, 1]', ["w is steered without saying about what"]),
     ("type = \"disk\"", 'type = "massless"\nalong = [0, 1, 0]', ["w slides along its plane"]),
@@ -600,8 +601,35 @@ class Wrong(Case):
                 self.refused("check", self.scene(BASE), "--set", setting, says=f"--set:1:{places}")
 
 
+class Unmoved(Case):
+    def test_without_a_freedom_nothing_is_printed(self):
+        """No stepper asks LAPACK for systems of no unknowns, which tells of that on stdout."""
+        scene = self.scene("""
+[scene]
+model = "mechanism"
+planar = true
+[gravity]
+vector = [0, -9.81]
+[body.rod]
+mass = 1.0
+inertia = 0.1
+position = [1, 0]
+[joint.clamp]
+type = "fixed"
+bodies = ["ground", "rod"]
+at = [0, 0]
+[time]
+end = 1.0
+""")
+        for stepper in "rk4", "trapezoid", "sdirk54", "radau5":
+            with self.subTest(stepper):
+                done = self.tandem("run", scene, "--set", f"solver.stepper={stepper}", "--set", "solver.step=0.5", "--quiet", "--force",
+                                   "--no-error", "--output", "out.h5")
+                self.assertEqual(done.stdout, "")
+
+
 class ManyReactions(Case):
-    def test_reactions_of_all_joints_are_read_in_proportion_to_their_number(self):
+    def judge(self, numbers, *command):
         """Four times as many joints take four times the processor time; more where each looks through the rows of all."""
         scene = self.scene("""
 [scene]
@@ -622,14 +650,30 @@ joints = "all"
 [parameters]
 n = 1
 [time]
-end = 1.0
+end = 0.002
 """)
         seconds = []
-        for n in (4000, 16000):
+        for n in numbers:
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            self.tandem("show", scene, "--set", f"parameters.n={n}")
+            self.tandem(*command, scene, "--set", f"parameters.n={n}")
             seconds.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
         self.assertLess(seconds[1], 7 * seconds[0])
+
+    def test_reactions_of_all_joints_are_read_in_proportion_to_their_number(self):
+        self.judge((4000, 16000), "show")
+
+    def test_and_written(self):
+        """Here more where a dataset is compared with all before, or the time lists its users anew with each. With 400 and more HDF5
+        had no room for what it knows of the datasets, and none of them could be written."""
+        self.judge((150, 600), "run", "--no-error", "--quiet", "--force", "--output", "many.h5")
+        with h5py.File(self.folder / "many.h5") as file:
+            self.assertEqual(len(file["joints"]), 600)
+            time, fields = file["trajectory/time"], [*file["trajectory"].values(), *file["diagnostics"].values()]
+            users = time.attrs["REFERENCE_LIST"]
+            self.assertEqual(len(users), 6 * 600 + sum("DIMENSION_LIST" in field.attrs for field in fields))
+            self.assertIn(file[users[-1][0]], [file[f"joints/hinge600/{what}"] for what in ("angle", "rate", "torque_body")])
+            self.assertEqual(file["joints/hinge577/force"].dims[0][0], time)
+        self.tandem("verify", "many.h5")
 
 
 if __name__ == "__main__":

@@ -63,6 +63,17 @@ contains
                     'give a state from which q may move by a tenth of coordinate_scale, and qd by all of it')
                 return
             end if
+            if (.not. ieee_is_finite(finding%value)) then
+                call set_error(error, status_invalid_model, trim(finding%name)//' gives '//to_text(finding%value)//': '// &
+                    trim(place(model, finding))//' near the state', 'let it give finite numbers there, or the status 1')
+                return
+            else if (.not. ieee_is_finite(finding%expected)) then
+                ! Not the fault of what is compared: a value that differences are taken of is none.
+                call set_error(error, status_invalid_model, trim(finding%name)//' cannot be compared: '// &
+                    trim(source(model, finding))//' '//to_text(finding%expected)//' for '//trim(place(model, finding)), &
+                    'see whether terms overflow in these units')
+                return
+            end if
             others = ''
             if (count(.not. findings%passed) > 1) others = '; '//to_text(count(.not. findings%passed) - 1)// &
                 ' more are off, perhaps for that reason'

@@ -9,12 +9,17 @@ module tandem_legacy_wording
 
     !> A phrase, and what stands for it in C and in Fortran 77.
     type :: phrase_type
-        character(len=64) :: modern
+        character(len=72) :: modern
         character(len=64) :: c, f77
     end type phrase_type
 
     character(len=*), parameter :: or_unset = ' or set not all of its value'
-    type(phrase_type), parameter :: phrases(18) = [ &
+    type(phrase_type), parameter :: phrases(21) = [ &
+        phrase_type('let the start be assembled, in a scene by [initial] assemble = true', &
+            'let joints be open in tandem_define and call tandem_assemble', 'let joints be open in TDDEFN and call TDASSM'), &
+        phrase_type(' (nearest_type, tandem linearise --near)', ' (tandem linearise --near, of a scene)', &
+            ' (tandem linearise --near, of a scene)'), &
+        phrase_type(' (tandem linearise without --near)', ' of up to 1000 coordinates', ' of up to 1000 coordinates'), &
         phrase_type('let the start be assembled', 'move them by tandem_assemble', 'move them by TDASSM'), &
         phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
         phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &

@@ -27,14 +27,14 @@ contains
         driven = merge(joint%kind%driven, 0, present(motion))
         if (joint%kind%name == '') then
             call refuse(label//' has the type '//trim(kind), 'take one of '//trim(kind_names(self%planar)), error)
+        else if ((joint%kind%name == 'screw') .neqv. present(pitch)) then
+            call refuse(label//' has a pitch, or needs one', 'give one to a screw, and to nothing else', error)
         else if (joint%kind%name == 'primitive') then
             call take_freedoms(self, label, joint, driven, present(motion), error, hold, drive)
         else if (present(hold) .or. present(drive)) then
             call refuse(label//' says what is held, which its type does', 'take the type primitive, or leave that out', error)
         else if (present(motion) .and. joint%kind%driven == 0) then
             call refuse(label//' cannot be driven', 'drive a revolute or a prismatic joint', error)
-        else if ((joint%kind%name == 'screw') .neqv. present(pitch)) then
-            call refuse(label//' has a pitch, or needs one', 'give one to a screw, and to nothing else', error)
         end if
         if (allocated(error)) return
         call self%place_joint(label, joint, first, second, error, at, axis, across, open)

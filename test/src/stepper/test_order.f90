@@ -222,7 +222,9 @@ contains
         call check_order('vehicle', choose(stepper='radau5'), 6.0_wp, [0.4_wp, 0.2_wp, 0.1_wp], low, high, 1.0e-6_wp, error)
         call check_order('disk', choose(stepper='radau5'), 2.0_wp, [3.2e-2_wp, 1.6e-2_wp], low, high, 1.0e-6_wp, error)
         call check_order('knife_edge', choose(stepper='radau5'), 3.0_wp, [0.2_wp, 0.1_wp, 0.05_wp], low, high, 1.0e-5_wp, error)
-        call check_order('motorcycle', choose(stepper='radau5'), 6.0_wp, [0.2_wp, 0.1_wp, 0.05_wp], low, high, 1.0e-4_wp, error)
+        ! With half of these steps the error is 1.2e-11, and the truth is known to some 4e-12: on other processors another order is
+        ! seen. The errors here are 4.0e-7, 1.2e-8, 3.8e-10.
+        call check_order('motorcycle', choose(stepper='radau5'), 6.0_wp, [0.4_wp, 0.2_wp, 0.1_wp], low, high, 1.0e-6_wp, error)
     end subroutine test_radau5
 
     !> Before the kink, and through it.

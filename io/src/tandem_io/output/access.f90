@@ -7,7 +7,13 @@ module tandem_io_output_access
     implicit none (type, external)
     private
 
-    public :: make_access, make_reading_access, release_driver, start_swmr, end_of
+    public :: make_access, make_reading_access, release_driver, start_swmr, end_of, forget_small_gaps, let_metadata_go, &
+        many_datasets
+
+    !> Pieces of metadata begin at multiples of this (bytes).
+    integer(hsize_t), parameter :: slot = 1024
+    !> From so many datasets on a file is treated as one of many.
+    integer, parameter :: many_datasets = 250
 
     interface
         !> From now on, bring metadata to the disk in an order in which the file is whole at every moment.
@@ -43,6 +49,32 @@ module tandem_io_output_access
             integer(c_int64_t), value :: driver
         end subroutine release_driver
 
+        !> Keep all that HDF5 knows of a file's objects in memory while it is open (metadata.c).
+        function keep_metadata(access) result(stat) bind(c, name='tandem_metadata_keep')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: access
+            integer(c_int) :: stat
+        end function keep_metadata
+
+        !> Let go of nearly all that was kept so, before the file is closed.
+        subroutine let_metadata_go(file) bind(c, name='tandem_metadata_let_go')
+            import :: c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: file
+        end subroutine let_metadata_go
+
+        !> How HDF5 keeps account of the space that is free in a file.
+        function h5p_set_file_space_strategy(creation, strategy, persist, threshold) result(stat) &
+            bind(c, name='H5Pset_file_space_strategy')
+            import :: c_bool, c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: creation, threshold
+            integer(c_int), value :: strategy
+            logical(c_bool), value :: persist
+            integer(c_int) :: stat
+        end function h5p_set_file_space_strategy
+
         !> Whether HDF5 locks files.
         function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
             import :: c_bool, c_int, c_int64_t
@@ -64,12 +96,14 @@ contains
     !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`,
     !> begin at multiples of it, so that none of these lies in two pages: the header of a dataset, which changes with every flush,
     !> is on the disk as it was or as it is.
-    subroutine make_access(access, grows, driver)
+    subroutine make_access(access, grows, driver, datasets)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
         !> The file's driver, which the caller gives back after closing the file; negative where there is none of ours.
         integer(c_int64_t), intent(out) :: driver
-        integer(hsize_t), parameter :: piece = 2**20, slot = 1024
+        !> How many datasets grow in the file, or will.
+        integer, intent(in) :: datasets
+        integer(hsize_t), parameter :: piece = 2**20
         integer :: stat
 
         call h5pcreate_f(h5p_file_access_f, access, stat)
@@ -88,7 +122,19 @@ contains
         call h5pset_alignment_f(access, 1_hsize_t, slot, stat)
         call h5pset_small_data_block_size_f(access, piece, stat)
         call h5pset_meta_block_size_f(access, piece/16, stat)
+        if (datasets >= many_datasets) stat = int(keep_metadata(int(access, c_int64_t)))
     end subroutine make_access
+
+    !> Let a file that is made keep no account of gaps below a slot, in which no slot begins, but that of a small piece which was
+    !> given up. HDF5 looks through all of them for each new piece, which takes the square of their number. 0 on success.
+    integer function forget_small_gaps(creation)
+        !> The properties with which the file is made.
+        integer(hid_t), intent(in) :: creation
+        integer(c_int), parameter :: as_ever = 0
+
+        forget_small_gaps = int(h5p_set_file_space_strategy(int(creation, c_int64_t), as_ever, .false._c_bool, &
+            int(slot, c_int64_t)))
+    end function forget_small_gaps
 
     !> Make the properties with which a file is opened that may be damaged; the caller closes them, and gives the driver back.
     subroutine make_reading_access(access, driver)

@@ -185,7 +185,7 @@ contains
         do i = 1, finding%datasets
             if (finding%problem /= '') return
             start = last + 1
-            last = start + index(finding%names(start:)//' ', ' ') - 1
+            last = end_of_name(finding%names, start) + 1
             name = finding%names(start:last - 1)
             are_events = index(name, '/events/') == 1
             call file%sum_rows(name, merge(asked(2), asked(1), are_events), merge(finding%events, finding%rows, are_events), &
@@ -220,7 +220,7 @@ contains
         last = 0
         do i = 1, count_of(names)
             start = last + 1
-            last = start + index(names(start:)//' ', ' ') - 1
+            last = end_of_name(names, start) + 1
             call file%sum_rows(names(start:last - 1), 0_long, huge(0_long), early, sum, there)
         end do
     end subroutine read_rows
@@ -282,6 +282,15 @@ contains
         call sum%add(transfer(padded, words))
         own_sum = sum%value()
     end function own_sum
+
+    !> The last letter of the name that begins somewhere.
+    pure integer function end_of_name(names, start)
+        character(len=*), intent(in) :: names
+        integer, intent(in) :: start
+
+        end_of_name = start - 2 + index(names(start:), ' ')
+        if (end_of_name < start) end_of_name = len(names)
+    end function end_of_name
 
     !> How many names there are.
     pure integer function count_of(names)

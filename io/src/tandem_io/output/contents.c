@@ -4,8 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Groups in groups; ours are two deep. */
-enum { deepest = 8 };
+/* Groups in groups; ours are two deep. Below that a scale is a link to one above, whose users are not read again: the time has a
+   link for each joint that is told of, and as many users. */
+enum { deepest = 8, deepest_scale = 2 };
 
 /* What is found. Texts stand apart from the attributes, in collections without checksums. One that cannot be read is counted: it may
    have been on its way when the program was killed. Those that do not change while a run goes on have a sum: FNV-1a (Fowler, Noll
@@ -14,7 +15,7 @@ struct contents {
     int lost;
     uint64_t sum;
     const char *object;
-    int in_report;
+    int depth, in_report;
 };
 
 static void add(struct contents *found, const char *text)
@@ -34,12 +35,15 @@ static int changes(const struct contents *found, const char *attribute)
 static herr_t read_attribute(hid_t object, const char *name, const H5A_info_t *info, void *data)
 {
     struct contents *found = data;
-    hid_t attribute = H5Aopen(object, name, H5P_DEFAULT), type = -1, space = -1;
+    hid_t attribute, type = -1, space = -1;
     hssize_t count;
     herr_t stat = -1;
     void *values = NULL;
 
     (void)info;
+    if (found->depth > deepest_scale && strcmp(name, "REFERENCE_LIST") == 0)
+        return 0;
+    attribute = H5Aopen(object, name, H5P_DEFAULT);
     if (attribute >= 0)
         type = H5Aget_type(attribute);
     if (attribute >= 0)
@@ -81,6 +85,7 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
     int stat;
 
     found->object = name;
+    found->depth = depth;
     if (depth == 1)
         found->in_report = strcmp(name, "report") == 0;
     stat = object < 0 || H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, NULL, read_attribute, found) < 0 ? -1 : 0;
@@ -101,7 +106,7 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
 /* How many texts cannot be read; -1 where something else cannot. */
 int tandem_contents_read(int64_t file, uint64_t *sum)
 {
-    struct contents found = {0, 0xcbf29ce484222325u, NULL, 0};
+    struct contents found = {0, 0xcbf29ce484222325u, NULL, 0, 0};
     int stat = read_object((hid_t)file, "/", 0, &found);
 
     *sum = found.sum;

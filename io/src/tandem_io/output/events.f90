@@ -69,6 +69,7 @@ contains
             call file%attach(place//'/qd', 'names', names)
             call file%attach(place//'/qd', 'units', qd_units)
         end associate
+        call file%list_users(self%time, place//'/time', [self%name, self%number, self%direction, self%q, self%qd])
     end subroutine open
 
     !> Go on in a file that has the group.

@@ -13,7 +13,8 @@ module tandem_io_output_hdf5
         h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5tclose_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_fletcher, only: fletcher_type
-    use tandem_io_output_access, only: end_of, make_access, make_reading_access, release_driver, start_swmr
+    use tandem_io_output_access, only: end_of, forget_small_gaps, let_metadata_go, make_access, many_datasets, &
+        make_reading_access, release_driver, start_swmr
     use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
@@ -35,6 +36,8 @@ module tandem_io_output_hdf5
         integer(hid_t), private :: file = -1_hid_t
         !> Its driver, where it has one of ours.
         integer(c_int64_t), private :: driver = -1
+        !> How many datasets grow in it.
+        integer, private :: datasets = 0
         !> Whether rows are being appended.
         logical, private :: is_growing = .false.
         type(guard_type), private :: guard
@@ -66,6 +69,8 @@ module tandem_io_output_hdf5
         procedure :: add_column
         procedure :: fill_column
         procedure :: name_columns
+        procedure :: list_users
+        procedure, private :: make_scale, scale_rows
         procedure :: link
         procedure :: open_to_read
         procedure :: get
@@ -91,27 +96,40 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             integer(c_int) :: stat
         end function h5_do_not_close_at_exit
-
-        !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
-        function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
-            import :: c_char, c_int, c_int64_t
-            implicit none (type, external)
-            integer(c_int64_t), value :: dataset
-            character(kind=c_char), intent(in) :: name(*)
-            integer(c_int) :: stat
-        end function h5ds_set_scale
-
-        !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
-        function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
-            import :: c_int, c_int64_t
-            implicit none (type, external)
-            integer(c_int64_t), value :: dataset, scale
-            integer(c_int), value :: dimension
-            integer(c_int) :: stat
-        end function h5ds_attach_scale
     end interface
 
     interface
+        !> Make a dataset a dimension scale of a name.
+        module subroutine make_scale(self, dataset, path, name)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path, name
+        end subroutine make_scale
+
+        !> Let a scale belong to the rows of a dataset, which has none yet.
+        module subroutine scale_rows(self, dataset, path, rank, scale)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: dataset
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path
+            !> How many dimensions the dataset has.
+            integer, intent(in) :: rank
+            integer(hid_t), intent(in) :: scale
+        end subroutine scale_rows
+
+        !> Let a scale name the datasets to whose rows it belongs, all of them at once.
+        module subroutine list_users(self, scale, path, datasets)
+            implicit none (type, external)
+            class(hdf5_type), intent(inout) :: self
+            integer(hid_t), intent(in) :: scale
+            !> Its path, for messages.
+            character(len=*), intent(in) :: path
+            integer(hid_t), intent(in) :: datasets(:)
+        end subroutine list_users
+
         !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
         module subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
             implicit none (type, external)
@@ -125,7 +143,7 @@ module tandem_io_output_hdf5
             logical, intent(in) :: counts
             !> The dataset.
             integer(hid_t), intent(out) :: dataset
-            !> The dataset whose values belong to the rows; itself where absent.
+            !> The dataset whose values belong to the rows, to be told by `list_users`; itself where absent.
             integer(hid_t), intent(in), optional :: scale
             !> Length of the texts that are stored; none where absent.
             integer, intent(in), optional :: texts
@@ -161,10 +179,12 @@ module tandem_io_output_hdf5
 
         !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
         !> killed is freed of its mark before.
-        module subroutine open_to_append(self, path)
+        module subroutine open_to_append(self, path, datasets)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
+            !> How many datasets grow in it.
+            integer, intent(in) :: datasets
         end subroutine open_to_append
 
         !> Open a dataset that is there.
@@ -440,26 +460,28 @@ module tandem_io_output_hdf5
 contains
 
     !> Create a file; one of this name is lost.
-    subroutine create(self, path, grows)
+    subroutine create(self, path, datasets)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> Whether `start_appending` will be called; default false.
-        logical, intent(in), optional :: grows
-        logical :: grows_
+        !> How many datasets will grow, where `start_appending` will be called.
+        integer, intent(in), optional :: datasets
+        logical :: grows
         integer(hid_t) :: access, properties
         integer :: stat
 
         call start_library(stat)
         call self%note(stat, 'start HDF5')
         if (allocated(self%problem)) return
-        grows_ = .false.
-        if (present(grows)) grows_ = grows
+        grows = present(datasets)
+        self%datasets = 0
+        if (grows) self%datasets = datasets
         ! Before anything is lost: a run that starts meanwhile sees that the file is in use.
-        if (grows_) call self%guard%take(path)
-        call make_access(access, grows_, self%driver)
+        if (grows) call self%guard%take(path)
+        call make_access(access, grows, self%driver, self%datasets)
         call forget_reason()
         call h5pcreate_f(h5p_file_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
+        if (self%datasets >= many_datasets) call self%note(forget_small_gaps(properties), 'create '//path)
         call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, properties, access)
         call self%note(stat, 'create '//path)
         call h5pclose_f(properties, stat)
@@ -491,7 +513,7 @@ contains
             self%problem = 'the file was removed or replaced after the run had written it'
             return
         end if
-        call make_access(access, .true., self%driver)
+        call make_access(access, .true., self%driver, self%datasets)
         call forget_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path//' again')
@@ -534,6 +556,7 @@ contains
         if (present(keeps_lock)) keeps_lock_ = keeps_lock
         if (self%file >= 0 .and. .not. allocated(self%problem)) then
             call forget_reason()
+            if (self%datasets >= many_datasets) call let_metadata_go(int(self%file, c_int64_t))
             call h5fclose_f(self%file, stat)
             call self%note(stat, 'bring the rows to the disk')
             if (stat == 0) call release_driver(self%driver)

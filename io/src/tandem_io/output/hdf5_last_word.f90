@@ -30,7 +30,7 @@ contains
         ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
         inquire (file=path, size=size)
         call self%guard%mend(size)
-        call make_access(access, .true., driver)
+        call make_access(access, .true., driver, 0)
         call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
         call h5pclose_f(access, ignored)
         if (stat == 0) call h5aopen_by_name_f(file, '/', name, attribute, stat)

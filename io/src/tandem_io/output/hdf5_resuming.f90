@@ -9,9 +9,11 @@ contains
 
     !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
     !> killed is freed of its mark before.
-    module subroutine open_to_append(self, path)
+    module subroutine open_to_append(self, path, datasets)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
+        !> How many datasets grow in it.
+        integer, intent(in) :: datasets
         !> What is written before the first row, and some rows.
         integer(c_int64_t), parameter :: room = 2**19
         integer(hid_t) :: access
@@ -31,7 +33,8 @@ contains
             return
         end if
         call self%guard%mend(size)
-        call make_access(access, .true., self%driver)
+        self%datasets = datasets
+        call make_access(access, .true., self%driver, self%datasets)
         call forget_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
         call self%note(stat, 'open '//path)

@@ -18,7 +18,7 @@ contains
         logical, intent(in) :: counts
         !> The dataset.
         integer(hid_t), intent(out) :: dataset
-        !> The dataset whose values belong to the rows; itself where absent.
+        !> The dataset whose values belong to the rows, to be told by `list_users`; itself where absent.
         integer(hid_t), intent(in), optional :: scale
         !> Length of the texts that are stored; none where absent.
         integer, intent(in), optional :: texts
@@ -49,11 +49,10 @@ contains
         call h5sclose_f(space, stat)
         if (allocated(self%problem)) return
         if (present(scale)) then
-            stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(scale, c_int64_t), 0_c_int))
+            call self%scale_rows(dataset, path, rank, scale)
         else
-            stat = int(h5ds_set_scale(int(dataset, c_int64_t), [character(kind=c_char) :: 't', 'i', 'm', 'e', c_null_char]))
+            call self%make_scale(dataset, path, 'time')
         end if
-        call self%note(stat, 'attach the time to '//path)
     end subroutine add_dataset
 
     !> Append rows to a dataset.

@@ -80,33 +80,6 @@ contains
         call h5sclose_f(space, stat)
     end subroutine put_values
 
-    !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
-    module subroutine name_columns(self, dataset, path, scale, names)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path, scale
-        character(len=*), intent(in) :: names(:)
-        integer(hid_t) :: other
-        integer :: stat
-        logical :: exists
-
-        if (allocated(self%problem)) return
-        call h5lexists_f(self%file, scale, exists, stat)
-        call self%note(stat, 'look for '//scale)
-        if (.not. exists) call self%put_strings(scale, names)
-        if (allocated(self%problem)) return
-        call h5dopen_f(self%file, scale, other, stat)
-        call self%note(stat, 'find '//scale)
-        if (stat /= 0) return
-        if (.not. exists) then
-            stat = int(h5ds_set_scale(int(other, c_int64_t), [character(kind=c_char) :: 'n', 'a', 'm', 'e', c_null_char]))
-            call self%note(stat, 'make '//scale)
-        end if
-        stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
-        call self%note(stat, 'attach the names to '//path)
-        call h5dclose_f(other, stat)
-    end subroutine name_columns
-
     !> Give an object that is there a second path, unless something is there.
     module subroutine link(self, path, second)
         class(hdf5_type), intent(inout) :: self

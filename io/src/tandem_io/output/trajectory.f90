@@ -24,8 +24,9 @@ module tandem_io_output_trajectory
 
     public :: trajectory_type, energy_type
 
-    !> Most numbers in the buffer of rows, and most rows.
-    integer, parameter :: largest_buffer = 2**17, most_rows = 4096
+    !> Most numbers in the buffer of rows, and most rows; and so many in any case: a dataset is written for each quantity, and that
+    !> costs far more than the numbers of a row.
+    integer, parameter :: largest_buffer = 2**17, most_rows = 4096, least_rows = 16
     !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
     !> for each of the former; and most.
     integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
@@ -202,7 +203,7 @@ contains
         if (present(scene)) self%snapshot%scene = scene
         nullify (self%watcher)
         if (present(watcher)) self%watcher => watcher
-        call self%file%create(self%path, grows=.true.)
+        call self%file%create(self%path, datasets_of(output, simulation%model))
         call attach_head(self%file, scene, command)
         call self%file%add_group('/trajectory')
         call self%file%add_group('/diagnostics')
@@ -248,7 +249,7 @@ contains
         self%snapshot%times_resumed = snapshot%times_resumed + 1
         self%watcher => watcher
         self%goes_on = .true.
-        call self%file%open_to_append(self%path)
+        call self%file%open_to_append(self%path, datasets_of(output, simulation%model))
         call self%checkpoint%take_up(self%file, snapshot)
         call self%prepare(output, simulation)
         call self%events%take_up(self%file, simulation)
@@ -303,18 +304,32 @@ contains
         end subroutine refuse
     end subroutine go_on
 
+    !> How many datasets grow with the rows.
+    pure integer function datasets_of(output, model)
+        type(output_type), intent(in) :: output
+        class(model_type), intent(in) :: model
+
+        datasets_of = 1 + size(output%fields)
+        if (allocated(model%quantities)) datasets_of = datasets_of + size(model%quantities)
+    end function datasets_of
+
     !> The datasets that have sums, with a blank between their paths.
     function summed_paths(self, simulation) result(paths)
         class(trajectory_type), intent(in) :: self
         class(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: paths
-        integer :: i
+        integer :: i, n
 
-        paths = self%series(0)%path
+        n = sum([(len(self%series(i)%path) + 1, i=0, ubound(self%series, 1))]) - 1
+        if (allocated(simulation%events)) n = n + 1 + len(event_paths)
+        allocate (character(len=n) :: paths)
+        paths(:) = self%series(0)%path
+        n = len(self%series(0)%path)
         do i = 1, ubound(self%series, 1)
-            paths = paths//' '//self%series(i)%path
+            paths(n + 2:n + 1 + len(self%series(i)%path)) = self%series(i)%path
+            n = n + 1 + len(self%series(i)%path)
         end do
-        if (allocated(simulation%events)) paths = paths//' '//event_paths
+        if (allocated(simulation%events)) paths(n + 2:) = event_paths
     end function summed_paths
 
     !> Their sums; those of events come last, and count for nothing where there are none.
@@ -374,7 +389,7 @@ contains
             if (allocated(model%integrals)) self%rates = 0*model%integrals
             self%integrated_until = simulation%state%t
             if (.not. self%goes_on) call begin_measuring(self, simulation)
-            self%capacity = max(1, min(most_rows, largest_buffer/width))
+            self%capacity = max(least_rows, min(most_rows, largest_buffer/width))
             allocate (self%series(0:n_fields + n))
             call self%series(0)%make(self%file, 0, model, self%capacity, self%goes_on)
             do i = 1, n_fields
@@ -385,6 +400,7 @@ contains
             do i = 1, n
                 call self%series(n_fields + i)%make(self%file, -i, model, self%capacity, self%goes_on, self%series(0)%dataset)
             end do
+            if (.not. self%goes_on) call self%file%list_users(self%series(0)%dataset, self%series(0)%path, self%series(1:)%dataset)
         end associate
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)

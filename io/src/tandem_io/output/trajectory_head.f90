@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What a file says about itself: groups, attributes of its head, its time.
 submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
+    use tandem_name_index, only: name_index_type
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
 
@@ -9,14 +10,16 @@ contains
     !> The groups of the quantities.
     module procedure add_groups
         character(len=:), allocatable :: path
-        integer :: i, j, k
+        type(name_index_type) :: there
+        integer :: i, k
 
         if (.not. allocated(model%quantities)) return
         do i = 1, size(model%quantities)
             path = model%quantities(i)%place()
             do k = 2, len(path)
                 if (path(k:k) /= '/') cycle
-                if (any([(index(model%quantities(j)%place(), path(:k)) == 1, j=1, i - 1)])) cycle
+                if (there%get(path(:k)) > 0) cycle
+                call there%put(path(:k), i)
                 call file%add_group(path(:k - 1))
             end do
         end do

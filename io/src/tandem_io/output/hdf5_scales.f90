@@ -1,0 +1,152 @@
+! SPDX-License-Identifier: MIT
+!> Dimension scales: datasets that say what the rows or the columns of others are, by which readers find the time of a row.
+!>
+!> A scale has a list of its users, which the library writes anew with each of them: of many datasets that takes the square of
+!> their number, in time and in the file. So what belongs to rows is written here as the library would do it, and the list once.
+submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
+    use hdf5, only: h5aclose_f, h5acreate_f, h5awrite_f, h5dopen_f, h5lexists_f, h5rcreate_f, h5t_compound_f, h5t_native_integer, &
+        h5t_std_ref_obj, h5tcreate_f, h5tinsert_f, h5tvlen_create_f, hobj_ref_t_f, size_t
+    use, intrinsic :: iso_c_binding, only: c_null_ptr, c_size_t
+    implicit none (type, external)
+
+    !> The scales of a dimension, and a user of a scale, with the dimension that it is for.
+    type, bind(c) :: scales_type
+        integer(c_size_t) :: n
+        type(c_ptr) :: scales
+    end type scales_type
+    type, bind(c) :: user_type
+        integer(c_int64_t) :: dataset
+        integer(c_int) :: dimension, unused
+    end type user_type
+
+    interface
+        !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
+        function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
+            import :: c_char, c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: dataset
+            character(kind=c_char), intent(in) :: name(*)
+            integer(c_int) :: stat
+        end function h5ds_set_scale
+
+        !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
+        function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
+            import :: c_int, c_int64_t
+            implicit none (type, external)
+            integer(c_int64_t), value :: dataset, scale
+            integer(c_int), value :: dimension
+            integer(c_int) :: stat
+        end function h5ds_attach_scale
+    end interface
+
+contains
+
+    !> Make a dataset a dimension scale of a name.
+    module subroutine make_scale(self, dataset, path, name)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        !> Its path, for messages.
+        character(len=*), intent(in) :: path, name
+        character(kind=c_char) :: letters(len(name) + 1)
+        integer :: i, stat
+
+        do i = 1, len(name)
+            letters(i) = name(i:i)
+        end do
+        letters(len(name) + 1) = c_null_char
+        stat = int(h5ds_set_scale(int(dataset, c_int64_t), letters))
+        call self%note(stat, 'make a scale of '//path)
+    end subroutine make_scale
+
+    !> Let a scale belong to the rows of a dataset, which has none yet: the first dimension in C's order.
+    module subroutine scale_rows(self, dataset, path, rank, scale)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        !> Its path, for messages.
+        character(len=*), intent(in) :: path
+        !> How many dimensions the dataset has.
+        integer, intent(in) :: rank
+        integer(hid_t), intent(in) :: scale
+        type(hobj_ref_t_f), target :: reference
+        type(scales_type), target :: scales(rank)
+        integer(hid_t) :: kind_of_list
+        integer :: stat
+
+        if (allocated(self%problem)) return
+        call h5rcreate_f(scale, '.', reference, stat)
+        scales = scales_type(0_c_size_t, c_null_ptr)
+        scales(1) = scales_type(1_c_size_t, c_loc(reference))
+        call h5tvlen_create_f(h5t_std_ref_obj, kind_of_list, stat)
+        call write_list(self, dataset, path, 'DIMENSION_LIST', kind_of_list, rank, c_loc(scales))
+    end subroutine scale_rows
+
+    !> Let a scale name the datasets to whose rows it belongs, all of them at once.
+    module subroutine list_users(self, scale, path, datasets)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: scale
+        !> Its path, for messages.
+        character(len=*), intent(in) :: path
+        integer(hid_t), intent(in) :: datasets(:)
+        type(hobj_ref_t_f), target :: reference
+        type(user_type), allocatable, target :: users(:)
+        integer(hid_t) :: kind_of_user
+        integer :: i, stat
+
+        if (allocated(self%problem) .or. size(datasets) == 0) return
+        allocate (users(size(datasets)))
+        do i = 1, size(datasets)
+            call h5rcreate_f(datasets(i), '.', reference, stat)
+            users(i) = user_type(int(reference%ref, c_int64_t), 0_c_int, 0_c_int)
+        end do
+        call h5tcreate_f(h5t_compound_f, int(storage_size(users)/8, size_t), kind_of_user, stat)
+        call h5tinsert_f(kind_of_user, 'dataset', 0_size_t, h5t_std_ref_obj, stat)
+        call h5tinsert_f(kind_of_user, 'dimension', int(storage_size(0_c_int64_t)/8, size_t), h5t_native_integer, stat)
+        call write_list(self, scale, path, 'REFERENCE_LIST', kind_of_user, size(users), c_loc(users))
+    end subroutine list_users
+
+    !> Write an attribute that is a list; its type is not needed any more.
+    subroutine write_list(self, dataset, path, name, kind_of_entry, n, entries)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset, kind_of_entry
+        character(len=*), intent(in) :: path, name
+        integer, intent(in) :: n
+        type(c_ptr), intent(in) :: entries
+        integer(hid_t) :: space, attribute
+        integer :: stat
+
+        call h5screate_simple_f(1, [int(n, hsize_t)], space, stat)
+        call h5acreate_f(dataset, name, kind_of_entry, space, attribute, stat)
+        call self%note(stat, 'attach the time to '//path)
+        if (stat == 0) then
+            call h5awrite_f(attribute, kind_of_entry, entries, stat)
+            call self%note(stat, 'attach the time to '//path)
+            call h5aclose_f(attribute, stat)
+        end if
+        call h5sclose_f(space, stat)
+        call h5tclose_f(kind_of_entry, stat)
+    end subroutine write_list
+
+    !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
+    module subroutine name_columns(self, dataset, path, scale, names)
+        class(hdf5_type), intent(inout) :: self
+        integer(hid_t), intent(in) :: dataset
+        character(len=*), intent(in) :: path, scale
+        character(len=*), intent(in) :: names(:)
+        integer(hid_t) :: other
+        integer :: stat
+        logical :: exists
+
+        if (allocated(self%problem)) return
+        call h5lexists_f(self%file, scale, exists, stat)
+        call self%note(stat, 'look for '//scale)
+        if (.not. exists) call self%put_strings(scale, names)
+        if (allocated(self%problem)) return
+        call h5dopen_f(self%file, scale, other, stat)
+        call self%note(stat, 'find '//scale)
+        if (stat /= 0) return
+        if (.not. exists) call self%make_scale(other, scale, 'name')
+        stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
+        call self%note(stat, 'attach the names to '//path)
+        call h5dclose_f(other, stat)
+    end subroutine name_columns
+end submodule tandem_io_output_hdf5_scales
