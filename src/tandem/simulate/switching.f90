@@ -183,9 +183,9 @@ contains
         may_begin_implicit = self%is_on .and. .not. self%is_implicit .and. self%patience == 1 .and. self%first_step > 0.0_wp
     end function may_begin_implicit
 
-    !> Whether the implicit method would be cheaper already with a first step that long, and so far cheaper with the ones that follow,
-    !> than the explicit one with steps as stability limits them: a first step is made so cautiously that its error is a hundredth of
-    !> what is allowed.
+    !> Whether the implicit method would be cheaper already with a first step that long, and so far cheaper with the ones that
+    !> follow, than the explicit one with steps as stability limits them: a first step is made so cautiously that its error is a
+    !> hundredth of what is allowed.
     pure logical function begins_implicit(self, first_step, stages, limit, cost)
         class(switching_type), intent(in) :: self
         real(wp), intent(in) :: first_step
