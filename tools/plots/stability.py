@@ -55,7 +55,7 @@ def draw(paths, picture):
         top[case] = y
         y += 1.0
     left = {column: i + (0.15 if column[0] == "rtol" else 0.0) for i, column in enumerate(columns)}
-    figure, axes = plt.subplots(figsize=(10, 1.6 + 0.185 * y), layout="constrained")
+    figure, axes = plt.subplots(figsize=(2.8 + 0.6 * len(columns), 1.6 + 0.185 * y), layout="constrained")
     for case in cases:
         for column in columns:
             row = rows.get((case, *column))

@@ -8,29 +8,89 @@ contains
 
     module procedure consider_exchange
         integer(long) :: tries
-        integer :: n_differences, stat
-        real(wp) :: cost, open, h
+        real(wp) :: cost, open
         logical :: wants
 
         if (.not. self%switching%is_asked(self%tally%steps)) return
         ! Towards a loss of rank steps become short for another reason.
-        if (self%room < huge(1.0_wp)) return
-        if (self%state%t <= self%loss_until .and. any(self%loss == [status_rank_deficient, status_singular_mass])) return
+        if (is_near_loss(self)) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
-        n_differences = merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives)
-        cost = cost_of_implicit(n_differences)
-        if (self%switching%is_implicit) then
-            if (self%switching%wants_eigenvalue(self%tally%steps)) call look_at_eigenvalue(self)
-            wants = self%switching%wants_explicit(self%state%t, tries, self%explicit_method%stages, &
-                self%explicit_method%stability_limit, cost)
-        else
-            associate (smoothness => self%stiffness%smoothness, control => self%control)
-                call smoothness%look_at_window(self%state, self%switching%t_from, control%weight_q, control%weight_qd, open)
-                wants = self%switching%wants_implicit(self%state%t, control%is_free, control%is_at_limit, &
+        cost = implicit_cost(self)
+        associate (switching => self%switching, smoothness => self%stiffness%smoothness, control => self%control)
+            if (switching%is_implicit) then
+                wants = switching%is_due(tries)
+                if (wants) call decide_for_explicit(self, tries, cost, wants)
+            else
+                call smoothness%look_at_window(self%state, switching%t_from, control%weight_q, control%weight_qd, open)
+                wants = switching%wants_implicit(self%state%t, control%is_free, control%is_at_limit, &
                     smoothness%needed, open, tries, self%method%stages, cost)
-            end associate
-        end if
-        if (.not. wants) return
+            end if
+        end associate
+        if (wants) call exchange(self, self%switching%first_step_at(self%state%t - self%t_start), error)
+    end procedure consider_exchange
+
+    !> Begin with implicit steps, the first of which is known, where those that stability allows would be far shorter.
+    module procedure consider_beginning
+        real(wp) :: first_step
+        integer :: k
+
+        if (.not. self%switching%may_begin_implicit() .or. is_near_loss(self)) return
+        first_step = self%control%limit(self%switching%first_step)
+        call self%switching%begin_looks()
+        do k = 1, looks
+            call look_at_eigenvalue(self)
+            if (k > 1 .and. .not. self%switching%begins_implicit(first_step, self%method%stages, self%method%stability_limit, &
+                implicit_cost(self))) return
+        end do
+        self%control%h = self%switching%first_step
+        call exchange(self, self%control%h, error)
+    end procedure consider_beginning
+
+    !> Whether explicit steps would be cheaper than the last implicit ones.
+    subroutine decide_for_explicit(self, tries, cost, wants)
+        class(simulation_type), intent(inout) :: self
+        !> Tries of steps so far, and what an implicit step costs.
+        integer(long), intent(in) :: tries
+        real(wp), intent(in) :: cost
+        logical, intent(out) :: wants
+        integer :: k
+
+        associate (t => self%state%t, method => self%explicit_method)
+            call self%switching%begin_looks()
+            wants = .true.
+            do k = 1, looks
+                call look_at_eigenvalue(self)
+                if (k == 1) cycle
+                wants = wants .and. self%switching%wants_explicit(t, tries, method%stages, method%stability_limit, cost)
+                if (.not. wants .and. self%switching%is_certain()) exit
+            end do
+            call self%switching%note_decision(t, tries, method%stability_limit)
+        end associate
+    end subroutine decide_for_explicit
+
+    !> What an implicit step costs, in explicit stages.
+    pure real(wp) function implicit_cost(self)
+        class(simulation_type), intent(in) :: self
+
+        implicit_cost = cost_of_implicit(merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives))
+    end function implicit_cost
+
+    !> Whether C loses its rank, or what ties a coordinate without mass, ahead or has just done so.
+    pure logical function is_near_loss(self)
+        class(simulation_type), intent(in) :: self
+
+        is_near_loss = self%room < huge(1.0_wp) .or. (self%state%t <= self%loss_until .and. &
+            any(self%loss == [status_rank_deficient, status_singular_mass]))
+    end function is_near_loss
+
+    !> Exchange the steppers.
+    subroutine exchange(self, h, error)
+        class(simulation_type), intent(inout) :: self
+        !> What the first implicit step may be at least.
+        real(wp), intent(in) :: h
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
         call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%take_stepper(.not. self%switching%is_implicit, stat)
         if (stat /= status_ok) then
@@ -44,8 +104,8 @@ contains
         end if
         self%state%dq(:) = self%next%dq
         self%state%dqd(:) = 0.0_wp
-        h = self%switching%first_step_at(self%state%t - self%t_start)
-        call self%switching%note_switch(self%state%t, self%tally%steps, tries, self%stiffness%smoothness%needed)
+        call self%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
+            self%tally%failed, self%stiffness%smoothness%needed)
         ! Explicit steps begin within their limit; implicit ones grow from where they are, or at the start of a run as if there had
         ! been none.
         if (self%switching%is_implicit) then
@@ -55,7 +115,7 @@ contains
         end if
         self%tally%charts_by(by_step) = self%tally%charts_by(by_step) + 1
         self%tally%charts = self%tally%charts + 1
-    end procedure consider_exchange
+    end subroutine exchange
 
     module procedure take_stepper
         class(chart_type), allocatable :: former

@@ -12,7 +12,7 @@ contains
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
         statistics_%switches = self%switching%switches
-        statistics_%implicit_steps = self%switching%implicit_steps
+        statistics_%implicit_steps = self%switching%count_implicit(self%tally%steps)
         if (associated(self%model) .and. .not. self%switching%is_on) call weigh_implicit(self, statistics_)
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)

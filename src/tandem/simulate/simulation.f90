@@ -19,7 +19,7 @@ module tandem_simulation
     use tandem_simulate_warning, only: warning_limit, warning_type
     use tandem_simulate_event_memory, only: watched_type
     use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
-    use tandem_simulate_switching, only: cost_of_implicit, switching_type
+    use tandem_simulate_switching, only: cost_of_implicit, looks, switching_type
     use tandem_simulate_work_limit, only: work_limit_type
     use tandem_status, only: status_callback_failed, status_chart_left, status_constraints_not_held, &
         status_inconsistent_start, status_invalid_option, status_newton_failed, status_not_finite, status_ok, &
@@ -160,6 +160,7 @@ module tandem_simulation
         procedure, private :: allocate_stepper
         procedure, private :: renew_chart
         procedure, private :: consider_exchange
+        procedure, private :: consider_beginning
         procedure, private :: take_stepper
         procedure, private :: set_method
         procedure, private :: measure_errors
@@ -242,6 +243,13 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine consider_exchange
+
+        !> Begin with implicit steps, the first of which is known, where those that stability allows would be far shorter.
+        module subroutine consider_beginning(self, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine consider_beginning
 
         !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
         module subroutine take_stepper(self, is_implicit, stat)

@@ -410,7 +410,9 @@ contains
             end associate
         end if
         is_first = .not. self%control%h > 0.0_wp
-        if (is_first) call choose_first_step(self, stop_at - self%state%t)
+        if (.not. is_first) return
+        call choose_first_step(self, stop_at - self%state%t)
+        call self%consider_beginning(error)
     end subroutine prepare_tries
 
     !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
@@ -558,7 +560,7 @@ contains
             if (stat == status_ok) then
                 change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)/h
                 change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
-                if (self%switching%is_on) self%switching%first_step = min(100*h, &
+                if (self%switching%is_on) self%switching%first_step = min(100*h, span, &
                     change**(1.0_wp/(self%switching%estimate_order + 1)))
                 h = min(100*h, change**(1.0_wp/(self%method%estimate_order + 1)))
             end if

@@ -1,11 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> Whether another stepper would be cheaper from here on: for the stepper `auto`, by the run's own evidence.
 !>
+!> Before the first step: the largest eigenvalue, by power iteration on differences of rates, makes explicit steps far shorter than
+!> the first implicit one would be.
 !> While steps are explicit: the implicit method would do with so few steps, by how smooth the motion was, that it costs less. Where
 !> stability limits the steps, that is so; but already before, their errors are those of what is stiff.
-!> While they are implicit: the largest eigenvalue, by power iteration on differences of rates, says how long explicit steps could
-!> be, and the last steps say what implicit ones cost. Who comes back soon must wait longer for the next exchange, so that tries in
-!> vain cost a small part of a run.
+!> While they are implicit: the largest eigenvalue says how long explicit steps could be, and the last steps say what implicit ones
+!> cost. Who comes back soon must wait longer for the next exchange, so that tries in vain cost a small part of a run.
 module tandem_simulate_switching
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -13,13 +14,18 @@ module tandem_simulate_switching
     implicit none (type, external)
     private
 
-    public :: switching_type, cost_of_implicit
+    public :: switching_type, cost_of_implicit, looks
+
+    !> So many looks at the largest eigenvalue decide on an exchange, unless one of them, from the second on, speaks against it.
+    integer, parameter :: looks = 6
 
     type :: switching_type
         !> Whether steppers are exchanged, and whether the implicit one is at work.
         logical :: is_on = .false., is_implicit = .false.
-        !> Exchanges so far, and implicit steps.
-        integer(long) :: switches = 0, implicit_steps = 0
+        !> Exchanges so far.
+        integer(long) :: switches = 0
+        !> Implicit steps until it was asked last.
+        integer(long), private :: implicit_steps = 0
         !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked
         !> at, and accepted steps at the last exchange.
         integer(long), private :: asked = -1, tries_from = 0, steps_from = 0
@@ -28,7 +34,7 @@ module tandem_simulate_switching
         !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0
         !> where it is not known yet.
         real(wp), private :: rate = 0.0_wp, excess = 0.0_wp
-        !> What the first step of the run would have been with the implicit method, 0 where it is not known.
+        !> What the first step would have been with the implicit method, 0 where it is not known.
         real(wp) :: first_step = 0.0_wp
         !> Order of the implicit method's error estimate.
         integer :: estimate_order = 0
@@ -42,9 +48,15 @@ module tandem_simulate_switching
     contains
         procedure :: begin
         procedure :: is_asked
+        procedure :: count_implicit
+        procedure :: may_begin_implicit
+        procedure :: begins_implicit
         procedure :: wants_implicit
+        procedure :: is_due
         procedure :: wants_explicit
-        procedure :: wants_eigenvalue
+        procedure :: note_decision
+        procedure :: begin_looks
+        procedure :: is_certain
         procedure :: set_direction
         procedure :: learn_eigenvalue
         procedure :: first_step_at
@@ -112,9 +124,19 @@ contains
 
         is_asked = self%is_on .and. steps > self%asked
         if (.not. is_asked) return
-        if (self%is_implicit .and. self%asked >= 0) self%implicit_steps = self%implicit_steps + (steps - self%asked)
+        self%implicit_steps = self%count_implicit(steps)
         self%asked = steps
     end function is_asked
+
+    !> Implicit steps so far.
+    pure integer(long) function count_implicit(self, steps)
+        class(switching_type), intent(in) :: self
+        !> Accepted steps so far.
+        integer(long), intent(in) :: steps
+
+        count_implicit = self%implicit_steps
+        if (self%is_implicit) count_implicit = count_implicit + (steps - self%asked)
+    end function count_implicit
 
     !> Whether the implicit method would be cheaper than the explicit one at work. Where stability limits the steps, strong
     !> evidence counts early: they will not become longer.
@@ -154,15 +176,32 @@ contains
         self%t_from = t
     end function wants_implicit
 
-    !> Whether the largest eigenvalue is to be looked at: while it is not known, and then now and again.
-    pure logical function wants_eigenvalue(self, steps)
+    !> Whether to look at the largest eigenvalue before a first step: not where an exchange was in vain.
+    pure logical function may_begin_implicit(self)
         class(switching_type), intent(in) :: self
-        !> Accepted steps so far.
-        integer(long), intent(in) :: steps
-        integer(long), parameter :: first = 8, every = 4
 
-        wants_eigenvalue = steps - self%steps_from <= first .or. mod(steps, every) <= 1
-    end function wants_eigenvalue
+        may_begin_implicit = self%is_on .and. .not. self%is_implicit .and. self%patience == 1 .and. self%first_step > 0.0_wp
+    end function may_begin_implicit
+
+    !> Whether the implicit method would be cheaper already with a first step that long, and so far cheaper with the ones that
+    !> follow, than the explicit one with steps as stability limits them: a first step is made so cautiously that its error is a
+    !> hundredth of what is allowed.
+    pure logical function begins_implicit(self, first_step, stages, limit, cost)
+        class(switching_type), intent(in) :: self
+        real(wp), intent(in) :: first_step
+        !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
+        integer, intent(in) :: stages
+        real(wp), intent(in) :: limit, cost
+
+        begins_implicit = cost < real(stages, wp)*first_step*self%lambda/limit
+    end function begins_implicit
+
+    !> Look at the largest eigenvalue anew.
+    pure subroutine begin_looks(self)
+        class(switching_type), intent(inout) :: self
+
+        self%stretch = 0.0_wp
+    end subroutine begin_looks
 
     !> A small displacement of the state along the direction, into the increments of another.
     pure subroutine set_direction(self, state, scale, moved)
@@ -202,31 +241,62 @@ contains
         self%direction_qd = self%direction_qd/largest
     end subroutine learn_eigenvalue
 
-    !> Whether the explicit method would be cheaper than the implicit one at work.
-    logical function wants_explicit(self, t, tries, stages, limit, cost)
-        class(switching_type), intent(inout) :: self
+    !> Whether there were enough implicit steps to ask for the explicit method again.
+    pure logical function is_due(self, tries)
+        class(switching_type), intent(in) :: self
+        !> Tries of steps so far.
+        integer(long), intent(in) :: tries
+
+        is_due = tries - self%tries_from >= int(window/2*self%patience, long)
+    end function is_due
+
+    !> Whether one look may speak against an exchange: not while it is also to tell how far explicit steps were from their limit.
+    pure logical function is_certain(self)
+        class(switching_type), intent(in) :: self
+
+        is_certain = self%excess > 0.0_wp .or. .not. self%rate > 0.0_wp
+    end function is_certain
+
+    !> Whether the explicit method would be cheaper than the implicit one at work, by the largest eigenvalue as it is known.
+    pure logical function wants_explicit(self, t, tries, stages, limit, cost)
+        class(switching_type), intent(in) :: self
         !> Where the run is, and tries of steps so far.
         real(wp), intent(in) :: t
         integer(long), intent(in) :: tries
         !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
         integer, intent(in) :: stages
         real(wp), intent(in) :: limit, cost
-        real(wp), parameter :: most_excess = 30.0_wp
         real(wp) :: explicit, implicit
 
         wants_explicit = .false.
-        if (tries - self%tries_from < int(window/2*self%patience, long)) return
+        if (.not. self%lambda > 0.0_wp) return
         ! Costs of a unit of time. What errors limit, they limit for both.
         implicit = cost*real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
-        if (self%lambda > 0.0_wp) then
-            ! Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say.
-            if (.not. self%excess > 0.0_wp) self%excess = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
-            explicit = real(stages, wp)*max(self%excess*self%lambda/limit, implicit/cost)
-            wants_explicit = explicit < worth*implicit
-        end if
+        explicit = real(stages, wp)*max(excess_of(self, limit)*self%lambda/limit, implicit/cost)
+        wants_explicit = explicit < worth*implicit
+    end function wants_explicit
+
+    !> It was asked for the explicit method; what comes is looked at next.
+    pure subroutine note_decision(self, t, tries, limit)
+        class(switching_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        integer(long), intent(in) :: tries
+        real(wp), intent(in) :: limit
+
+        if (self%lambda > 0.0_wp) self%excess = excess_of(self, limit)
         self%tries_from = tries
         self%t_from = t
-    end function wants_explicit
+    end subroutine note_decision
+
+    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say.
+    pure real(wp) function excess_of(self, limit)
+        class(switching_type), intent(in) :: self
+        real(wp), intent(in) :: limit
+        real(wp), parameter :: most_excess = 30.0_wp
+
+        excess_of = self%excess
+        if (.not. excess_of > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
+    end function excess_of
 
     !> What a step may be in place of the first one of the run, at a time after its start; 0 where that is too late, or it is not
     !> the first exchange.
