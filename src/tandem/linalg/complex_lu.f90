@@ -57,6 +57,7 @@ contains
         real(wp), intent(inout), contiguous :: x(:), y(:)
         integer :: i, info
 
+        if (self%n == 0) return
         do i = 1, self%n
             self%b(i) = cmplx(x(i), y(i), wp)
         end do
