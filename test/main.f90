@@ -74,6 +74,7 @@ program main
     use test_sparse_implicit, only: collect_sparse_implicit
     use test_sparse_kernels, only: collect_sparse_kernels
     use test_sparse_runs, only: collect_sparse_runs
+    use test_sparse_turns, only: collect_sparse_turns
     use test_singular, only: collect_singular
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
@@ -175,6 +176,7 @@ program main
         new_testsuite('sparse_runs', collect_sparse_runs), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &
         new_testsuite('sparse_kernels', collect_sparse_kernels), &
+        new_testsuite('sparse_turns', collect_sparse_turns), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
         new_testsuite('small_motions', collect_small_motions), &

@@ -11,11 +11,10 @@ module tandem_chart_factory
 
     public :: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
 
-    !> From so many coordinates on no scene was slower with a sparse chart and fixed explicit steps: doc/sparse.md has the tables.
+    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps: doc/sparse.md has the tables.
     integer, parameter :: crossover = 36
-    !> With implicit ones some are slower up to here: dense charts follow what is stiff, and hold the constraints where wheels turn
-    !> by a radian in a step under error control. And from here on redundant rows are left to sparse charts, which give them no
-    !> multipliers.
+    !> With implicit ones some are slower up to here: dense charts follow what is stiff. And from here on redundant rows are left to
+    !> sparse charts, which give them no multipliers.
     integer, parameter :: many = 60
 
 contains
@@ -30,7 +29,7 @@ contains
 
         if (options%chart_kind == chart_kinds(1)) then
             wants_sparse = .false.
-            if (model%n >= merge(many, crossover, implicit .or. options%is_adaptive())) then
+            if (model%n >= merge(many, crossover, implicit .or. options%stepper == 'auto')) then
                 wants_sparse = find_obstacle(model, options, implicit) == ''
             end if
         else

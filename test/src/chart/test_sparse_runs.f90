@@ -142,21 +142,23 @@ contains
         call begin('planar_chain', 25, options_type(stepper='sdirk54'), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
         if (allocated(error)) return
-        ! Where the choice turns over, with explicit steps, with implicit ones, and with redundant rows.
-        do i = 1, 6
+        ! Where the choice turns over, with explicit steps, with implicit ones, with redundant rows, and under error control.
+        do i = 1, 8
             mechanism = mechanism_type()
             select case (i)
             case (1, 2)
                 call begin('planar_chain', 10 + i, options_type(), mechanism, simulation, error)
             case (3, 4)
                 call begin('planar_chain', 16 + i, options_type(stepper='sdirk54'), mechanism, simulation, error)
+            case (7, 8)
+                call begin('planar_chain', 4 + i, controlled(1.0e-6_wp, 'automatic'), mechanism, simulation, error)
             case default
                 call draw_parallelograms(i - 3, mechanism, error)
                 if (.not. allocated(error)) call start(mechanism, options_type(), simulation, error)
             end select
             if (allocated(error)) return
             call check_true(error, simulation%is_sparse .eqv. modulo(i, 2) == 0, 'another chart was chosen')
-            if (i > 4) call check_count(error, simulation%n_redundant, i - 3, 'redundant rows')
+            if (i == 5 .or. i == 6) call check_count(error, simulation%n_redundant, i - 3, 'redundant rows')
         end do
     end subroutine test_choice
 

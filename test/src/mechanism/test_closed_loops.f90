@@ -129,7 +129,7 @@ contains
     !> of neighbouring hinges is constant. Its rows are two more than coordinates; it has one degree of freedom.
     subroutine test_bennett(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: z(3) = [0.0_wp, 0.0_wp, 1.0_wp], inertia(3) = [0.1_wp, 0.08_wp, 0.05_wp]
+        real(wp), parameter :: inertia(3) = [0.1_wp, 0.08_wp, 0.05_wp]
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure

@@ -10,7 +10,7 @@ module tandem_chart_sparse_errors
     implicit none (type, external)
     private
 
-    public :: judge_rows
+    public :: judge_rows, judge_velocity
 
     !> The most rows that are looked at together.
     integer, parameter :: most = max(most_rows, most_coordinates)
@@ -85,6 +85,81 @@ contains
             end do
         end subroutine take
     end subroutine judge_rows
+
+    !> What a velocity leaves of the rows, nu - C qd, and the reciprocals of their natural scales.
+    pure subroutine judge_velocity(a, factor, nu, qd, scale, left, weight)
+        type(analysis_type), intent(in) :: a
+        !> With C of the point.
+        type(factor_type), intent(in) :: factor
+        !> nu, left and weight (m); qd and scale (n).
+        real(wp), intent(in), contiguous :: nu(:), qd(:), scale(:)
+        real(wp), intent(out), contiguous :: left(:), weight(:)
+        real(wp) :: total(2)
+        integer :: b, i, j, n
+
+        left(:) = nu
+        weight(:) = abs(nu)
+        do n = 1, a%n_nodes
+            if (a%is_body(n)) cycle
+            associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
+                from => a%node_start(n))
+                select case (s)
+                case (5)
+                    call add_velocity(5, links, a%node_link(1, from), factor%c, qd, scale, &
+                        left(origin:origin + s - 1), weight(origin:origin + s - 1))
+                case (2)
+                    call add_velocity(2, links, a%node_link(1, from), factor%c, qd, scale, &
+                        left(origin:origin + s - 1), weight(origin:origin + s - 1))
+                case default
+                    call add_velocity(s, links, a%node_link(1, from), factor%c, qd, scale, &
+                        left(origin:origin + s - 1), weight(origin:origin + s - 1))
+                end select
+            end associate
+        end do
+        do b = 1, a%n_bodies
+            if (a%own_row(b) == 0) cycle
+            total = [left(a%own_row(b)), weight(a%own_row(b))]
+            do j = a%first(b), a%first(b + 1) - 1
+                total(1) = total(1) - factor%own(j)*qd(j)
+                total(2) = total(2) + abs(factor%own(j))*max(abs(qd(j)), scale(j))
+            end do
+            left(a%own_row(b)) = total(1)
+            weight(a%own_row(b)) = total(2)
+        end do
+        do i = 1, size(weight)
+            weight(i) = 1.0_wp/max(weight(i), tiny(1.0_wp))
+        end do
+    end subroutine judge_velocity
+
+    !> The rows of a node: residuals, and what their terms add up to.
+    pure subroutine add_velocity(s, n_links, node_link, c, qd, scale, left, total)
+        integer, intent(in), value :: s, n_links
+        integer, intent(in) :: node_link(3, n_links)
+        real(wp), intent(in) :: c(*), qd(*), scale(*)
+        real(wp), intent(inout) :: left(s), total(s)
+        real(wp) :: residual(most), terms(most), x
+        integer :: i, j, k, l
+
+        do i = 1, s
+            residual(i) = left(i)
+            terms(i) = total(i)
+        end do
+        do l = 1, n_links
+            k = node_link(3, l)
+            do j = node_link(1, l), node_link(1, l) + node_link(2, l) - 1
+                x = max(abs(qd(j)), scale(j))
+                do i = 1, s
+                    residual(i) = residual(i) - c(k + i)*qd(j)
+                    terms(i) = terms(i) + abs(c(k + i))*x
+                end do
+                k = k + s
+            end do
+        end do
+        do i = 1, s
+            left(i) = residual(i)
+            total(i) = terms(i)
+        end do
+    end subroutine add_velocity
 
     !> The error of a row against the worst one so far.
     pure subroutine compare(residual, scale, row, worst, worst_row)

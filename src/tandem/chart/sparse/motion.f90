@@ -6,10 +6,13 @@
 !> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
 module tandem_chart_sparse_motion
     use tandem_chart_explicit, only: explicit_chart_type
+    use tandem_chart_sparse_errors, only: judge_velocity
+    use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
+    use tandem_chart_sparse_secants, only: secants_type
     use tandem_chart_sparse_system, only: system_type
     use tandem_error, only: error_type, set_error
-    use tandem_kinds, only: lane, wp
+    use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: is_finite
     use tandem_model, only: model_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
@@ -20,19 +23,7 @@ module tandem_chart_sparse_motion
     implicit none (type, external)
     private
 
-    public :: sparse_motion_type, find_obstacle, initialize, largest
-
-    !> Stands for an error or a part of it that nothing is known of.
-    real(wp), parameter :: unknown = 1.0e100_wp
-
-    !> So many tolerances may be left of Phi and of C qd - nu at a stage: 1e-11 and 1e-10 where nothing else was asked for.
-    real(wp), parameter :: of_stages = 10.0_wp, of_velocities = 100.0_wp
-
-    !> How the corrections of one level have done of late.
-    type :: progress_type
-        !> A correction leaves this part of an error, times the age of the factor.
-        real(wp) :: ageing = unknown
-    end type progress_type
+    public :: sparse_motion_type, find_obstacle, initialize
 
     !> The chart without what is asked between steps.
     type, abstract, extends(explicit_chart_type) :: sparse_motion_type
@@ -42,19 +33,22 @@ module tandem_chart_sparse_motion
         !> stages.
         real(wp) :: tolerance = 0.0_wp
         real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
-        !> What may be left where rounding keeps it from there: rows are judged by their scales at the start of a step here, by
+        !> What may be left where rounding keeps it from there: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
         !> The origin, and coordinate scales (n).
         real(wp) :: t0 = 0.0_wp
         real(wp), allocatable :: q0(:), qd0(:), scale(:)
-        !> -Y0 mu of the last point; what of qdd at the start of the step Y0 holds; -Y0 x of a stage over its defect (n).
+        !> -Y0 mu of the last point; what of qdd at the start of the step Y0 holds; -Y0 x of a stage over its defect, or as it is
+        !> where stages have none, in implicit steps (n).
         real(wp), allocatable :: delta(:), curve(:), delta_rate(:)
         logical :: has_curve = .false., has_delta_rate = .false.
-        !> Reciprocals of the natural scales of rows at the origin (nh), (m).
-        real(wp), allocatable :: phi_weight(:), velocity_weight(:)
+        !> Reciprocals of the natural scales of rows at the origin (nh), (m), and of velocities at the end of a step (m).
+        real(wp), allocatable :: phi_weight(:), velocity_weight(:), end_weight(:)
         type(progress_type) :: position, velocity, held_position, held_velocity
         real(wp), allocatable :: held_delta(:)
+        !> Mends corrections that leave much, where steps may be long.
+        type(secants_type) :: secants
     contains
         procedure :: initialize
         procedure :: renew
@@ -114,6 +108,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
         character(len=120) :: obstacle
+        real(wp), parameter :: of_velocities = 10.0_wp
 
         obstacle = find_obstacle(model, options, implicit)
         if (obstacle == '' .and. present(kept)) obstacle = 'redundant rows need the dense chart'
@@ -127,13 +122,17 @@ contains
         self%tolerance = options%constraint_tolerance
         self%allowed = 0.25_wp*self%tolerance
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
-        ! What is left of C qd at the end of a step enters Phi times h, where it is restored. A tenth: the scales of the rows at the
-        ! end, by which errors are judged, may be smaller than those here.
+        ! What is left of C qd at the end of a step enters Phi times h, where it is restored.
         self%velocity_tolerance = max(self%end_tolerance, 0.1_wp*self%tolerance)
-        ! What is left at stages does not add up: at the ends of steps the constraints are restored from the start. It enters the
-        ! motion times h once more.
-        self%stage_tolerance = max(options%stage_tolerance(), of_stages*self%tolerance)
-        self%stage_velocity_tolerance = max(options%stage_tolerance(), of_velocities*self%tolerance)
+        ! What is left at stages enters the motion times h: under error control a small part of what the step may miss. Fixed steps
+        ! have no such measure: there C qd, which is off by so much in another direction at each step, may be off by ten tolerances.
+        if (options%is_adaptive()) then
+            self%stage_tolerance = max(options%stage_tolerance(), self%end_tolerance)
+            self%stage_velocity_tolerance = max(options%stage_tolerance(), self%velocity_tolerance)
+        else
+            self%stage_tolerance = max(self%tolerance, self%end_tolerance)
+            self%stage_velocity_tolerance = of_velocities*self%tolerance
+        end if
         self%scale = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
         self%q0 = spread(0.0_wp, 1, model%n)
@@ -144,6 +143,8 @@ contains
         self%held_delta = self%q0
         self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
         self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
+        self%end_weight = self%velocity_weight
+        if (implicit .or. options%is_adaptive()) call self%secants%allocate(model%n)
     end subroutine initialize
 
     !> Make (t, q, qd) the origin.
@@ -169,6 +170,7 @@ contains
         end if
         call self%system%take_origin()
         call self%system%find_weights(q, qd, self%scale, self%phi_weight, self%velocity_weight)
+        if (self%secants%is_used) call self%system%find_diagonal(self%secants%weight)
         self%independence = sqrt(self%system%factor(self%system%base)%least)
         self%best_independence = max(self%best_independence, self%independence)
     end subroutine renew
@@ -316,8 +318,9 @@ contains
         integer, intent(out) :: stat
         !> Corrections with a factor that is O(h) off; whatever takes more has left the chart.
         integer, parameter :: limit = 40
-        real(wp) :: age, error, first_error, last_error, wanted
+        real(wp) :: age, error, error_before, first_error, last_error, wanted
         integer :: k
+        logical :: has_left
 
         stat = status_ok
         self%failed_row = 0
@@ -329,6 +332,7 @@ contains
         age = abs(t - self%t0)
         wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
         first_error = 0.0_wp
+        error_before = 0.0_wp
         last_error = unknown
         associate (s => self%system)
             s%has_phi = .false.
@@ -349,20 +353,25 @@ contains
                 s%has_phi = .not. self%is_stage
                 if (error <= wanted) return
                 ! Rounding keeps it from there, which is near enough.
-                if (error <= self%allowed .and. error > 0.5_wp*last_error) return
+                if (error <= self%allowed .and. is_rounding(error, last_error, error_before)) return
                 s%has_phi = .false.
                 if (k == 0) first_error = error
-                if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
+                has_left = k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)
+                if (.not. has_left) then
+                    s%g(:s%nh) = -s%model%terms%phi
+                    s%g(s%nh + 1:) = 0.0_wp
+                    call s%factor(s%base)%solve(s%analysis, .false., q, s%g, s%x, s%z)
+                    if (self%secants%is_used) call mend(self%secants, k, error, last_error, self%n, s%x, has_left)
+                end if
+                if (has_left) then
                     stat = status_position_diverged
                     self%failed_row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
                     self%failed_value = error
                     exit
                 end if
-                s%g(:s%nh) = -s%model%terms%phi
-                s%g(s%nh + 1:) = 0.0_wp
-                call s%factor(s%base)%solve(s%analysis, .false., q, s%g, s%x, s%z)
                 self%delta(:) = self%delta + s%x
                 self%counts%position_corrections = self%counts%position_corrections + 1
+                if (k > 0) error_before = last_error
                 last_error = error
             end do
         end associate
@@ -370,64 +379,29 @@ contains
         self%failed_term = trim(self%system%model%failed_term)
     end subroutine restore_position
 
-    !> The largest weighted entry; not finite where one is not.
-    pure real(wp) function largest(n, x, weight)
+    !> Mend a correction by those before it, once one has left much.
+    pure subroutine mend(secants, k, error, last_error, n, s, has_left)
+        type(secants_type), intent(inout) :: secants
+        !> Corrections so far, the error now, and before the last one.
+        integer, intent(in) :: k
+        real(wp), intent(in) :: error, last_error
+        !> The correction.
         integer, intent(in) :: n
-        real(wp), intent(in) :: x(n), weight(n)
-        real(wp) :: most(lane), total(lane), rest
-        integer :: b, i
+        real(wp), intent(inout) :: s(n)
+        !> Whether C has turned so far since the origin that its complement there is none here.
+        logical, intent(out) :: has_left
+        !> What corrects less than the first shows little but rounding, less than the second nothing of angles. An error that grows
+        !> so much shows that the moves are wrong.
+        real(wp), parameter :: rounding = 1.0e-11_wp, small = 1.0e-8_wp, growth = 2.0_wp
 
-        do i = 1, lane
-            most(i) = 0.0_wp
-            total(i) = 0.0_wp
-        end do
-        ! Sums and maxima of their own for each place of a register: none waits for the one before it.
-        do b = 0, n - lane, lane
-            !GCC$ UNROLL 1
-            do i = 1, lane
-                total(i) = total(i) + abs(x(b + i))
-                most(i) = max(most(i), abs(x(b + i))*weight(b + i))
-            end do
-        end do
-        rest = 0.0_wp
-        largest = 0.0_wp
-        do i = n - modulo(n, lane) + 1, n
-            rest = rest + abs(x(i))
-            largest = max(largest, abs(x(i))*weight(i))
-        end do
-        do i = 1, lane
-            rest = rest + total(i)
-            largest = max(largest, most(i))
-        end do
-        if (.not. rest <= huge(1.0_wp)) largest = rest
-    end function largest
-
-    !> Whether a correction can be trusted to have left less than is wanted.
-    pure logical function is_trusted(progress, age, error, wanted)
-        type(progress_type), intent(in) :: progress
-        !> The age of the factor, and the error before the correction.
-        real(wp), intent(in) :: age, error, wanted
-        !> As of the dense chart, see `tandem_chart_dense_position`.
-        real(wp), parameter :: distrust = 8.0_wp
-
-        is_trusted = distrust*progress%ageing*age*error <= wanted
-    end function is_trusted
-
-    !> Learn from the first correction of an iteration. What it left as rounding says how large the part is at most.
-    pure subroutine learn(progress, age, error, before)
-        type(progress_type), intent(inout) :: progress
-        real(wp), intent(in) :: age, error, before
-        real(wp), parameter :: rounding = 1.0e-15_wp, many = 20.0_wp, kept = 0.5_wp
-        real(wp) :: seen
-
-        if (.not. (age > 0.0_wp .and. before > 0.0_wp)) return
-        seen = max(error, rounding)/(before*age)
-        if (error <= many*rounding) then
-            progress%ageing = min(progress%ageing, seen)
+        has_left = .false.
+        if (k == 0 .or. (k > 1 .and. error > growth*last_error)) then
+            call secants%begin(n, s)
         else
-            progress%ageing = max(seen, merge(kept*progress%ageing, 0.0_wp, progress%ageing < unknown))
+            call secants%improve(n, last_error > rounding, s)
+            has_left = k == 1 .and. last_error > small .and. secants%left > 1.0_wp
         end if
-    end subroutine learn
+    end subroutine mend
 
     !> qd = qd0 + eta - Y0 x with C qd = nu.
     subroutine restore_velocity(self, t, q, increment, qd, stat)
@@ -450,32 +424,51 @@ contains
         call self%meet_velocity(abs(t - self%t0), qd, stat)
     end subroutine restore_velocity
 
-    !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin.
+    !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin. The ends of
+    !> steps are judged by the scales there, which a body that turns may have left a tenth of what they were: where the Euler
+    !> parameters of a wheel point along one axis, the row of their norm has the rates of the others in no term.
     subroutine meet_velocity(self, age, qd, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: age
         real(wp), intent(inout) :: qd(self%n)
         integer, intent(out) :: stat
         integer, parameter :: limit = 60
-        real(wp) :: error, first_error, last_error, wanted
+        real(wp) :: error, error_before, first_error, last_error, wanted
         integer :: k
-        logical :: predicts
+        logical :: carries, has_left, predicts
 
         stat = status_ok
         wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
         predicts = self%is_stage .and. self%defect < huge(1.0_wp)
+        ! A stage that is iterated for has nearly the same x each time.
+        carries = .not. (self%is_stage .or. self%defect < huge(1.0_wp))
         first_error = 0.0_wp
+        error_before = 0.0_wp
         last_error = unknown
         associate (s => self%system, base => self%system%factor(self%system%base), here => self%system%factor(self%system%here))
             if (predicts .and. self%has_delta_rate) qd = qd + self%defect*self%delta_rate
             if (predicts .and. .not. self%has_delta_rate) self%delta_rate = qd
+            if (carries) then
+                if (.not. self%has_delta_rate) self%delta_rate = 0.0_wp
+                self%has_delta_rate = .false.
+                qd = qd + self%delta_rate
+                self%delta_rate = self%delta_rate - qd
+            end if
             do k = 0, limit
                 if (k > 0 .and. self%is_stage) then
                     if (is_trusted(self%velocity, age, last_error, wanted)) exit
                 end if
-                s%g(:) = s%model%terms%nu
-                call here%multiply(s%analysis, qd, s%g)
-                error = largest(s%m, s%g, self%velocity_weight)
+                if (k == 0 .and. .not. self%is_stage) then
+                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, self%end_weight)
+                else
+                    s%g(:) = s%model%terms%nu
+                    call here%multiply(s%analysis, qd, s%g)
+                end if
+                if (self%is_stage) then
+                    error = largest(s%m, s%g, self%velocity_weight)
+                else
+                    error = largest(s%m, s%g, self%end_weight)
+                end if
                 if (.not. error <= huge(1.0_wp)) then
                     stat = status_not_finite
                     call s%name_infinite(stat)
@@ -484,18 +477,27 @@ contains
                 end if
                 if (k == 1) call learn(self%velocity, age, error, last_error)
                 if (error <= wanted) exit
-                if (error <= self%allowed .and. error > 0.5_wp*last_error) exit
+                if (error <= self%allowed .and. is_rounding(error, last_error, error_before)) exit
                 if (k == 0) first_error = error
-                if (k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)) then
+                has_left = k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)
+                if (.not. has_left) then
+                    call base%solve(s%analysis, .false., qd, s%g, s%x, s%z)
+                    if (self%secants%is_used) call mend(self%secants, k, error, last_error, self%n, s%x, has_left)
+                end if
+                if (has_left) then
                     stat = status_chart_left
-                    self%failed_row = maxloc(abs(s%g)*self%velocity_weight, dim=1)
+                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, self%end_weight, self%is_stage), dim=1)
                     self%failed_value = error
                     return
                 end if
-                call base%solve(s%analysis, .false., qd, s%g, s%x, s%z)
                 qd = qd + s%x
+                if (k > 0) error_before = last_error
                 last_error = error
             end do
+            if (carries) then
+                self%delta_rate = self%delta_rate + qd
+                self%has_delta_rate = .true.
+            end if
             if (.not. predicts) return
             if (self%has_delta_rate .or. .not. abs(self%defect) > 0.0_wp) return
             self%delta_rate = (qd - self%delta_rate)/self%defect

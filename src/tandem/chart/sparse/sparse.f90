@@ -5,7 +5,8 @@ module tandem_chart_sparse
     use tandem_chart, only: health_type
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
-    use tandem_chart_sparse_motion, only: find_obstacle, largest
+    use tandem_chart_sparse_motion, only: find_obstacle
+    use tandem_chart_sparse_progress, only: largest
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_kinds, only: wp
     use tandem_model_terms, only: need_phi

@@ -51,6 +51,7 @@ module tandem_chart_sparse_system
         procedure :: forget
         procedure :: find_errors
         procedure :: find_weights
+        procedure :: find_diagonal
         procedure :: find_multipliers
         procedure :: name_infinite
         procedure :: pack_state
@@ -287,6 +288,34 @@ contains
             self%scales)
         self%has_scales = self%has_motion
     end subroutine find_errors
+
+    !> The diagonal of M at the last point, along rows that bodies own as large as across them: there M is singular. C is loaded.
+    pure subroutine find_diagonal(self, diagonal)
+        class(system_type), intent(in) :: self
+        !> (n)
+        real(wp), intent(out) :: diagonal(:)
+        real(wp) :: across, along
+        integer :: b, j, k
+
+        do j = 1, size(diagonal)
+            diagonal(j) = self%model%terms%mass(j, self%pattern%mass_column(j))
+        end do
+        associate (a => self%analysis, own => self%factor(self%here)%own)
+            do b = 1, a%n_bodies
+                if (a%own_row(b) == 0) cycle
+                k = a%first(b) + maxloc(abs(own(a%first(b):a%first(b + 1) - 1)), dim=1) - 1
+                across = 0.0_wp
+                along = tiny(1.0_wp)
+                do j = a%first(b), a%first(b + 1) - 1
+                    if (a%block_first(j) == a%block_first(k)) across = max(across, diagonal(j))
+                    along = along + own(j)**2
+                end do
+                do j = a%first(b), a%first(b + 1) - 1
+                    diagonal(j) = diagonal(j) + across*own(j)**2/along
+                end do
+            end do
+        end associate
+    end subroutine find_diagonal
 
     !> The multipliers of all rows that belong to an acceleration: those of least force left over in the mass metric,
     !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known.

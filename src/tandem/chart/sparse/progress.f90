@@ -1,0 +1,90 @@
+! SPDX-License-Identifier: MIT
+!> How corrections with the factor of the step's start do: what one may be trusted to leave, and whether it is rounding that stops
+!> them.
+module tandem_chart_sparse_progress
+    use tandem_kinds, only: lane, wp
+    implicit none (type, external)
+    private
+
+    public :: is_rounding, is_trusted, largest, learn, progress_type, unknown
+
+    !> Stands for an error or a part of it that nothing is known of.
+    real(wp), parameter :: unknown = 1.0e100_wp
+
+    !> How the corrections of one level have done of late.
+    type :: progress_type
+        !> A correction leaves this part of an error, times the age of the factor.
+        real(wp) :: ageing = unknown
+    end type progress_type
+
+contains
+
+    !> Whether a correction can be trusted to have left less than is wanted.
+    pure logical function is_trusted(progress, age, error, wanted)
+        type(progress_type), intent(in) :: progress
+        !> The age of the factor, and the error before the correction.
+        real(wp), intent(in) :: age, error, wanted
+        !> As of the dense chart, see `tandem_chart_dense_position`.
+        real(wp), parameter :: distrust = 8.0_wp
+
+        is_trusted = distrust*progress%ageing*age*error <= wanted
+    end function is_trusted
+
+    !> Learn from the first correction of an iteration. What it left as rounding says how large the part is at most.
+    pure subroutine learn(progress, age, error, before)
+        type(progress_type), intent(inout) :: progress
+        real(wp), intent(in) :: age, error, before
+        real(wp), parameter :: rounding = 1.0e-15_wp, many = 20.0_wp, kept = 0.5_wp
+        real(wp) :: seen
+
+        if (.not. (age > 0.0_wp .and. before > 0.0_wp)) return
+        seen = max(error, rounding)/(before*age)
+        if (error <= many*rounding) then
+            progress%ageing = min(progress%ageing, seen)
+        else
+            progress%ageing = max(seen, merge(kept*progress%ageing, 0.0_wp, progress%ageing < unknown))
+        end if
+    end subroutine learn
+
+    !> Whether a correction left about as much as it found because of rounding, not since all of them are slow: where a body has
+    !> turned by more than a radian they may leave more than half each.
+    pure logical function is_rounding(error, last_error, error_before)
+        !> The error now, before the last correction, and before the one before that, 0 where there was none.
+        real(wp), intent(in) :: error, last_error, error_before
+        real(wp), parameter :: fast = 0.1_wp, some = 0.5_wp, none = 0.9_wp
+
+        is_rounding = error > merge(some, none, last_error < fast*error_before)*last_error
+    end function is_rounding
+
+    !> The largest weighted entry; not finite where one is not.
+    pure real(wp) function largest(n, x, weight)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), weight(n)
+        real(wp) :: most(lane), total(lane), rest
+        integer :: b, i
+
+        do i = 1, lane
+            most(i) = 0.0_wp
+            total(i) = 0.0_wp
+        end do
+        ! Sums and maxima of their own for each place of a register: none waits for the one before it.
+        do b = 0, n - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                total(i) = total(i) + abs(x(b + i))
+                most(i) = max(most(i), abs(x(b + i))*weight(b + i))
+            end do
+        end do
+        rest = 0.0_wp
+        largest = 0.0_wp
+        do i = n - modulo(n, lane) + 1, n
+            rest = rest + abs(x(i))
+            largest = max(largest, abs(x(i))*weight(i))
+        end do
+        do i = 1, lane
+            rest = rest + total(i)
+            largest = max(largest, most(i))
+        end do
+        if (.not. rest <= huge(1.0_wp)) largest = rest
+    end function largest
+end module tandem_chart_sparse_progress
