@@ -594,6 +594,7 @@ class Wrong(Case):
         self.refused("check", self.scene(BASE), "--set", "body.rod.mass=-1", says=["--set:1", "body.rod.mass: is -1"])
         self.refused("check", self.scene(BASE), "--set", "body.rod.mas=1", says=["--set", 'did you mean "mass"?'])
         self.refused("check", "rolling_disk", "--set", "body.rod.mass=1", says=["unknown table", "mechanism"])
+        self.refused("check", self.scene(BASE), "--set", "parameters.l.down=1", says=["--set:1", "parameters.l.down has a dot in its name"])
         # The mark is under the value, a list or an inline table too.
         for setting, places in (("body.rod.position=[1,2,3]", "19-25"), ('body.rod.points={ end = "x" }', "25-27"),
                                 ("parameters.l=[1, 2]", "14-19")):

@@ -194,6 +194,10 @@ contains
                 else if (len(name) > key_length) then
                     call refuse_parameter(entry%key, 'has a name that is too long', 'shorten it')
                     return
+                else if (index(name, '.') > 0) then
+                    ! Beside a parameter of the name before the dot the complete scene would be no TOML.
+                    call refuse_parameter(entry%key, 'has a dot in its name', 'take letters, digits and _')
+                    return
                 end if
                 n = n + 1
                 names(n) = name
