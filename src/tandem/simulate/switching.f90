@@ -183,17 +183,20 @@ contains
         may_begin_implicit = self%is_on .and. .not. self%is_implicit .and. self%patience == 1 .and. self%first_step > 0.0_wp
     end function may_begin_implicit
 
-    !> Whether the implicit method would be cheaper already with a first step that long, and so far cheaper with the ones that
-    !> follow, than the explicit one with steps as stability limits them: a first step is made so cautiously that its error is a
-    !> hundredth of what is allowed.
+    !> Whether the implicit method would be cheaper than the explicit one with steps as stability limits them. A first step is made
+    !> so cautiously that its error is a hundredth of what is allowed: the ones that follow are longer by the root of that.
     pure logical function begins_implicit(self, first_step, stages, limit, cost)
         class(switching_type), intent(in) :: self
+        !> Of the implicit method.
         real(wp), intent(in) :: first_step
         !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
         integer, intent(in) :: stages
         real(wp), intent(in) :: limit, cost
+        real(wp), parameter :: caution = 0.01_wp
+        real(wp) :: step
 
-        begins_implicit = cost < real(stages, wp)*first_step*self%lambda/limit
+        step = first_step*caution**(-1.0_wp/real(self%estimate_order + 1, wp))
+        begins_implicit = cost < real(stages, wp)*step*self%lambda/limit
     end function begins_implicit
 
     !> Look at the largest eigenvalue anew.
