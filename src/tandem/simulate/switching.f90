@@ -291,14 +291,17 @@ contains
         self%t_from = t
     end subroutine note_decision
 
-    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say.
+    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say. Where
+    !> there were none, it is taken to be as on damped springs.
     pure real(wp) function excess_of(self, limit)
         class(switching_type), intent(in) :: self
         real(wp), intent(in) :: limit
-        real(wp), parameter :: most_excess = 30.0_wp
+        real(wp), parameter :: usual = 3.0_wp, most_excess = 30.0_wp
 
         excess_of = self%excess
-        if (.not. excess_of > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
+        if (excess_of > 0.0_wp) return
+        excess_of = usual
+        if (self%rate > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
     end function excess_of
 
     !> What a step may be in place of the first one of the run, at a time after its start; 0 where that is too late, or it is not
