@@ -183,17 +183,20 @@ contains
         may_begin_implicit = self%is_on .and. .not. self%is_implicit .and. self%patience == 1 .and. self%first_step > 0.0_wp
     end function may_begin_implicit
 
-    !> Whether the implicit method would be cheaper already with a first step that long, and so far cheaper with the ones that
-    !> follow, than the explicit one with steps as stability limits them: a first step is made so cautiously that its error is a
-    !> hundredth of what is allowed.
+    !> Whether the implicit method would be cheaper than the explicit one with steps as stability limits them. A first step is made
+    !> so cautiously that its error is a hundredth of what is allowed: the ones that follow are longer by the root of that.
     pure logical function begins_implicit(self, first_step, stages, limit, cost)
         class(switching_type), intent(in) :: self
+        !> Of the implicit method.
         real(wp), intent(in) :: first_step
         !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
         integer, intent(in) :: stages
         real(wp), intent(in) :: limit, cost
+        real(wp), parameter :: caution = 0.01_wp
+        real(wp) :: step
 
-        begins_implicit = cost < real(stages, wp)*first_step*self%lambda/limit
+        step = first_step*caution**(-1.0_wp/real(self%estimate_order + 1, wp))
+        begins_implicit = cost < real(stages, wp)*step*self%lambda/limit
     end function begins_implicit
 
     !> Look at the largest eigenvalue anew.
@@ -288,14 +291,17 @@ contains
         self%t_from = t
     end subroutine note_decision
 
-    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say.
+    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say. Where
+    !> there were none, it is taken to be as on damped springs.
     pure real(wp) function excess_of(self, limit)
         class(switching_type), intent(in) :: self
         real(wp), intent(in) :: limit
-        real(wp), parameter :: most_excess = 30.0_wp
+        real(wp), parameter :: usual = 3.0_wp, most_excess = 30.0_wp
 
         excess_of = self%excess
-        if (.not. excess_of > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
+        if (excess_of > 0.0_wp) return
+        excess_of = usual
+        if (self%rate > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
     end function excess_of
 
     !> What a step may be in place of the first one of the run, at a time after its start; 0 where that is too late, or it is not
