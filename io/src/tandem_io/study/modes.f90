@@ -137,9 +137,11 @@ contains
             if (allocated(error)) return
         end if
         call self%find_pairs(a, b, found, n, change, error)
-        if (.not. allocated(error) .and. abs(growing(b) - growing(a) - change) == 2) &
-            call self%find_collision(a, b, found, n, change, error)
         if (allocated(error)) return
+        if (abs(growing(b) - growing(a) - change) == 2) then
+            call self%find_collision(a, b, found, n, change, error)
+            if (allocated(error)) return
+        end if
         if (change /= growing(b) - growing(a) .and. depth < deepest) then
             call self%sample((a%value + b%value)/2, middle, error)
             if (.not. allocated(error)) call self%search(a, middle, depth + 1, error)
