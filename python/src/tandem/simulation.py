@@ -81,7 +81,7 @@ class Simulation:
     def __init__(self, model: Model, q: Any, qd: Any, t: float = 0.0, *, events: Sequence[Any] | Callable | None = None,
                  watch_error: float | None = None, stepper: str | None = None, rtol: Any = None, step: float | None = None,
                  **options: Any):
-        if rtol is not None and step is not None:
+        if step is not None and np.any(rtol):
             raise ValueError("step is that of fixed steps, rtol the tolerance that steps follow: give one of them, or first_step with rtol")
         if rtol is None and step is None:
             if stepper == "rk4":
