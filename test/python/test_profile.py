@@ -127,8 +127,8 @@ class Profile(Case):
                    "matrix_cost", "pack_state", "relative_change", "keep_tangent", "expect_pairs"}
         source = ROOT / "src" / "tandem"
         asked = set(re.findall(r"procedure\(\w+\), deferred :: (\w+)", (source / "chart" / "chart.f90").read_text()))
-        timed = set(re.findall(r"call self%profile%enter.*\n.*self%dense_chart_type%(\w+)",
-                               (source / "profile" / "chart.f90").read_text()))
+        timed = {name for file in ("booking.inc", "chart.f90")
+                 for name in re.findall(r"call self%profile%enter.*\n.*self%own_chart_type%(\w+)", (source / "profile" / file).read_text())}
         self.assertGreater(len(timed), 10)
         self.assertEqual(asked - untimed, timed)
         pointers = set(re.findall(r"(\w+) => null\(\)", (source / "model" / "model.f90").read_text())) - {"timer"}

@@ -230,13 +230,17 @@ contains
     !> Columns of the compressed C: each body takes the first colour that no body has which shares a row with it.
     pure subroutine colour(self)
         class(pattern_type), intent(inout) :: self
-        integer, allocatable :: body_start(:), body_row(:), colour_of(:), taken_by(:), width(:)
+        integer, allocatable :: body_start(:), body_row(:), colour_of(:), taken_by(:), width(:), rows(:)
         integer :: b, c, i, j, k, n_colours
 
         associate (n_bodies => self%n_bodies, row_start => self%row_start, row_body => self%row_body)
             allocate (colour_of(n_bodies), taken_by(n_bodies), width(n_bodies), source=0)
-            call sort_to_lists(n_bodies, row_body, [((i, k=row_start(i), row_start(i + 1) - 1), i=1, self%n_rows)], body_start, &
-                body_row)
+            ! A constructor of nested loops would be made longer number by number.
+            allocate (rows(size(row_body)))
+            do i = 1, self%n_rows
+                rows(row_start(i):row_start(i + 1) - 1) = i
+            end do
+            call sort_to_lists(n_bodies, row_body, rows, body_start, body_row)
             n_colours = 0
             do b = 1, n_bodies
                 do k = body_start(b), body_start(b + 1) - 1
