@@ -42,6 +42,30 @@ rail = { joint = "rail" }
 [time]
 end = 1
 """
+# A torsion spring that is at rest more than half a turn away from the drawing.
+WOUND = """
+[scene]
+model = "mechanism"
+[body.wheel]
+mass = 1
+inertia = [0.1, 0.1, 0.2]
+position = [0, 0, 0]
+[joint.pin]
+type = "revolute"
+bodies = ["ground", "wheel"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+[force.coil]
+type = "torsion"
+joint = "pin"
+stiffness = 2
+damping = 0.1
+angle = 4.0
+[time]
+end = 1
+[initial]
+equilibrium = true
+"""
 SLEEPING_TOP = """
 [scene]
 model = "mechanism"
@@ -301,6 +325,14 @@ class Linearisation(Case):
         # Real ones that meet and part as a pair cross nothing.
         rows = self.said("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2")
         self.assertEqual([len(rows["rows"]), rows["critical"]], [2, []])
+
+    def test_a_start_at_rest_beyond_half_a_turn(self):
+        """Turns are counted on the way from the drawing to the place of rest, and the run stays there."""
+        (self.folder / "wound.toml").write_text(WOUND)
+        self.tandem("run", "wound.toml", "--quiet", "--no-error")
+        with h5py.File(self.folder / "wound.h5") as file:
+            self.assertLess(np.ptp(file["trajectory/q"][:], axis=0).max(), 1e-12)
+            self.assertAlmostEqual(2*np.arctan2(file["trajectory/q"][-1, 6], file["trajectory/q"][-1, 3]) % (2*np.pi), 4.0, delta=1e-9)
 
     def test_critical_values_of_what_loses_no_energy(self):
         """Two eigenvalues that meet at zero, or two pairs that meet on the imaginary axis, against closed forms."""

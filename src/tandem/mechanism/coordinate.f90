@@ -34,6 +34,8 @@ module tandem_mechanism_coordinate
         !> arrives, not those that steps try.
         real(wp) :: last = 0.0_wp
         logical :: waits = .false.
+        !> The angle where the first run started, which may have come there from the drawing in search of a place of rest.
+        real(wp) :: begun = 0.0_wp
     end type coordinate_type
 
     real(wp), parameter :: pi = acos(-1.0_wp)
@@ -80,15 +82,18 @@ contains
     pure subroutine count_turns(self, pose, starts)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> Whether it starts there: then turns are counted from the drawing, where the angle is zero.
+        !> Whether it starts there: then turns are counted from where the first run did.
         logical, intent(in) :: starts
         real(wp) :: x
+        logical :: is_first
 
         if (self%kind /= is_angle) return
-        if (starts) self%last = 0.0_wp
+        is_first = .not. self%waits
+        if (starts .and. .not. is_first) self%last = self%begun
         self%waits = .false.
         call measure(self, pose, x)
         self%waits = .true.
+        if (is_first) self%begun = self%last
     end subroutine count_turns
 
     !> Value, rate and gradient, which is all that a force asks for: of an angle in space without the rates of its gradient and of
