@@ -31,6 +31,13 @@ module tandem_command_line
     ! What a procedure needs that reads a model from a scene.
     public :: reader_type, anything, positive, not_negative
 
+    interface
+        !> See blas_threads.c.
+        subroutine use_one_blas_thread() bind(c, name='tandem_use_one_blas_thread')
+            implicit none (type, external)
+        end subroutine use_one_blas_thread
+    end interface
+
 contains
 
     !> Do what the command line says: find the subcommand and leave the rest to it.
@@ -43,6 +50,7 @@ contains
         type(arguments_type) :: arguments
         type(error_type), allocatable :: error
 
+        call use_one_blas_thread()
         if (present(models)) then
             arguments = read_arguments([models, shipped_models()])
         else

@@ -66,6 +66,37 @@ end = 1
 [initial]
 equilibrium = true
 """
+# Whose rod has no length yet.
+COINCIDING = """
+[scene]
+model = "mechanism"
+planar = true
+[body.bob]
+mass = 0.1
+inertia = 0.2
+position = [0, 1]
+[body.rod]
+mass = 1.1
+inertia = 1
+position = [0, 0]
+points = { tip = [0, 1] }
+[joint.pin]
+type = "revolute"
+bodies = ["ground", "rod"]
+at = [0, 0]
+[force.pad]
+type = "bushing"
+between = ["bob", "ground"]
+at = [1, 0]
+stiffness = [1, 2, -0.1]
+damping = [0.5, 2, 0.1]
+[constraint.link]
+type = "distance"
+between = ["bob", "rod.tip"]
+length = 1
+[time]
+end = 1
+"""
 SLEEPING_TOP = """
 [scene]
 model = "mechanism"
@@ -220,6 +251,13 @@ class Linearisation(Case):
         said = self.said("equilibrium", "a01_pendulum", "--set", "body.bob.position=[0.6, 0.8]")
         self.assertEqual(said["stability"], "unstable")
         self.assertLess(max(abs(np.array(said["q"]) - [0, 1])), 1e-13)
+
+    def test_what_cannot_be_evaluated_ends_the_search(self):
+        """A rod of no length has no direction: forces and their derivatives are no numbers. A search for rest did not end there."""
+        (self.folder / "coinciding.toml").write_text(COINCIDING)
+        refused = self.tandem("equilibrium", "coinciding.toml", code=2)
+        self.assertIn("not_finite", refused.stderr)
+        self.assertIn("a rod without length", refused.stderr)
 
     def test_a_run_from_an_equilibrium_stays_there(self):
         self.tandem("run", "a04_bricard", "--set", "initial.equilibrium=true", "--set", "time.end=1", "--output", "rest.h5", "--quiet")

@@ -41,6 +41,8 @@ module tandem_analysis_point
         logical, private :: has_wrong_friction = .false.
         class(model_type), pointer :: model => null()
         type(counts_type) :: counts
+        !> How often bases were made: what an analysis costs, each some n^3.
+        integer :: n_bases = 0
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
         type(derivatives_type), private :: derivatives
@@ -152,6 +154,7 @@ contains
         real(wp), allocatable :: rows(:, :)
         integer :: i
 
+        self%n_bases = self%n_bases + 1
         allocate (rows, source=self%jacobian)
         do i = 1, self%m
             rows(i, :) = self%row_scale(i)*rows(i, :)
@@ -192,17 +195,32 @@ contains
         real(wp), intent(inout) :: q(:)
         integer, intent(out) :: stat
         integer, parameter :: limit = 30
-        real(wp) :: correction(self%n), most
+        real(wp) :: correction(self%n), most, length, last
+        logical :: is_new
         integer :: i
 
         most = 10*(1 + maxval(abs(q/self%scale)))
+        last = 0.0_wp
         do i = 1, limit
             call self%evaluate(t, q, qd, stat)
             if (stat /= status_ok) return
-            call self%make_bases()
+            ! Bases of the point before serve as long as they bring what is left down fast.
+            is_new = i == 1
+            if (is_new) call self%make_bases()
             call self%apply_position_inverse(-self%phi, correction)
-            if (maxval(abs(correction)) <= 1.0e-13_wp*(1 + maxval(abs(q/self%scale)))) return
-            if (maxval(abs(correction)) > most) exit
+            length = maxval(abs(correction))
+            if (length > 0.1_wp*last .and. .not. is_new) then
+                call self%make_bases()
+                is_new = .true.
+                call self%apply_position_inverse(-self%phi, correction)
+                length = maxval(abs(correction))
+            end if
+            if (length <= 1.0e-13_wp*(1 + maxval(abs(q/self%scale)))) then
+                if (.not. is_new) call self%make_bases()
+                return
+            end if
+            if (length > most) exit
+            last = length
             q = q + self%scale*correction
         end do
         stat = status_position_diverged
@@ -332,6 +350,9 @@ contains
         if (self%has_wrong_friction) then
             call set_error(error, stat, 'the model "'//self%model%name//'" '//where//': friction on reactions slides there, or '// &
                 'redundant constraints leave them undetermined', 'give the friction a normal force')
+        else if (stat == status_not_finite) then
+            call set_error(error, stat, 'the model "'//self%model%name//'" '//where, 'start elsewhere: a term is no number '// &
+                'there, as the direction of a rod without length is not')
         else
             call set_error(error, stat, 'the model "'//self%model%name//'" '//where)
         end if

@@ -63,6 +63,9 @@ module tandem_analysis_settling
     !> Most iterations, steps along the forces, and along a family.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
     integer, parameter :: most_steps_nearer = 100
+    !> Bases and factors of many coordinates are dear: so many are made, over n^2, and as many at least.
+    real(wp), parameter :: most_bases = 2.0e7_wp
+    integer, parameter :: least_bases = 60
     !> The longest step, in scaled coordinates, and one that is none.
     real(wp), parameter :: longest = 0.5_wp, no_step = 1.0e-8_wp
     !> Forces are in balance where what is left is this of their terms.
@@ -317,6 +320,7 @@ contains
             if (stat /= status_ok) return
             call svd%allocate(size(residual), size(step))
             call svd%factor(jacobian)
+            point%n_bases = point%n_bases + 1
             self%n_free = size(step) - svd%rank
             call svd%solve(-residual, step)
             size_of_q = 1 + maxval(abs(self%q/point%scale))
@@ -355,12 +359,23 @@ contains
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
 
+        if (is_spent(point)) then
+            stat = status_no_equilibrium
+            return
+        end if
         self%qd = self%symmetry%field(self%rates, self%q)
         call point%evaluate(t, self%q, self%qd, stat)
         if (stat /= status_ok) return
         call point%make_bases()
         call point%set_acceleration(self%symmetry%turned(self%rates, self%qd))
     end subroutine look
+
+    !> Whether the search has made as many bases as it may.
+    pure logical function is_spent(point)
+        type(point_type), intent(in) :: point
+
+        is_spent = point%n_bases >= max(least_bases, int(most_bases/real(max(point%n, 1), wp)**2))
+    end function is_spent
 
     !> The residual; forces over `unit`. Those at another point are seen along the basis W of the old one: along the basis Z of
     !> null(C) there for which W'Z = I, as the derivatives take it.
@@ -448,16 +463,19 @@ contains
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
         real(wp), allocatable :: force(:), stiffness(:, :), values(:), step(:), w(:, :), q(:)
+        integer, parameter :: most_halvings = 30
         real(wp) :: radius, length, before
-        integer :: i
+        integer :: i, tries
 
         radius = longest/4
         call point%restore_position(t, self%qd, self%q, stat)
         do i = 1, most_relaxations
             if (stat /= status_ok) exit
             self%relaxations = self%relaxations + 1
-            call self%look(point, t, stat)
-            if (stat == status_ok) call point%differentiate(stat)
+            if (is_spent(point)) exit
+            ! At rest, with the bases that the constraints were met with.
+            call point%set_acceleration(self%qd)
+            call point%differentiate(stat)
             if (stat /= status_ok) exit
             w = point%w
             force = matmul(transpose(w), point%force)
@@ -474,15 +492,15 @@ contains
             if (length <= 1.0e-7_wp) return
             before = dot_product(force, step)
             q = self%q
-            do
+            do tries = 1, most_halvings
                 self%q = q + point%scale*matmul(w, step)
                 call point%restore_position(t, self%qd, self%q, stat)
+                if (is_spent(point)) exit
                 if (stat == status_ok) then
                     ! Forces that push back harder than they pulled: too far.
                     if (dot_product(point%force, matmul(w, step)) >= -0.5_wp*before) exit
                 end if
                 step = step/2
-                if (norm2(step) <= 1.0e-9_wp*length) exit
             end do
             radius = min(longest, 1.5_wp*max(norm2(step), 1.0e-3_wp))
         end do
@@ -578,6 +596,7 @@ contains
             return
         end if
         reason = ''
+        if (is_spent(point)) reason = ', all that is done for so many coordinates'
         if (any(abs(point%nu) > 0.0_wp)) reason = moved_reason
         call set_error(error, stat, 'no '//what//' of the model "'//point%model%name//'" was found in '// &
             to_text(self%iterations)//' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)

@@ -52,6 +52,17 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine dgesvd
 
+        !> The same by divide and conquer.
+        subroutine dgesdd(jobz, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, iwork, info)
+            import :: wp
+            implicit none (type, external)
+            character(len=1), intent(in) :: jobz
+            integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+            real(wp), intent(inout) :: a(lda, *)
+            real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+            integer, intent(out) :: iwork(*), info
+        end subroutine dgesdd
+
         !> The solution of least norm of a least-squares problem, by a complete orthogonal factorisation.
         subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
             import :: wp

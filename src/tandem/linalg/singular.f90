@@ -6,11 +6,14 @@
 module tandem_linalg_singular
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: rank_tolerance
-    use tandem_linalg_lapack, only: dgesvd, dsyev
+    use tandem_linalg_lapack, only: dgesdd, dgesvd, dsyev
     implicit none (type, external)
     private
 
     public :: singular_type, decompose_in, decompose_symmetric
+
+    !> From this size on divide and conquer is faster (2 to 3 times at 160 to 370).
+    integer, parameter :: large = 64
 
     type :: singular_type
         !> How many singular values of the last matrix count, and the values, descending.
@@ -19,6 +22,7 @@ module tandem_linalg_singular
         integer, private :: m = 0, n = 0
         !> A = U diag(values) V'; U (m, m), V' (n, n), a copy of A.
         real(wp), allocatable, private :: u(:, :), vt(:, :), matrix(:, :), work(:)
+        integer, allocatable, private :: integers(:)
     contains
         procedure :: allocate => allocate_singular
         procedure :: factor
@@ -39,10 +43,11 @@ contains
 
         self%m = m
         self%n = n
-        if (allocated(self%u)) deallocate (self%u, self%vt, self%matrix, self%work, self%values)
+        if (allocated(self%u)) deallocate (self%u, self%vt, self%matrix, self%work, self%values, self%integers)
         allocate (self%u(m, m), self%vt(n, n), self%matrix(m, n), self%values(min(m, n)), source=0.0_wp)
-        ! Enough for the blocked form.
-        allocate (self%work(64*(m + n + 1)), source=0.0_wp)
+        ! Enough for the blocked forms.
+        allocate (self%work(64*(m + n + 1) + merge(4*min(m, n)**2, 0, min(m, n) >= large)), source=0.0_wp)
+        allocate (self%integers(merge(8*min(m, n), 0, min(m, n) >= large)), source=0)
     end subroutine allocate_singular
 
     !> Factor a matrix of finite numbers (m, n), whose rows should be of about the same length.
@@ -61,8 +66,13 @@ contains
             end do
             return
         end if
-        call dgesvd('A', 'A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
-            self%work, size(self%work), info)
+        if (min(self%m, self%n) < large) then
+            call dgesvd('A', 'A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
+                self%work, size(self%work), info)
+        else
+            call dgesdd('A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
+                self%work, size(self%work), self%integers, info)
+        end if
         ! Without convergence, which finite numbers do not cause, nothing counts.
         if (info == 0) self%rank = count(self%values > rank_tolerance*self%values(1))
     end subroutine factor
