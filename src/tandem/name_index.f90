@@ -26,8 +26,7 @@ module tandem_name_index
         procedure :: put
         procedure :: get
         procedure :: clear
-        procedure, private :: slot_of
-        procedure, private :: grow
+        procedure, private :: slot_of, grow
     end type name_index_type
 
 contains

@@ -296,7 +296,7 @@ contains
         end subroutine refuse
     end subroutine check_option
 
-    !> Refuse a word that is none of those that an option may be.
+    !> Refuse a word that the option does not allow.
     subroutine check_word(row, word, choices, error)
         type(option_row_type), intent(in) :: row
         character(len=*), intent(in) :: word, choices(:)

@@ -28,8 +28,7 @@ module tandem_analysis_inputs
         character(len=channel_length), allocatable :: inputs(:), outputs(:)
     contains
         procedure :: make
-        procedure, private :: add_input
-        procedure, private :: make_outputs
+        procedure, private :: add_input, make_outputs
     end type inputs_type
 
     !> Displacements and weights of central differences of fourth order.

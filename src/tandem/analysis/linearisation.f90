@@ -63,10 +63,7 @@ module tandem_analysis_linearisation
         type(spectrum_type) :: spectrum
     contains
         procedure :: make
-        procedure, private :: form
-        procedure, private :: find_rates
-        procedure, private :: go_along
-        procedure, private :: find_spectrum
+        procedure, private :: form, find_rates, go_along, find_spectrum
     end type linearisation_type
 
     !> What is left of the rates of a steady motion is rounding up to this of the size of their terms.

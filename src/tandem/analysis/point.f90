@@ -78,8 +78,7 @@ contains
         self%n = model%n
         self%nh = model%n_holonomic
         self%m = model%n_constraints()
-        self%scale = spread(1.0_wp, 1, self%n)
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%scale = model%scales()
         self%q = spread(0.0_wp, 1, self%n)
         self%qd = self%q
         self%qdd = self%q

@@ -47,14 +47,7 @@ module tandem_analysis_settling
     contains
         procedure :: find_equilibrium
         procedure :: find_steady_motion
-        procedure, private :: iterate
-        procedure, private :: relax
-        procedure, private :: approach
-        procedure, private :: go_nearer
-        procedure, private :: hold
-        procedure, private :: form
-        procedure, private :: look
-        procedure, private :: refuse
+        procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
     end type settling_type
 
     !> From so many coordinates on the sparse form settles models that have one, and tells of no families; full matrices of more
@@ -66,7 +59,7 @@ module tandem_analysis_settling
     !> Bases and factors of many coordinates are dear: so many are made, over n^2, and as many at least.
     real(wp), parameter :: most_bases = 2.0e7_wp
     integer, parameter :: least_bases = 60
-    !> The longest step, in scaled coordinates, and one that is none.
+    !> The longest step, in scaled coordinates, and one too short to count.
     real(wp), parameter :: longest = 0.5_wp, no_step = 1.0e-8_wp
     !> Forces are in balance where what is left is this of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
@@ -115,8 +108,7 @@ contains
         class(model_type), intent(in) :: model
         real(wp) :: scale(model%n)
 
-        scale = 1.0_wp
-        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        scale = model%scales()
     end function scale_of
 
     !> The steady motion near (q, qd), along all symmetries or along fields that are named. Where none is held, their rates stay

@@ -71,9 +71,7 @@ module tandem_analysis_sparse_point
         procedure :: violation
         procedure :: row_length
         procedure :: row_times
-        procedure, private :: set_structure
-        procedure, private :: add_forces
-        procedure, private :: multiply_columns
+        procedure, private :: set_structure, add_forces, multiply_columns
     end type sparse_point_type
 
     !> The most entries of factors: 2 GB.
@@ -124,8 +122,7 @@ contains
         self%n = model%n
         self%nh = model%n_holonomic
         self%m = model%n_constraints()
-        self%scale = spread(1.0_wp, 1, self%n)
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%scale = model%scales()
         self%rest = spread(0.0_wp, 1, self%n)
         self%q = self%rest
         self%residual = self%rest

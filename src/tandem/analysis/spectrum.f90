@@ -50,9 +50,7 @@ module tandem_analysis_spectrum
         procedure :: natural_frequency
         procedure :: damping_ratio
         procedure :: stability
-        procedure, private :: set_zeros
-        procedure, private :: set_vectors
-        procedure, private :: sort
+        procedure, private :: set_zeros, set_vectors, sort
     end type spectrum_type
 
 contains

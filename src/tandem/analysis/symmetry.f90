@@ -41,8 +41,7 @@ module tandem_analysis_symmetry
         procedure :: knows
         procedure :: check_names
         procedure, nopass :: list_names
-        procedure, private :: add_rows
-        procedure, private :: reduce
+        procedure, private :: add_rows, reduce
     end type symmetry_type
 
     !> Rows are compared with the size of their terms; what is left of those that cancel.

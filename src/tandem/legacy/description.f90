@@ -80,8 +80,7 @@ module tandem_legacy_description
         procedure :: conclude
         procedure :: succeed
         procedure :: is_free
-        procedure, private :: change_model
-        procedure, private :: is_by_procedures
+        procedure, private :: change_model, is_by_procedures
     end type description_type
 
 contains

@@ -37,8 +37,7 @@ module tandem_linalg_basis
         procedure :: factor_qr
         procedure :: factor_svd
         procedure :: largest_secant
-        procedure, private :: load
-        procedure, private :: decide_rank
+        procedure, private :: load, decide_rank
     end type basis_type
 
 contains

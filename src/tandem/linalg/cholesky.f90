@@ -23,8 +23,7 @@ module tandem_linalg_cholesky
         procedure :: solve
         procedure :: solve_rows
         procedure :: pack_state
-        procedure, private :: factor_small
-        procedure, private :: solve_small
+        procedure, private :: factor_small, solve_small
     end type cholesky_type
 
 contains

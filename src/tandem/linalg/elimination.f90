@@ -55,10 +55,7 @@ module tandem_linalg_elimination
         procedure :: get_right_inverse
         procedure :: get_null_space
         procedure :: pack_state
-        procedure, private :: choose_pivots
-        procedure, private :: factor
-        procedure, private :: solve_all
-        procedure, private :: swap
+        procedure, private :: choose_pivots, factor, solve_all, swap
     end type elimination_type
 
     ! By LAPACK, where there are many rows.

@@ -50,12 +50,7 @@ module tandem_linalg_krylov
         integer, private :: seed = 4711
     contains
         procedure :: find
-        procedure, private :: expand
-        procedure, private :: orthogonalize
-        procedure, private :: add_random
-        procedure, private :: form_schur
-        procedure, private :: restart
-        procedure, private :: take
+        procedure, private :: expand, orthogonalize, add_random, form_schur, restart, take
     end type krylov_type
 
     !> A vector that keeps less than this of its length beside the others lies in their space.

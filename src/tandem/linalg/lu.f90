@@ -31,9 +31,7 @@ module tandem_linalg_lu
         procedure :: determinant_sign
         procedure :: smallest_pivot
         procedure :: pack_state
-        procedure, private :: factor_small
-        procedure, private :: solve_small
-        procedure, private :: solve_small_transposed
+        procedure, private :: factor_small, solve_small, solve_small_transposed
     end type lu_type
 
 contains

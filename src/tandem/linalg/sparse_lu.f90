@@ -39,8 +39,7 @@ module tandem_linalg_sparse_lu
         procedure :: solve
         procedure :: solve_refined
         procedure :: n_entries
-        procedure, private :: eliminate
-        procedure, private :: store
+        procedure, private :: eliminate, store
     end type sparse_lu_type
 
     !> A pivot may be this part of the largest entry.
@@ -176,7 +175,7 @@ contains
     pure subroutine store(self, column, place, least, size_of_column, x, reached, stat)
         class(sparse_lu_type), intent(inout) :: self
         integer, intent(in) :: column, place(:), reached(:)
-        !> Entries of at most that size are none.
+        !> Entries of at most that size count as zero.
         real(wp), intent(in) :: least, size_of_column
         complex(wp), intent(inout) :: x(:)
         !> The column where it has no pivot.

@@ -121,4 +121,39 @@ contains
             end if
         end subroutine set
     end subroutine set_number
+
+    module procedure pack_state
+        integer :: i, k
+
+        do i = 1, size(self%torsions)
+            call pack%item(self%torsions(i)%coordinate%last)
+            call pack%item(self%torsions(i)%stiffness)
+            call pack%item(self%torsions(i)%damping)
+            call pack%item(self%torsions(i)%angle)
+        end do
+        do i = 1, size(self%springs)
+            call pack%item(self%springs(i)%stiffness)
+            call pack%item(self%springs(i)%damping)
+            call pack%item(self%springs(i)%length)
+        end do
+        do i = 1, size(self%coordinates)
+            call pack%item(self%coordinates(i)%last)
+        end do
+        do i = 1, size(self%couplings)
+            do k = 1, self%couplings(i)%n
+                call pack%item(self%couplings(i)%coordinates(k)%last)
+            end do
+            if (.not. self%couplings(i)%can_be_freed) cycle
+            call pack%item(self%couplings(i)%is_locked)
+            call pack%item(self%couplings(i)%at)
+        end do
+        do i = 1, size(self%sensors)
+            call pack_sensor(self%sensors(i), pack)
+        end do
+        if (allocated(self%impulses)) call pack%item(self%impulses)
+        if (.not. allocated(self%integrals)) return
+        do i = 1, size(self%integrals)
+            call pack%item(self%integrals(i))
+        end do
+    end procedure pack_state
 end submodule tandem_mechanism_changing

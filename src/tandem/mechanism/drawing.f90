@@ -59,10 +59,7 @@ module tandem_mechanism_drawing
         procedure :: add_force_sensor
         procedure :: add_results
         procedure :: add_rolling_ellipsoid
-        procedure, private :: check_name
-        procedure, private :: take_point
-        procedure, private :: take_pair
-        procedure, private :: place_joint
+        procedure, private :: check_name, take_point, take_pair, place_joint
     end type drawing_type
 
     !> Two points of the drawing meet, and directions are perpendicular, up to this (m, of the sizes of the coordinates).

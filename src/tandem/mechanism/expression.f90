@@ -42,8 +42,7 @@ module tandem_mechanism_expression
         procedure :: evaluate_gradient_along
         procedure :: evaluate_kinks
         procedure :: find_sides
-        procedure, private :: fill_leaves
-        procedure, private :: branch_at
+        procedure, private :: fill_leaves, branch_at
     end type expression_type
 
 contains

@@ -48,8 +48,7 @@ module tandem_mechanism_expression_code
         procedure :: variable
         procedure :: apply
         procedure :: arrange
-        procedure, private :: place_of
-        procedure, private :: append
+        procedure, private :: place_of, append
     end type builder_type
 
 contains

@@ -186,7 +186,7 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(out) :: f(0:2)
 
-        ! Every function looks at the time, this one in vain.
+        ! The time stands here so that it is used, as in every function.
         f = [self%value, 0.0_wp*t, 0.0_wp*t]
     end subroutine evaluate_constant
 

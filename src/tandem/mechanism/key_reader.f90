@@ -32,7 +32,7 @@ module tandem_mechanism_key_reader
         character(len=:), allocatable :: comment
     end type shown_type
 
-    !> Who reads the keys of one element after the other, checks them, and keeps the first error.
+    !> Reads the keys of one element after the other, checks them, and keeps the first error.
     type :: key_reader_type
         !> The first error, and the place of its entry, 0 for none.
         type(error_type), allocatable :: error
@@ -86,12 +86,7 @@ module tandem_mechanism_key_reader
         procedure :: get_expressions
         procedure :: evaluate_text
         procedure :: show
-        procedure, private :: evaluate
-        procedure, private :: find
-        procedure, private :: index_of
-        procedure, private :: remember
-        procedure, private :: constants
-        procedure, private :: fail_at
+        procedure, private :: evaluate, find, index_of, remember, constants, fail_at
     end type key_reader_type
 
     interface

@@ -178,6 +178,22 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine list_coupled
 
+        !> Add the elements to the five gradient blocks, at the point that the poses are set for.
+        module subroutine add_derivatives(self, need, t, qd, qdd, lambda, derivatives)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            integer, intent(in) :: need
+            real(wp), intent(in) :: t, qd(:), qdd(:), lambda(:)
+            type(derivatives_type), intent(inout) :: derivatives
+        end subroutine add_derivatives
+
+        !> The angles from which turns are counted, and what events may change.
+        module subroutine pack_state(self, pack)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_state
+
         !> The blocks of the elements at the point that the poses are set for.
         module subroutine add_stiffness(self, t, lambda, stiffness)
             implicit none (type, external)
@@ -334,7 +350,7 @@ contains
         if (allocated(terms%blocks)) then
             if (.not. allocated(self%pattern%in_blocks)) call find_blocks(self)
         end if
-        ! Who asks for no term wants the poses themselves.
+        ! A call that asks for no term wants the poses themselves.
         if (self%takes_poses .or. need == 0) then
             call set_places(self, q)
             if (iand(need, need_gamma + need_force) /= 0) then
@@ -466,7 +482,8 @@ contains
         if (iand(need, need_dynamics_qd) /= 0) derivatives%dynamics_qd = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            call differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
+            call set_motion(self, t, q, qd, qdd)
+            call add_derivatives(self, need, t, qd, qdd, lambda, derivatives)
         end select
     end subroutine evaluate_derivatives
 
@@ -503,47 +520,6 @@ contains
         call set_slides(self%massless_wheels, 2, qdd, self%pose)
         call evaluate_functions(self, t)
     end subroutine set_motion
-
-    subroutine differentiate_mechanism(self, need, t, q, qd, qdd, lambda, derivatives)
-        type(mechanism_type), intent(inout) :: self
-        integer, intent(in) :: need
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-        type(derivatives_type), intent(inout) :: derivatives
-        integer :: i, j, k
-
-        call set_motion(self, t, q, qd, qdd)
-        call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
-        call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
-        call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
-        call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
-        call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
-        call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
-        call differentiate_massless_wheels(self%massless_wheels, need, self%pose, self%f, lambda, derivatives)
-        call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
-        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
-            derivatives)
-        do i = 1, size(self%turning)
-            k = self%before_norms + i
-            associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
-                if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(k, turn:turn + 3) = p(:, 1)
-                if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(k, turn:turn + 3) = p(:, 2)
-                if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(k, turn:turn + 3) = 2*p(:, 1)
-                if (iand(need, need_dynamics_q) /= 0) then
-                    do j = turn, turn + 3
-                        derivatives%dynamics_q(j, j) = derivatives%dynamics_q(j, j) + lambda(k)
-                    end do
-                end if
-            end associate
-        end do
-        if (iand(need, need_dynamics_q + need_dynamics_qd) == 0) return
-        do i = 1, size(self%turning)
-            call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
-        end do
-        call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
-        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, lambda, derivatives)
-        call differentiate_bushings(self%bushings, need, self%pose, derivatives)
-        call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
-    end subroutine differentiate_mechanism
 
     !> V of gravity, and of what springs and bushings have by numbers; laws have none.
     subroutine potential_energy(self, t, q, value, stat)
@@ -611,42 +587,4 @@ contains
             end do
         end do
     end subroutine arrive
-
-    !> The angles from which turns are counted, and what events may change.
-    subroutine pack_state(self, pack)
-        class(mechanism_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-        integer :: i, k
-
-        do i = 1, size(self%torsions)
-            call pack%item(self%torsions(i)%coordinate%last)
-            call pack%item(self%torsions(i)%stiffness)
-            call pack%item(self%torsions(i)%damping)
-            call pack%item(self%torsions(i)%angle)
-        end do
-        do i = 1, size(self%springs)
-            call pack%item(self%springs(i)%stiffness)
-            call pack%item(self%springs(i)%damping)
-            call pack%item(self%springs(i)%length)
-        end do
-        do i = 1, size(self%coordinates)
-            call pack%item(self%coordinates(i)%last)
-        end do
-        do i = 1, size(self%couplings)
-            do k = 1, self%couplings(i)%n
-                call pack%item(self%couplings(i)%coordinates(k)%last)
-            end do
-            if (.not. self%couplings(i)%can_be_freed) cycle
-            call pack%item(self%couplings(i)%is_locked)
-            call pack%item(self%couplings(i)%at)
-        end do
-        do i = 1, size(self%sensors)
-            call pack_sensor(self%sensors(i), pack)
-        end do
-        if (allocated(self%impulses)) call pack%item(self%impulses)
-        if (.not. allocated(self%integrals)) return
-        do i = 1, size(self%integrals)
-            call pack%item(self%integrals(i))
-        end do
-    end subroutine pack_state
 end module tandem_mechanism

@@ -58,8 +58,7 @@ contains
 
         contradiction = ''
         if (model%n_constraints() == 0) return
-        magnitude = 1.0_wp
-        if (allocated(model%coordinate_scale)) magnitude = model%coordinate_scale
+        magnitude = model%scales()
         magnitude = max(abs(q), magnitude)
         speed = maxval(abs(qd)/magnitude)
         way = span

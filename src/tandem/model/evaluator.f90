@@ -5,13 +5,12 @@ module tandem_model_evaluator
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: is_zero_where
     use tandem_model, only: model_type
+    use tandem_model_calls, only: evaluate_terms
     use tandem_model_derivatives, only: n_derivatives, need_dynamics_q, need_dynamics_qd
     use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
-        term_name, terms_type
-    use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_evaluate, of_evaluate_derivatives, &
-        of_holonomic, of_holonomic_jacobian, of_holonomic_rate, of_inertia_force, of_mass_matrix, of_nonholonomic_jacobian, &
-        of_nonholonomic_rhs
+        terms_type
+    use tandem_model_timer, only: of_applied_force, of_evaluate_derivatives
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -61,14 +60,9 @@ module tandem_model_evaluator
         procedure :: initialize
         procedure :: evaluate
         procedure :: evaluate_phi
-        procedure, private :: evaluate_parts
-        procedure, private :: note_mass
-        procedure, private :: take_kept
-        procedure, private :: take_blocks
+        procedure, private :: evaluate_parts, note_mass, take_kept, take_blocks
         procedure :: judge_blocks
-        procedure, private :: judge_mass
-        procedure, private :: find_blocks
-        procedure, private :: add_block
+        procedure, private :: judge_mass, find_blocks, add_block
         procedure :: times_jacobian
         procedure :: find_directions
         procedure :: add_friction
@@ -468,135 +462,6 @@ contains
             if (iand(wanted, need_force) /= 0) terms%force = all_rows%force
         end associate
     end subroutine take_kept
-
-    !> Evaluate terms: the fused procedure for those that it provides, single procedures for the rest.
-    subroutine evaluate_terms(model, wanted, t, q, qd, terms, part, failed_term, stat)
-        class(model_type), intent(inout) :: model
-        integer, intent(in) :: wanted
-        real(wp), intent(in) :: t, q(:), qd(:)
-        type(terms_type), intent(inout) :: terms
-        !> Work space (n).
-        real(wp), intent(inout) :: part(:)
-        !> The term being evaluated.
-        character(len=*), intent(inout) :: failed_term
-        !> The procedure's own status.
-        integer, intent(out) :: stat
-        integer :: fused
-
-        stat = 0
-        fused = iand(wanted, model%provides)
-        if (fused /= 0) then
-            if (associated(model%timer)) call model%timer%begin_call(of_evaluate + fused)
-            call model%evaluate(fused, t, q, qd, terms, stat)
-            if (stat /= 0) failed_term = 'evaluate'
-        end if
-        if (stat == 0 .and. wanted /= fused) call evaluate_single(model, wanted - fused, t, q, qd, terms, part, failed_term, stat)
-        if (associated(model%timer)) call model%timer%end_call()
-    end subroutine evaluate_terms
-
-    !> Evaluate terms by the model's single procedures.
-    subroutine evaluate_single(model, wanted, t, q, qd, terms, part, failed_term, stat)
-        class(model_type), intent(inout) :: model
-        integer, intent(in) :: wanted
-        real(wp), intent(in) :: t, q(:), qd(:)
-        type(terms_type), intent(inout) :: terms
-        real(wp), intent(inout) :: part(:)
-        character(len=*), intent(inout) :: failed_term
-        integer, intent(out) :: stat
-
-        stat = status_ok
-        if (iand(wanted, need_phi) /= 0) then
-            failed_term = term_name(1)
-            if (associated(model%timer)) call model%timer%begin_call(of_holonomic)
-            call model%holonomic(t, q, terms%phi, stat)
-            if (stat /= 0) return
-        end if
-        if (iand(wanted, need_jacobian) /= 0) then
-            failed_term = term_name(2)
-            call evaluate_jacobian(model, t, q, terms%jacobian, stat)
-            if (stat /= 0) return
-        end if
-        if (iand(wanted, need_nu) /= 0) then
-            failed_term = term_name(3)
-            call evaluate_nu(model, t, q, terms%nu, stat)
-            if (stat /= 0) return
-        end if
-        if (iand(wanted, need_gamma) /= 0) then
-            failed_term = term_name(4)
-            if (associated(model%timer)) call model%timer%begin_call(of_constraint_acceleration)
-            call model%constraint_acceleration(t, q, qd, terms%gamma, stat)
-            if (stat /= 0) return
-        end if
-        if (iand(wanted, need_mass) /= 0) then
-            failed_term = term_name(5)
-            if (associated(model%timer)) call model%timer%begin_call(of_mass_matrix)
-            call model%mass_matrix(q, terms%mass, stat)
-            if (stat /= 0) return
-        end if
-        if (iand(wanted, need_force) /= 0) then
-            failed_term = term_name(6)
-            call evaluate_force(model, t, q, qd, terms%force, part, stat)
-        end if
-    end subroutine evaluate_single
-
-    !> C = [Phi_q; E].
-    subroutine evaluate_jacobian(model, t, q, c, stat)
-        class(model_type), intent(inout) :: model
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(inout) :: c(:, :)
-        integer, intent(out) :: stat
-
-        stat = 0
-        associate (nh => model%n_holonomic)
-            if (nh > 0) then
-                if (associated(model%timer)) call model%timer%begin_call(of_holonomic_jacobian)
-                call model%holonomic_jacobian(t, q, c(:nh, :), stat)
-            end if
-            if (stat /= 0 .or. model%n_nonholonomic == 0) return
-            if (associated(model%timer)) call model%timer%begin_call(of_nonholonomic_jacobian)
-            call model%nonholonomic_jacobian(t, q, c(nh + 1:, :), stat)
-        end associate
-    end subroutine evaluate_jacobian
-
-    !> nu = [-Phi_t; e].
-    subroutine evaluate_nu(model, t, q, nu, stat)
-        class(model_type), intent(inout) :: model
-        real(wp), intent(in) :: t, q(:)
-        real(wp), intent(inout) :: nu(:)
-        integer, intent(out) :: stat
-
-        stat = 0
-        associate (nh => model%n_holonomic)
-            if (associated(model%holonomic_rate)) then
-                if (associated(model%timer)) call model%timer%begin_call(of_holonomic_rate)
-                call model%holonomic_rate(t, q, nu(:nh), stat)
-                nu(:nh) = -nu(:nh)
-            end if
-            if (stat /= 0 .or. .not. associated(model%nonholonomic_rhs)) return
-            if (associated(model%timer)) call model%timer%begin_call(of_nonholonomic_rhs)
-            call model%nonholonomic_rhs(t, q, nu(nh + 1:), stat)
-        end associate
-    end subroutine evaluate_nu
-
-    !> S + Q_A, of which the model may have either or both.
-    subroutine evaluate_force(model, t, q, qd, force, part, stat)
-        class(model_type), intent(inout) :: model
-        real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(inout) :: force(:), part(:)
-        integer, intent(out) :: stat
-
-        if (.not. associated(model%inertia_force)) then
-            if (associated(model%timer)) call model%timer%begin_call(of_applied_force)
-            call model%applied_force(t, q, qd, force, stat)
-            return
-        end if
-        if (associated(model%timer)) call model%timer%begin_call(of_inertia_force)
-        call model%inertia_force(q, qd, force, stat)
-        if (stat /= 0 .or. .not. associated(model%applied_force)) return
-        if (associated(model%timer)) call model%timer%begin_call(of_applied_force)
-        call model%applied_force(t, q, qd, part, stat)
-        force = force + part
-    end subroutine evaluate_force
 
     !> What was evaluated last.
     subroutine pack_state(self, pack)

@@ -181,6 +181,7 @@ module tandem_model
         procedure :: n_constraints
         procedure :: row_name
         procedure :: coordinate_label
+        procedure :: scales
         procedure :: pack_state
         procedure :: arrive
     end type model_type
@@ -461,6 +462,15 @@ contains
 
         name = padded_name(self, row)
     end function row_name
+
+    !> The scales of the coordinates (n): 1 where none are given.
+    pure function scales(self)
+        class(model_type), intent(in) :: self
+        real(wp) :: scales(self%n)
+
+        scales = 1.0_wp
+        if (allocated(self%coordinate_scale)) scales = self%coordinate_scale
+    end function scales
 
     !> The name of a coordinate with blanks behind.
     pure function padded_label(self, i) result(name)

@@ -40,9 +40,7 @@ module tandem_model_redundancy
         procedure :: analyse
         procedure :: choose
         procedure :: partners
-        procedure, private :: restore
-        procedure, private :: find_contradiction
-        procedure, private :: probe
+        procedure, private :: restore, find_contradiction, probe
     end type redundancy_type
 
     !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.

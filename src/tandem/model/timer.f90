@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Who is told when a procedure of a model is called, to take its time. A model without one pays a test of a pointer where a single
-!> procedure is called, and nothing where its `evaluate` gives all that is wanted.
+!> A timer hears when a procedure of a model is called, and takes its time. A model without one pays a test of a pointer where a
+!> single procedure is called, and nothing where its `evaluate` gives all that is wanted.
 module tandem_model_timer
     use tandem_model_terms, only: n_terms
     implicit none (type, external)

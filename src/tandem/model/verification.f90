@@ -97,8 +97,7 @@ contains
         call pack%begin_writing()
         call model%pack_state(pack)
         call pack%end_writing('model', memory)
-        scale = 1.0_wp
-        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        scale = model%scales()
         call ieee_get_flag(ieee_all, flags)
         call evaluator%initialize(model)
         ! Compared below.

@@ -17,6 +17,7 @@ module tandem_models_motorcycle
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, g_product, g_sandwich, g_transposed_product, k_matrix, &
         rotation, rotation_rate, set_rotational_mass, t_matrix
+    use tandem_models_wheel_vectors, only: along, crossways, height_row, rotate, sideways
     implicit none (type, external)
     private
 
@@ -57,8 +58,7 @@ module tandem_models_motorcycle
         procedure :: define
         procedure :: start
         procedure :: spring_length
-        procedure, private :: steering
-        procedure, private :: turn_fork
+        procedure, private :: steering, turn_fork
     end type motorcycle_type
 
     interface
@@ -81,7 +81,7 @@ contains
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'motorcycle'
-        ! The fork of other parameters is worth nothing.
+        ! A fork that was found for other parameters is of no use.
         self%t_of_fork = huge(1.0_wp)
         self%n = 10
         self%n_holonomic = 6
@@ -315,33 +315,6 @@ contains
         ydd = (2*qd(8)*f%rate)*f%y1_theta + q(8)*y1dd
         zdd = -(2*qd(9)*f%rate)*f%y1_theta - q(9)*y1dd
     end subroutine bend_fork
-
-    !> A b.
-    pure function rotate(a, b) result(c)
-        real(wp), intent(in) :: a(3, 3), b(3)
-        real(wp) :: c(3)
-
-        c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
-    end function rotate
-
-    !> The gradient by p of the height of A a, uz' B(p, a).
-    pure function height_row(p, a) result(row)
-        real(wp), intent(in) :: p(4), a(3)
-        real(wp) :: row(4)
-
-        row(1) = 2*(p(1)*a(3) + p(2)*a(2) - p(3)*a(1))
-        row(2) = 2*(p(1)*a(2) - p(2)*a(3) + p(4)*a(1))
-        row(3) = 2*(p(4)*a(2) - p(1)*a(1) - p(3)*a(3))
-        row(4) = 2*(p(2)*a(1) + p(3)*a(2) + p(4)*a(3))
-    end function height_row
-
-    !> b x uz: from the rim's tangent to the direction in which its wheel must not slip.
-    pure function sideways(b) result(c)
-        real(wp), intent(in) :: b(3)
-        real(wp) :: c(3)
-
-        c = [b(2), -b(1), 0.0_wp]
-    end function sideways
 
     !> The gradients of the velocity and acceleration constraints and of the equations of motion.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
@@ -581,22 +554,6 @@ contains
             d(4:7, 4:7) = d(4:7, 4:7) - 2*self%wheel_radius*self%driving_force*t_matrix(ux)
         end if
     end subroutine differentiate_dynamics
-
-    !> a' B (4).
-    pure function along(a, block) result(row)
-        real(wp), intent(in) :: a(3), block(3, 4)
-        real(wp) :: row(4)
-
-        row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
-    end function along
-
-    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
-    pure function crossways(b) result(c)
-        real(wp), intent(in) :: b(3)
-        real(wp) :: c(3)
-
-        c = [-b(2), b(1), 0.0_wp]
-    end function crossways
 
     !> V = m g rz + k (s - sf)^2 / 2.
     subroutine potential_energy(self, t, q, value, stat)

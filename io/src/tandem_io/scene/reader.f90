@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the keys of a scene, one call a key, and remembers what it has read: the same calls give the values, the list of keys
-!> that exist (for messages), and the complete scene as text. Nobody lists a key twice.
+!> that exist (for messages), and the complete scene as text. Each key stands there once.
 !>
 !> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
 module tandem_io_scene_reader

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Distributes the cases of a sweep among the workers of a team and writes what comes of them into the journal. Whoever is done
-!> with his cases gets more, in ranges that last about a tenth of a second, longer where the team tells with a delay, and become
-!> smaller towards the end; each has a second range waiting, so that none is idle while this process sleeps.
+!> Distributes the cases of a sweep among the workers of a team and writes what comes of them into the journal. A worker that is
+!> done with its cases gets more, in ranges that last about a tenth of a second, longer where the team tells with a delay, and
+!> become smaller towards the end; each has a second range waiting, so that none is idle while this process sleeps.
 module tandem_io_sweep_schedule
     use tandem, only: error_type, long, set_error, to_text, wp
     use tandem_io_sweep_journal, only: sweep_journal_type

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Who runs the cases of a sweep: workers that take ranges of cases and hand back their records in order. What they are, processes
-!> of this machine or ranks of MPI, is the business of the types that extend this.
+!> The team that runs the cases of a sweep: workers that take ranges of cases and hand back their records in order. What they are,
+!> processes of this machine or ranks of MPI, is the business of the types that extend this.
 module tandem_io_sweep_team
     use tandem, only: error_type, long, wp
     implicit none (type, external)

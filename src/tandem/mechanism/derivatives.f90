@@ -1,0 +1,43 @@
+! SPDX-License-Identifier: MIT
+!> A mechanism's five gradient blocks, element by element.
+submodule(tandem_mechanism) tandem_mechanism_derivatives
+    implicit none (type, external)
+
+contains
+
+    module procedure add_derivatives
+        integer :: i, j, k
+
+        call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
+        call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
+        call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
+        call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_massless_wheels(self%massless_wheels, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
+        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
+            derivatives)
+        do i = 1, size(self%turning)
+            k = self%before_norms + i
+            associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
+                if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(k, turn:turn + 3) = p(:, 1)
+                if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(k, turn:turn + 3) = p(:, 2)
+                if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(k, turn:turn + 3) = 2*p(:, 1)
+                if (iand(need, need_dynamics_q) /= 0) then
+                    do j = turn, turn + 3
+                        derivatives%dynamics_q(j, j) = derivatives%dynamics_q(j, j) + lambda(k)
+                    end do
+                end if
+            end associate
+        end do
+        if (iand(need, need_dynamics_q + need_dynamics_qd) == 0) return
+        do i = 1, size(self%turning)
+            call differentiate_inertia(self%bodies(self%turning(i)), self%pose(self%turning(i)), need, derivatives)
+        end do
+        call differentiate_springs(self%springs, need, t, self%pose, self%f, self%laws, derivatives)
+        call differentiate_torsions(self%torsions, need, t, self%pose, self%f, self%laws, lambda, derivatives)
+        call differentiate_bushings(self%bushings, need, self%pose, derivatives)
+        call differentiate_loads(self%loads, need, t, self%pose, self%f, self%formulas, self%coordinates, derivatives)
+    end procedure add_derivatives
+end submodule tandem_mechanism_derivatives
