@@ -14,7 +14,7 @@ module tandem_pack
 
     !> What a row begins with, the version of all contents, and the places of kind, version, length and checksum in front of them.
     character(len=8), parameter :: signature = 'tandem!P'
-    integer(long), parameter :: version = 15
+    integer(long), parameter :: version = 16
     integer, parameter :: head = 5
 
     !> Where items are written to or read from.
@@ -39,9 +39,7 @@ module tandem_pack
         !> An allocatable text with its length.
         procedure :: text
         procedure, private :: item_real, item_integer, item_long, item_logical, item_text, item_reals, item_matrix, item_cube
-        procedure, private :: item_integers, item_longs, fixed_reals, fixed_longs
-        procedure, private :: begin_array
-        procedure, private :: reserve
+        procedure, private :: item_integers, item_longs, fixed_reals, fixed_longs, begin_array, reserve
     end type pack_type
 
 contains

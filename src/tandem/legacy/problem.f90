@@ -153,7 +153,7 @@ contains
             call take_rows()
             if (self%simulation%is_stopped) exit
         end do
-        call self%simulation%book_time()
+        call self%simulation%stop_clock()
         self%busy = .false.
         call self%conclude(error)
 

@@ -72,8 +72,7 @@ contains
         request%row_qd = 0
         request%moved_q = spread(0.0_wp, 1, model%n)
         request%moved_qd = request%moved_q
-        scale = 1.0_wp
-        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        scale = model%scales()
         fixed_q = .false.
         if (allocated(request%fixed_q)) fixed_q = request%fixed_q
         fixed_qd = .false.

@@ -19,12 +19,12 @@ contains
             return
         end if
         call self%look_back()
-        if (self%has_to_act) then
+        if (self%watch%has_to_act) then
             call set_error(error, status_invalid_checkpoint, 'an event at t = '//to_text(self%state%t)// &
                 ' has not acted yet', 'save the state after the step')
             return
         end if
-        if (self%is_integrating) call self%book_time()
+        call self%tally%book_time()
         call pack%begin_writing()
         call pack_identity(self, pack, problem)
         call pack_run(self, pack)
@@ -80,11 +80,10 @@ contains
 
         problem = ''
         associate (model => self%model)
-            sizes = [model%n, model%n_holonomic, model%n_nonholonomic, self%chart%n_dropped, 0]
+            sizes = [model%n, model%n_holonomic, model%n_nonholonomic, self%chart%n_dropped, self%watch%n]
             name = ''
             if (allocated(model%name)) name = model%name
         end associate
-        if (allocated(self%watched)) sizes(5) = size(self%watched)
         options = self%options
         call compare_text(pack, name, 'the model', problem)
         call compare(pack, sizes(1), 'coordinates', problem)
@@ -120,7 +119,7 @@ contains
         call compare(pack, sizes(5), 'events watched', problem)
         do i = 1, sizes(5)
             if (problem /= '') return
-            name = self%watched(i)%event%name
+            name = self%watch%name(i)
             call compare_text(pack, name, 'event '//to_text(i), problem)
         end do
     end subroutine pack_identity
@@ -181,8 +180,7 @@ contains
         ! The last step, for its dense output.
         call self%start%pack_state(pack)
         call self%next%pack_state(pack)
-        call pack%item(self%has_step)
-        call pack%item(self%segment_of_step)
+        call self%dense%pack_state(pack)
         call pack%item(self%last_step)
         call pack%item(self%grid_steps)
         call pack%item(self%on_grid)
@@ -191,12 +189,9 @@ contains
         call self%chart%pack_state(pack)
         call pack%item(self%chart_is_current)
         call pack%item(self%renewal)
-        call pack%item(self%room)
+        call self%lost_rank%pack_state(pack)
         call pack%item(self%hindrance)
         call pack%item(self%is_interrupted, self%try_has_failed)
-        call pack%item(self%last_gap)
-        call pack%item(self%loss)
-        call pack%item(self%loss_until)
         call pack%item(self%tries)
         call pack%item(self%tries_from)
         call self%stepper%pack_state(pack)
@@ -208,7 +203,7 @@ contains
         call pack_warnings(self, pack)
         call pack%item(self%is_stopped)
         call pack%item(self%stopped_by)
-        if (allocated(self%watched)) call pack_events(self, pack)
+        if (self%watch%n > 0) call pack_events(self, pack)
     end subroutine pack_run
 
     !> Which of two methods is at work; where reading, put it in its place before what it remembers is read.
@@ -251,13 +246,7 @@ contains
         type(pack_type), intent(inout) :: pack
         integer :: i
 
-        call pack%item(self%values_are_stale)
-        call pack%item(self%n_at_once)
-        call pack%item(self%lambda)
-        call pack%item(self%lambda_is_current)
-        do i = 1, size(self%watched)
-            call self%watched(i)%pack_state(pack)
-        end do
+        call self%watch%pack_state(pack)
         call pack%item(self%n_events)
         if (pack%is_reading) then
             deallocate (self%events)

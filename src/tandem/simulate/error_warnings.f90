@@ -41,7 +41,7 @@ contains
         tolerance = options%relative_tolerance()
         advice = ': take smaller steps'
         if (options%is_adaptive()) advice = ': tighten rtol'
-        ! What all else may come from is told first.
+        ! First what may have caused all the rest.
         is_contradicted = statistics%contradiction /= ''
         if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
         if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &

@@ -13,7 +13,7 @@ contains
 
         if (.not. self%switching%is_asked(self%tally%steps)) return
         ! Towards a loss of rank steps become short for another reason.
-        if (is_near_loss(self)) return
+        if (self%lost_rank%is_near(self%state%t)) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
         cost = implicit_cost(self)
         associate (switching => self%switching, smoothness => self%stiffness%smoothness, control => self%control)
@@ -29,16 +29,15 @@ contains
         if (wants) call exchange(self, self%switching%first_step_at(self%state%t - self%t_start), error)
     end procedure consider_exchange
 
-    !> Begin with implicit steps, the first of which is known, where those that stability allows would be far shorter.
     module procedure consider_beginning
         real(wp) :: first_step
         integer :: k
 
-        if (.not. self%switching%may_begin_implicit() .or. is_near_loss(self)) return
+        if (.not. self%switching%may_begin_implicit() .or. self%lost_rank%is_near(self%state%t)) return
         first_step = self%control%limit(self%switching%first_step)
         call self%switching%begin_looks()
         do k = 1, looks
-            call look_at_eigenvalue(self)
+            call self%switching%look_at_eigenvalue(self%chart, self%state)
             if (k > 1 .and. .not. self%switching%begins_implicit(first_step, self%method%stages, self%method%stability_limit, &
                 implicit_cost(self))) return
         end do
@@ -59,7 +58,7 @@ contains
             call self%switching%begin_looks()
             wants = .true.
             do k = 1, looks
-                call look_at_eigenvalue(self)
+                call self%switching%look_at_eigenvalue(self%chart, self%state)
                 if (k == 1) cycle
                 wants = wants .and. self%switching%wants_explicit(t, tries, method%stages, method%stability_limit, cost)
                 if (.not. wants .and. self%switching%is_certain()) exit
@@ -74,14 +73,6 @@ contains
 
         implicit_cost = cost_of_implicit(merge(0, self%model%n, self%model%provides_derivatives == need_all_derivatives))
     end function implicit_cost
-
-    !> Whether C loses its rank, or what ties a coordinate without mass, ahead or has just done so.
-    pure logical function is_near_loss(self)
-        class(simulation_type), intent(in) :: self
-
-        is_near_loss = self%room < huge(1.0_wp) .or. (self%state%t <= self%loss_until .and. &
-            any(self%loss == [status_rank_deficient, status_singular_mass]))
-    end function is_near_loss
 
     !> Exchange the steppers.
     subroutine exchange(self, h, error)
@@ -127,7 +118,7 @@ contains
         call self%allocate_stepper(is_partner=is_implicit)
         self%method = self%stepper%properties()
         call self%set_method()
-        self%has_step = .false.
+        call self%dense%forget_step()
         self%renewal = 0
         n_dropped = self%chart%n_dropped
         if (n_dropped > 0 .and. .not. self%is_sparse) then
@@ -152,36 +143,12 @@ contains
     end procedure take_stepper
 
     module procedure set_method
-        real(wp) :: scale(self%model%n)
-
-        scale = 1.0_wp
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         self%stepper%projects_stages = self%options%projection == projections(1)
-        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
-        self%allowed_gap = merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit)
-        self%last_gap = huge(1.0_wp)
+        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
+        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
         call self%control%set_method(self%method)
         call self%control%restart()
         call self%stiffness%pause()
-        call self%stepper%initialize(scale, self%options%newton_tolerance())
+        call self%stepper%initialize(self%model%scales(), self%options%newton_tolerance())
     end procedure set_method
-
-    !> A step of the power iteration, at the current state.
-    subroutine look_at_eigenvalue(self)
-        class(simulation_type), intent(inout) :: self
-        real(wp) :: scale(self%model%n)
-        integer :: stat
-
-        scale = 1.0_wp
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
-        associate (moved => self%kept, chart => self%chart)
-            call self%switching%set_direction(self%state, scale, moved)
-            call chart%hold()
-            call chart%restore_position(moved%t, moved%dq, moved%q, stat)
-            if (stat == status_ok) call chart%restore_velocity(moved%t, moved%q, moved%dqd, moved%qd, stat)
-            if (stat == status_ok) call chart%solve_dynamics(moved%t, moved%q, moved%qd, moved%qdd, stat)
-            call chart%release()
-            if (stat == status_ok) call self%switching%learn_eigenvalue(self%state, scale, moved)
-        end associate
-    end subroutine look_at_eigenvalue
 end submodule tandem_simulate_exchange

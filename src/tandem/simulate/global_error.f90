@@ -70,9 +70,7 @@ module tandem_simulate_global_error
         procedure :: observe
         procedure :: estimate
         procedure :: pack_state
-        procedure, private :: choose_second
-        procedure, private :: take
-        procedure, private :: evaluate
+        procedure, private :: choose_second, take, evaluate
     end type global_error_type
 
 contains
@@ -308,8 +306,7 @@ contains
         real(wp) :: scale(size(self%state, 1)), relative
         integer :: i, k
 
-        scale = 1.0_wp
-        if (allocated(model%coordinate_scale)) scale = model%coordinate_scale
+        scale = model%scales()
         self%largest = 0.0_wp
         relative = 0.0_wp
         self%t_largest = self%t_end

@@ -28,6 +28,8 @@ module tandem_simulate_local_error
         real(wp), allocatable, private :: q0(:), qd0(:), sum_q(:), sum_qd(:), scale(:)
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
         integer, private :: in_window = 0
+        !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
+        real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
     contains
         procedure :: initialize
         procedure :: set_weights
@@ -36,8 +38,10 @@ module tandem_simulate_local_error
         procedure :: restart
         procedure :: pack_state
         procedure :: gap
+        procedure :: allow_gap
+        procedure :: begin_step
+        procedure :: find_gap
         procedure :: is_missed
-        procedure :: largest_velocity
         procedure :: largest_part
     end type local_error_type
 
@@ -52,6 +56,7 @@ contains
         self%total = 0.0_wp
         self%steps = 0
         self%in_window = 0
+        self%last_gap = huge(1.0_wp)
         self%scale = scale
         self%weight_q = scale
         self%weight_qd = scale
@@ -150,6 +155,42 @@ contains
         end do
     end function gap
 
+    !> Look into gaps that are larger than this.
+    pure subroutine allow_gap(self, largest)
+        class(local_error_type), intent(inout) :: self
+        real(wp), intent(in) :: largest
+
+        self%allowed_gap = largest
+        self%last_gap = huge(1.0_wp)
+    end subroutine allow_gap
+
+    !> What comes is the first try of a step.
+    pure subroutine begin_step(self)
+        class(local_error_type), intent(inout) :: self
+
+        self%last_gap = huge(1.0_wp)
+    end subroutine begin_step
+
+    !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
+    !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
+    !> does not become smaller with the step is a jump of nu, and is crossed.
+    pure subroutine find_gap(self, start, arrived, is_found)
+        class(local_error_type), intent(inout) :: self
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        logical, intent(out) :: is_found
+        !> A gap below this part of the largest velocity may be rounding, which the constraints carry to the smaller ones. Steps of
+        !> less than so many spacings of the time are too short to be made shorter for it.
+        real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
+        real(wp) :: gap
+
+        gap = self%gap(start, arrived)
+        is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. &
+            arrived%t - start%t > shortest*spacing(abs(start%t))
+        if (is_found) is_found = gap > rounding*maxval(abs(arrived%qd)/self%scale)
+        if (is_found) self%last_gap = gap
+    end subroutine find_gap
+
     !> Whether the rates of a step miss what it has changed by a part that a smooth motion does not leave to the constraints: where
     !> steps are not coarse, a sign of procedures that contradict each other. Increments hold all of the velocity and all of the
     !> acceleration; a Jacobian that is not that of Phi, or a wrong gamma, makes them leave the manifold at once.
@@ -176,14 +217,6 @@ contains
         end do
         is_missed = missed > share*moved + rounding .or. missed_qd > share*moved_qd + rounding
     end function is_missed
-
-    !> The largest velocity on the coordinates' scales.
-    pure real(wp) function largest_velocity(self, qd)
-        class(local_error_type), intent(in) :: self
-        real(wp), intent(in) :: qd(:)
-
-        largest_velocity = maxval(abs(qd)/self%scale)
-    end function largest_velocity
 
     !> The largest entry of errors of q and of qd (n), on the scale s + |y| of a state.
     pure real(wp) function largest_part(self, state, error_q, error_qd)
@@ -216,5 +249,6 @@ contains
         call pack%item(self%q0, self%qd0, self%sum_q, self%sum_qd)
         call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
+        call pack%item(self%last_gap)
     end subroutine pack_state
 end module tandem_simulate_local_error

@@ -66,7 +66,7 @@ contains
     module procedure compare_procedures
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
         ! Of the step to a breakpoint or to an event the model may not know any more.
-        if (self%model%segment /= self%segment_of_step) return
+        if (self%model%segment /= self%dense%segment) return
         if (self%n_events > 0) then
             if (self%events(self%n_events)%t >= self%state%t) return
         end if

@@ -57,16 +57,7 @@ module tandem_simulate_nearest_position
     contains
         procedure :: initialize
         procedure :: find
-        procedure, private :: evaluate
-        procedure, private :: try
-        procedure, private :: factor
-        procedure, private :: radius
-        procedure, private :: reach
-        procedure, private :: kick
-        procedure, private :: approach
-        procedure, private :: walk
-        procedure, private :: get_hessian
-        procedure, private :: blame
+        procedure, private :: evaluate, try, factor, radius, reach, kick, approach, walk, get_hessian, blame
     end type nearest_position_type
 
 contains

@@ -39,9 +39,7 @@ module tandem_simulate_nearest_velocity
     contains
         procedure :: initialize
         procedure :: find
-        procedure, private :: factor
-        procedure, private :: factor_mass
-        procedure, private :: respond
+        procedure, private :: factor, factor_mass, respond
     end type nearest_velocity_type
 
 contains

@@ -24,7 +24,7 @@ contains
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (self%chart%wants_other_rows()) then
             call self%choose_rows_anew(stat)
-            self%room = huge(1.0_wp)
+            call self%lost_rank%forget_ahead()
         end if
         if (stat /= status_ok) then
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
@@ -45,7 +45,7 @@ contains
         integer :: stat
 
         if (self%chart_is_current) return
-        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%room < huge(1.0_wp)) self%renewal = by_failure
+        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%lost_rank%is_ahead()) self%renewal = by_failure
         if (self%renewal /= 0) then
             call self%renew_chart(self%renewal, error)
             self%renewal = 0
@@ -88,13 +88,6 @@ contains
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end procedure renew_by_policy
 
-    module procedure stands_at_breakpoint
-        stands_at_breakpoint = .false.
-        if (.not. allocated(self%model%breakpoints)) return
-        if (self%model%segment > size(self%model%breakpoints)) return
-        stands_at_breakpoint = self%model%breakpoints(self%model%segment) <= self%state%t
-    end procedure stands_at_breakpoint
-
     module procedure cross_breakpoint
         real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
         logical :: jumps
@@ -118,7 +111,7 @@ contains
             if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal = by_breakpoint
-            self%values_are_stale = .true.
+            call self%watch%forget_values()
             if (stat == status_ok) then
                 call self%measure_errors(error)
             else

@@ -9,7 +9,6 @@ contains
         real(wp) :: start_q(model%n), start_qd(model%n)
 
         self%is_ready = .false.
-        self%is_looking = .false.
         call check_input(model, options, t, q, qd, error)
         if (allocated(error)) return
         call forget_run(self)
@@ -31,8 +30,6 @@ contains
             allocate (self%control)
         end if
         self%stepper%projects_stages = options%projection == projections(1)
-        ! What Newton's iterations of implicit stages leave is in their gap too, and would make many steps shorter for nothing.
-        self%allowed_gap = merge(huge(1.0_wp), warning_limit(options), self%method%implicit)
         if (present(chart)) allocate (self%blank, source=chart)
         if (present(chart)) then
             self%is_sparse = is_sparse_chart(chart)
@@ -73,7 +70,7 @@ contains
         end if
     end procedure allocate_stepper
 
-    !> Refuse models, options and starts that are none.
+    !> Refuse a model, options or a start that no run can use.
     subroutine check_input(model, options, t, q, qd, error)
         class(model_type), intent(inout) :: model
         type(options_type), intent(in) :: options
@@ -139,28 +136,20 @@ contains
         self%last_step = 0.0_wp
         self%hindrance = status_ok
         self%is_interrupted = .false.
-        self%last_gap = huge(1.0_wp)
-        self%loss = status_ok
-        self%loss_until = -huge(1.0_wp)
+        self%lost_rank = lost_rank_type()
         self%tries = 0
         self%chart_is_current = .false.
         self%n_redundant = 0
-        self%has_step = .false.
         self%renewal = 0
         self%n_events = 0
-        self%n_at_once = 0
-        self%room = huge(1.0_wp)
         self%is_stopped = .false.
         self%stopped_by = ''
-        self%values_are_stale = .true.
-        self%has_to_act = .false.
+        self%watch = event_watch_type()
         if (allocated(self%warnings)) deallocate (self%warnings)
         if (allocated(self%blank)) deallocate (self%blank)
         if (allocated(self%own_stepper)) deallocate (self%own_stepper)
         if (allocated(self%control)) deallocate (self%control)
-        if (allocated(self%watched)) deallocate (self%watched)
         if (allocated(self%events)) deallocate (self%events)
-        if (allocated(self%lambda)) deallocate (self%lambda)
     end subroutine forget_run
 
     !> States, and what estimates, controls and steps need.
@@ -170,21 +159,21 @@ contains
         type(properties_type) :: of_partner
         real(wp), allocatable :: scale(:)
 
-        scale = spread(1.0_wp, 1, self%model%n)
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
+        scale = self%model%scales()
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
+        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
+        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
         if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
         if (self%method%partner /= '') then
             call new_stepper(self%method%partner, partner)
             of_partner = partner%properties()
         end if
-        call self%switching%begin(self%method%partner /= '', self%model%n, self%t_start, of_partner%estimate_order)
+        call self%switching%begin(self%method%partner /= '', scale, self%t_start, of_partner%estimate_order)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
-        self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)
         call self%next%allocate(self%model%n)
         call self%start%allocate(self%model%n)
-        call self%kept%allocate(self%model%n)
+        call self%dense%initialize(self%model%n)
     end subroutine allocate_work
 end submodule tandem_simulate_setup

@@ -10,14 +10,15 @@ module tandem_simulation
     use tandem_model_check, only: check_model
     use tandem_options, only: chart_kinds, options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
-    use tandem_simulate_root, only: zeros_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_limit, warning_type
-    use tandem_simulate_event_memory, only: watched_type
+    use tandem_simulate_dense_output, only: dense_output_type
+    use tandem_simulate_event_watch, only: event_watch_type
+    use tandem_simulate_lost_rank, only: lost_rank_type
     use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
     use tandem_simulate_switching, only: cost_of_implicit, looks, switching_type
     use tandem_simulate_work_limit, only: work_limit_type
@@ -88,34 +89,17 @@ module tandem_simulation
         class(stepper_type), allocatable, private :: stepper
         !> What it was allocated from, if it is the caller's own.
         class(stepper_type), allocatable, private :: own_stepper
-        type(state_type), private :: next, start, kept
-        real(wp), private :: kept_errors(3) = 0.0_wp
-        integer, private :: segment_of_step = 1, kept_segment = 1
-        logical, private :: has_step = .false., is_looking = .false.
+        !> The ends of the step that is tried, or of the last one.
+        type(state_type), private :: start, next
+        type(dense_output_type), private :: dense
         !> Why the next step needs a new chart whatever the policy says; 0 where it does not.
         integer, private :: renewal = 0
-        type(watched_type), allocatable, private :: watched(:)
-        real(wp), allocatable, private :: lambda(:)
-        !> g of each event at the samples of a step, and the zeros found.
-        real(wp), allocatable, private :: samples(:, :)
-        !> Interpolated increments at two times of a step (n, 4).
-        real(wp), allocatable, private :: slope(:, :)
-        type(zeros_type), private :: zeros
-        logical, private :: lambda_is_current = .false., values_are_stale = .true., has_to_act = .false.
-        integer, private :: n_at_once = 0
-        !> Time until C loses rank, if its smallest singular value goes on falling as it does.
-        real(wp), private :: room = huge(1.0_wp)
+        type(event_watch_type), private :: watch
+        type(lost_rank_type), private :: lost_rank
         !> Why the last step had to be smaller, ok where no try of it has failed.
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
-        !> The gap of the velocity, see `tandem_simulate_local_error`, for which the last try of a step was not kept, and the
-        !> largest one that is not looked into.
-        real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
-        !> A controlled step was given up for this reason, a loss of rank or what may hide one, and until this time that may still
-        !> lie ahead or close behind.
-        integer, private :: loss = status_ok
-        real(wp), private :: loss_until = -huge(1.0_wp)
         !> Tries of controlled steps since a time.
         integer, private :: tries = 0
         real(wp), private :: tries_from = 0.0_wp
@@ -129,10 +113,6 @@ module tandem_simulation
         type(switching_type), private :: switching
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
-        !> Whether `integrate` is at work, and when the time that the tally does not have yet began: wall clock and processor time.
-        logical, private :: is_integrating = .false.
-        integer(long), private :: clock_from = 0
-        real(wp), private :: cpu_from = 0.0_wp
     contains
         procedure :: initialize
         procedure :: step
@@ -148,28 +128,12 @@ module tandem_simulation
         procedure :: add_event
         procedure :: save_state
         procedure :: restore_state
-        procedure, private :: check_ready
-        procedure, private :: advance
-        procedure, private :: look_for_events
-        procedure, private :: act_on_events
-        procedure, private :: renew_values
-        procedure, private :: accept_start
-        procedure, private :: choose_rows_anew
-        procedure, private :: has_surplus_rows
-        procedure, private :: allocate_chart
-        procedure, private :: allocate_stepper
-        procedure, private :: renew_chart
-        procedure, private :: consider_exchange
-        procedure, private :: consider_beginning
-        procedure, private :: take_stepper
-        procedure, private :: set_method
-        procedure, private :: measure_errors
-        procedure, private :: fail
-        procedure, private :: explain
-        procedure, private :: compare_procedures
+        procedure, private :: check_ready, advance, look_for_events, act_on_events, accept_start, choose_rows_anew
+        procedure, private :: has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, consider_exchange
+        procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
         procedure :: start_clock
-        procedure :: book_time
+        procedure :: stop_clock
     end type simulation_type
 
     abstract interface
@@ -274,46 +238,6 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_by_policy
 
-        !> Whether the step to a breakpoint was taken, and the next segment could not be entered.
-        pure module function stands_at_breakpoint(self)
-            implicit none (type, external)
-            class(simulation_type), intent(in) :: self
-            logical :: stands_at_breakpoint
-        end function stands_at_breakpoint
-
-        !> Whether C has lost rank between the current state and the next.
-        module subroutine check_rank(self, stat)
-            implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
-            !> ok, or what `measure_rank` has found.
-            integer, intent(out) :: stat
-        end subroutine check_rank
-
-        !> A step could not be completed. Where its straight way would have lost rank, that is the reason.
-        module subroutine look_for_lost_rank(self, h, stat)
-            implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
-            real(wp), intent(in) :: h
-            !> The reason, replaced where this is it.
-            integer, intent(inout) :: stat
-        end subroutine look_for_lost_rank
-
-        !> Take note of a try that was given up, where it has met a loss of rank or a reason that may hide one.
-        pure module subroutine remember_loss(self, h, stat)
-            implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
-            real(wp), intent(in) :: h
-            !> The reason.
-            integer, intent(in) :: stat
-        end subroutine remember_loss
-
-        !> Whether the step to the next state, shorter than one that was given up, has turned off there onto another branch.
-        module function turns_off(self)
-            implicit none (type, external)
-            class(simulation_type), intent(in) :: self
-            logical :: turns_off
-        end function turns_off
-
         !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next
         !> step. On an error the state is that of the segment that ends.
         module subroutine cross_breakpoint(self, error)
@@ -393,7 +317,7 @@ module tandem_simulation
         !> Look for events in the last step, record them, and cut the step where one stops or changes the motion.
         module subroutine look_for_events(self, is_last, is_cut, error)
             implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
+            class(simulation_type), intent(inout), target :: self
             !> Whether no step may follow: a zero at the end counts now.
             logical, intent(in) :: is_last
             logical, intent(out) :: is_cut
@@ -403,16 +327,9 @@ module tandem_simulation
         !> Take the actions that are due at the current state and make the motion ready to go on.
         module subroutine act_on_events(self, error)
             implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
+            class(simulation_type), intent(inout), target :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine act_on_events
-
-        !> Evaluate the functions of all events at the current state, from which the motion goes on.
-        module subroutine renew_values(self, error)
-            implicit none (type, external)
-            class(simulation_type), intent(inout) :: self
-            type(error_type), allocatable, intent(out) :: error
-        end subroutine renew_values
 
         !> All that the run remembers, as a row of numbers: a simulation that is set up alike and takes it by `restore_state` goes
         !> on bitwise as this one does, which goes on as if nothing had been asked. Between steps; a look at another time ends.
@@ -462,7 +379,7 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine fail
 
-        !> Where a procedure of the model contradicts others, that is what an error of a step comes from: it is told first.
+        !> A procedure of the model that contradicts others is the cause of an error of a step: the message names it first.
         module subroutine explain(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -522,12 +439,12 @@ contains
                 ', must be after the current time '//to_text(self%state%t), 'choose a later one')
             return
         end if
-        ! Who takes single steps sees for himself how far they get; the limit need not be one that is ever reached.
+        ! A caller who takes single steps sees how far they get, and need not mean to reach the limit.
         self%tries = 0
         self%tries_from = self%state%t
         call self%advance(t_limit, error)
         if (allocated(error)) call self%explain(error)
-        if (.not. allocated(error) .and. self%has_to_act) call self%act_on_events(error)
+        if (.not. allocated(error) .and. self%watch%has_to_act) call self%act_on_events(error)
     end subroutine step
 
     !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
@@ -547,8 +464,7 @@ contains
                 ' must be finite and after the current time '//to_text(self%state%t), 'choose a later end')
             return
         end if
-        self%is_integrating = .true.
-        call self%start_clock()
+        call self%tally%start_clock()
         if (present(observer)) call observer%observe(self, at_start, error)
         do while (self%state%t < t_end .and. .not. allocated(error))
             call self%advance(t_end, error)
@@ -556,7 +472,7 @@ contains
                 call self%explain(error)
                 exit
             end if
-            if (self%has_to_act) then
+            if (self%watch%has_to_act) then
                 if (present(observer)) call observer%observe(self, at_event, error)
                 if (.not. allocated(error)) call self%act_on_events(error)
                 if (allocated(error)) exit
@@ -564,8 +480,7 @@ contains
             if (present(observer)) call observer%observe(self, at_step, error)
             if (self%is_stopped) exit
         end do
-        call self%book_time()
-        self%is_integrating = .false.
+        call self%tally%stop_clock()
         if (present(observer)) then
             call observer%observe(self, at_end, observer_error)
             if (allocated(observer_error) .and. .not. allocated(error)) call move_alloc(observer_error, error)
@@ -584,29 +499,21 @@ contains
         end if
     end subroutine limit_steps
 
-    !> Count time from here on, see `book_time`. `integrate` does both; whoever makes single steps may.
+    !> Count time from here on, until `stop_clock`. `integrate` does both; whoever makes single steps may.
     subroutine start_clock(self)
         class(simulation_type), intent(inout) :: self
 
-        call system_clock(self%clock_from)
-        call cpu_time(self%cpu_from)
+        call self%tally%start_clock()
     end subroutine start_clock
 
-    !> Add the time since the last call, or since the clock was started, to the tally.
-    subroutine book_time(self)
+    !> Add the time since then to the statistics.
+    subroutine stop_clock(self)
         class(simulation_type), intent(inout) :: self
-        integer(long) :: now, rate
-        real(wp) :: cpu
 
-        call system_clock(now, rate)
-        call cpu_time(cpu)
-        self%tally%cpu_seconds = self%tally%cpu_seconds + (cpu - self%cpu_from)
-        self%tally%wall_seconds = self%tally%wall_seconds + real(now - self%clock_from, wp)/real(rate, wp)
-        self%clock_from = now
-        self%cpu_from = cpu
-    end subroutine book_time
+        call self%tally%stop_clock()
+    end subroutine stop_clock
 
-    !> The constraint errors of the current state; with `factor` they must be within the tolerance.
+    !> The constraint errors of the current state, which must be within the tolerance.
     subroutine measure_errors(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error

@@ -190,15 +190,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(redundancy_type), allocatable :: redundancy
         integer, allocatable :: kept(:)
-        real(wp) :: scale(self%model%n)
         integer :: stat, i, k
 
         allocate (redundancy)
-        scale = 1.0_wp
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         associate (state => self%state, options => self%options, model => self%model)
-            call redundancy%analyse(model, scale, state%t, state%q, state%qd, options%constraint_tolerance, self%chart%counts, &
-                stat)
+            call redundancy%analyse(model, model%scales(), state%t, state%q, state%qd, options%constraint_tolerance, &
+                self%chart%counts, stat)
             if (stat == status_inconsistent_rows) then
                 k = findloc(redundancy%dropped, redundancy%failed_row, dim=1)
                 if (size(redundancy%partners(k)) == 0) then
@@ -243,7 +240,6 @@ contains
     module procedure choose_rows_anew
         type(redundancy_type) :: redundancy
         type(error_type), allocatable :: error
-        real(wp) :: scale(self%model%n)
         integer :: n
 
         if (self%is_sparse) then
@@ -252,9 +248,7 @@ contains
             if (stat == status_ok .and. self%chart%n_dropped /= n) stat = status_rank_deficient
             return
         end if
-        scale = 1.0_wp
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
-        call redundancy%choose(self%model, scale, self%state%t, self%state%q, self%chart%counts, stat)
+        call redundancy%choose(self%model, self%model%scales(), self%state%t, self%state%q, self%chart%counts, stat)
         if (stat /= status_ok) return
         if (size(redundancy%dropped) /= self%chart%n_dropped) then
             stat = status_rank_deficient
@@ -287,14 +281,11 @@ contains
         class(simulation_type), intent(inout) :: self
         integer, allocatable :: alone(:)
         logical :: together
-        real(wp) :: scale(self%model%n)
         integer :: i
 
         ! That takes dense matrices.
         if (self%model%n_nonholonomic == 0 .or. self%is_sparse) return
-        scale = 1.0_wp
-        if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
-        call find_integrable_rows(self%model, scale, self%state%t, self%state%q, self%chart%counts, alone, together)
+        call find_integrable_rows(self%model, self%model%scales(), self%state%t, self%state%q, self%chart%counts, alone, together)
         do i = 1, size(alone)
             call self%warn('the nonholonomic constraint "'//self%model%row_name(alone(i))// &
                 '" is integrable: it restricts the position, which is held only if it is given as a holonomic constraint')

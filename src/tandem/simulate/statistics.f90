@@ -66,11 +66,50 @@ module tandem_simulate_statistics
         character(len=contradiction_length) :: contradiction = ''
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
+        !> Whether that is now, and when the time that these do not have yet began.
+        logical, private :: is_timed = .false.
+        integer(long), private :: clock_from = 0
+        real(wp), private :: cpu_from = 0.0_wp
     contains
+        procedure :: start_clock
+        procedure :: book_time
+        procedure :: stop_clock
         procedure :: pack_state
     end type statistics_type
 
 contains
+
+    !> Count the time from here on.
+    subroutine start_clock(self)
+        class(statistics_type), intent(inout) :: self
+
+        self%is_timed = .true.
+        call system_clock(self%clock_from)
+        call cpu_time(self%cpu_from)
+    end subroutine start_clock
+
+    !> Add the time that has passed, if it is counted.
+    subroutine book_time(self)
+        class(statistics_type), intent(inout) :: self
+        integer(long) :: now, rate
+        real(wp) :: cpu
+
+        if (.not. self%is_timed) return
+        call system_clock(now, rate)
+        call cpu_time(cpu)
+        self%cpu_seconds = self%cpu_seconds + (cpu - self%cpu_from)
+        self%wall_seconds = self%wall_seconds + real(now - self%clock_from, wp)/real(rate, wp)
+        self%clock_from = now
+        self%cpu_from = cpu
+    end subroutine book_time
+
+    !> Count no more of it.
+    subroutine stop_clock(self)
+        class(statistics_type), intent(inout) :: self
+
+        call self%book_time()
+        self%is_timed = .false.
+    end subroutine stop_clock
 
     !> What a simulation keeps here; it takes the other figures from where they are made.
     subroutine pack_state(self, pack)
@@ -82,8 +121,7 @@ contains
         call pack%item(self%charts)
         call pack%fixed(self%charts_by)
         call pack%item(self%position_error, self%velocity_error, self%acceleration_error, self%velocity_gap, self%t_gap)
-        call pack%item(self%dense_error, self%start_moved_q, self%start_moved_qd)
-        call pack%item(self%event_evaluations)
+        call pack%item(self%start_moved_q, self%start_moved_qd)
         call pack%item(self%velocity_jump)
         call pack%item(self%contradiction)
         call pack%item(self%wall_seconds, self%cpu_seconds)

@@ -59,8 +59,7 @@ module tandem_simulate_step_control
         procedure :: begin
         procedure :: restart
         procedure :: pack_state
-        procedure, private :: round_down
-        procedure, private :: meet_barrier
+        procedure, private :: round_down, meet_barrier
     end type step_control_type
 
     !> A step changes by no more than these factors.

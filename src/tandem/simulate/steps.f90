@@ -3,15 +3,6 @@
 submodule(tandem_simulation) tandem_simulate_steps
     implicit none (type, external)
 
-    !> The statuses of a motion that is no longer determined.
-    integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
-
-    !> Steps approach a loss of rank, or of what ties a coordinate without mass, until its singular value has fallen to this part:
-    !> closer, rounding decides where they go.
-    real(wp), parameter :: least_independence = 1.0e-5_wp
-    !> A loss of rank at the very end of a step belongs to it.
-    real(wp), parameter :: hair = 1.0e-7_wp
-
     !> How a try of a controlled step may end: kept, beyond the tolerance, with a gap of the velocity, or not at all.
     integer, parameter :: is_kept = 0, misses_tolerance = 1, leaves_gap = 2, fails = 3
 
@@ -26,15 +17,17 @@ contains
 
     module procedure advance
         type(before_type) :: before
-        logical :: ends_at_breakpoint
+        real(wp) :: t
+        logical :: stands_at_breakpoint, ends_at_breakpoint
 
         call self%look_back()
         self%is_stopped = .false.
         self%stopped_by = ''
         call check_limits(self, error)
         if (allocated(error)) return
-        ! What has failed there may work now.
-        if (stands_at_breakpoint(self)) call cross_breakpoint(self, error)
+        ! The next segment may be entered now, though that has failed before.
+        call find_stop(self, self%state%t, t, stands_at_breakpoint)
+        if (stands_at_breakpoint) call cross_breakpoint(self, error)
         if (.not. allocated(error) .and. self%switching%is_on) call self%consider_exchange(error)
         if (allocated(error)) return
         before%errors = self%errors
@@ -42,20 +35,18 @@ contains
         before%gap = self%tally%velocity_gap
         before%grid_steps = self%grid_steps
         before%on_grid = self%on_grid
-        ! What a failed step leaves behind is no dense output.
-        self%has_step = .false.
+        call self%dense%forget_step()
         call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
         if (allocated(error)) return
         self%last_step = self%state%t - self%start%t
         if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
-        self%has_step = .true.
-        self%segment_of_step = self%model%segment
+        call self%dense%note_step(self%model%segment)
         ! A wrong procedure shows in steps. Looked at are those with a power of two for their number, and ones that show more.
         if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
             if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
         end if
         self%chart_is_current = .false.
-        if (allocated(self%watched)) then
+        if (self%watch%n > 0) then
             call search_step(self, t_limit, before, ends_at_breakpoint, error)
             if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
         end if
@@ -162,7 +153,7 @@ contains
             end if
         else if (allocated(error)) then
             call take_back(self, before)
-            self%has_step = .false.
+            call self%dense%forget_step()
         end if
     end subroutine search_step
 
@@ -173,23 +164,6 @@ contains
 
         has_spoilt = self%options%refresh == 'refine' .and. any(stat == [status_chart_left, status_position_diverged])
     end function has_spoilt
-
-    !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
-    !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
-    !> does not become smaller with the step is a jump of nu, and is crossed.
-    logical function has_gap(self, h)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: h
-        !> A gap below this part of the largest velocity may be rounding, which the constraints carry to the smaller ones. Steps of
-        !> less than so many spacings of the time are too short to be made shorter for it.
-        real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
-        real(wp) :: gap
-
-        gap = self%local_error%gap(self%state, self%next)
-        has_gap = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. h > shortest*spacing(abs(self%state%t))
-        if (has_gap) has_gap = gap > rounding*self%local_error%largest_velocity(self%next%qd)
-        if (has_gap) self%last_gap = gap
-    end function has_gap
 
     !> The next step of the grid, into self%next.
     subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
@@ -210,18 +184,13 @@ contains
         end if
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        stat = status_ok
-        if (self%room < 1.5_wp*h) then
-            associate (state => self%state)
-                stat = self%chart%loss_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)
-            end associate
-        end if
+        call self%lost_rank%look_within(self%chart, self%state, h, stat)
         if (stat == status_ok) then
             call self%stepper%advance(self%chart, self%state, h, self%next, stat)
             if (stat == status_ok) then
-                call check_rank(self, stat)
+                call self%lost_rank%check(self%chart, self%state, self%next, stat)
             else
-                call look_for_lost_rank(self, h, stat)
+                call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
             end if
         end if
         if (stat /= status_ok) then
@@ -313,7 +282,7 @@ contains
         !> Whether it ends at the stop, and whether it is shorter than the controller would have it.
         logical, intent(out) :: is_cut, is_short
 
-        h = min(self%control%h, 0.5_wp*self%room)
+        h = self%lost_rank%longest_step(self%control%h)
         self%next%t = stop_at
         ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
         is_cut = self%state%t + 1.01_wp*h >= stop_at
@@ -334,12 +303,13 @@ contains
         real(wp), intent(out) :: norm
         !> `is_kept`, `misses_tolerance`, `leaves_gap` or `fails`, and for the last why.
         integer, intent(out) :: outcome, stat
+        logical :: has_gap
 
         norm = 0.0_wp
         outcome = fails
         call self%stepper%advance(self%chart, self%state, h, self%next, stat)
         if (stat /= status_ok) then
-            call look_for_lost_rank(self, h, stat)
+            call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
             return
         end if
         call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
@@ -349,11 +319,11 @@ contains
             outcome = misses_tolerance
             return
         end if
-        call check_rank(self, stat)
-        if (stat == status_ok .and. turns_off(self)) stat = self%loss
+        call self%lost_rank%check(self%chart, self%state, self%next, stat)
+        if (stat == status_ok) call self%lost_rank%check_branch(self%chart, self%local_error, self%state, self%next, stat)
         if (stat /= status_ok) return
-        outcome = is_kept
-        if (has_gap(self, h)) outcome = leaves_gap
+        call self%local_error%find_gap(self%state, self%next, has_gap)
+        outcome = merge(leaves_gap, is_kept, has_gap)
     end subroutine try_step
 
     !> Make ready for a shorter try.
@@ -366,7 +336,7 @@ contains
 
         if (outcome == fails) then
             self%tally%failed = self%tally%failed + 1
-            call remember_loss(self, h, stat)
+            call self%lost_rank%remember(self%state%t, self%next%t, stat)
         else
             self%tally%rejected = self%tally%rejected + 1
         end if
@@ -388,26 +358,17 @@ contains
         !> Whether its size is the first one.
         logical, intent(out) :: is_first
         type(error_type), allocatable, intent(out) :: error
+        real(wp) :: t_loss
         integer :: loss
 
         is_first = .false.
-        self%last_gap = huge(1.0_wp)
+        call self%local_error%begin_step()
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        if (self%room < huge(1.0_wp) .and. min(self%chart%fallen, self%chart%loosened) < least_independence) then
-            ! To name the rows.
-            associate (state => self%state)
-                loss = self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
-            end associate
-            loss = merge(status_rank_deficient, status_singular_mass, self%chart%fallen < least_independence)
-            call self%fail(loss, 'at t = '//to_text(self%state%t + self%room), error)
+        call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, t_loss, loss)
+        if (loss /= status_ok) then
+            call self%fail(loss, 'at t = '//to_text(t_loss), error)
             return
-        end if
-        ! Towards a loss of rank steps must shrink, so that it cannot hide in one.
-        if (0.5_wp*self%room < self%control%h) then
-            associate (state => self%state)
-                if (self%chart%loss_ahead(state%t, state%q, state%qd, 2*self%room) == status_ok) self%room = huge(1.0_wp)
-            end associate
         end if
         is_first = .not. self%control%h > 0.0_wp
         if (.not. is_first) return
@@ -493,19 +454,14 @@ contains
         self%tries = 0
     end subroutine check_progress
 
-    !> Steps have become hopelessly short. Where C loses its rank, or what ties a coordinate without mass, within a millionth of the
-    !> run ahead, or where little of that tie is left, that is why: the errors of steps grow without bound towards it.
+    !> Steps have become hopelessly short: a loss of rank may be why.
     subroutine name_near_loss(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: near = 1.0e-6_wp
         integer :: loss
 
-        associate (state => self%state)
-            loss = self%chart%loss_ahead(state%t, state%q, state%qd, near*(state%t - self%t_start))
-            if (loss == status_ok .and. self%chart%loosened < least_independence) loss = status_singular_mass
-            if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(state%t), error)
-        end associate
+        call self%lost_rank%find_near(self%chart, self%state, self%state%t - self%t_start, loss)
+        if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(self%state%t), error)
     end subroutine name_near_loss
 
     !> The error of a step that would no longer change the time.
@@ -518,17 +474,18 @@ contains
 
         call name_near_loss(self, error)
         if (.not. allocated(error)) call name_failure()
-        ! Something was mended before a run goes on after that.
+        ! A caller who goes on after that has removed its cause.
         call self%control%begin()
         self%hindrance = status_ok
     contains
         !> The failure of the last try, or that it was too inaccurate.
         subroutine name_failure()
-            if (self%state%t <= self%loss_until .and. any(self%loss == losses)) then
-                call self%fail(self%loss, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), &
-                    error)
-            else if (reason /= status_ok) then
-                call self%fail(reason, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
+            integer :: why
+
+            why = self%lost_rank%was_met(self%state%t)
+            if (why == status_ok) why = reason
+            if (why /= status_ok) then
+                call self%fail(why, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
             else
                 call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
                     ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')

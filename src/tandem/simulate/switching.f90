@@ -6,10 +6,12 @@
 !> While steps are explicit: the implicit method would do with so few steps, by how smooth the motion was, that it costs less. Where
 !> stability limits the steps, that is so; but already before, their errors are those of what is stiff.
 !> While they are implicit: the largest eigenvalue says how long explicit steps could be, and the last steps say what implicit ones
-!> cost. Who comes back soon must wait longer for the next exchange, so that tries in vain cost a small part of a run.
+!> cost. A method that comes back soon waits longer for the next exchange, so that useless tries cost a small part of a run.
 module tandem_simulate_switching
+    use tandem_chart, only: chart_type
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
+    use tandem_status, only: status_ok
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
     private
@@ -44,7 +46,10 @@ module tandem_simulate_switching
         !> of qd.
         real(wp) :: lambda = 0.0_wp
         real(wp), private :: stretch = 0.0_wp
-        real(wp), allocatable :: direction_q(:), direction_qd(:)
+        real(wp), allocatable, private :: direction_q(:), direction_qd(:)
+        !> The coordinates' scales (n), and a state displaced along that direction.
+        real(wp), allocatable, private :: scale(:)
+        type(state_type), private :: moved
     contains
         procedure :: begin
         procedure :: is_asked
@@ -57,8 +62,7 @@ module tandem_simulate_switching
         procedure :: note_decision
         procedure :: begin_looks
         procedure :: is_certain
-        procedure :: set_direction
-        procedure :: learn_eigenvalue
+        procedure :: look_at_eigenvalue
         procedure :: first_step_at
         procedure :: note_switch
         procedure :: pack_state
@@ -84,12 +88,11 @@ contains
         cost_of_implicit = cost + matrices*2*real(n_differences, wp)
     end function cost_of_implicit
 
-    !> Begin a run with n coordinates at a time.
-    subroutine begin(self, is_on, n, t, estimate_order)
+    !> Begin a run with coordinate scales (n) at a time.
+    subroutine begin(self, is_on, scale, t, estimate_order)
         class(switching_type), intent(inout) :: self
         logical, intent(in) :: is_on
-        integer, intent(in) :: n
-        real(wp), intent(in) :: t
+        real(wp), intent(in) :: scale(:), t
         !> Of the implicit method, where there is one.
         integer, intent(in) :: estimate_order
         integer :: i
@@ -112,8 +115,10 @@ contains
         self%first_step = 0.0_wp
         if (.not. is_on) return
         ! Any direction that no symmetry of a model makes blind.
-        self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, n)]
-        self%direction_qd = [(sin(5.0_wp*real(i, wp)), i=1, n)]
+        self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, size(scale))]
+        self%direction_qd = [(sin(5.0_wp*real(i, wp)), i=1, size(scale))]
+        self%scale = scale
+        call self%moved%allocate(size(scale))
     end subroutine begin
 
     !> Whether an accepted step has come to the others since it was asked last.
@@ -206,43 +211,41 @@ contains
         self%stretch = 0.0_wp
     end subroutine begin_looks
 
-    !> A small displacement of the state along the direction, into the increments of another.
-    pure subroutine set_direction(self, state, scale, moved)
-        class(switching_type), intent(in) :: self
-        type(state_type), intent(in) :: state
-        !> Coordinate scales (n).
-        real(wp), intent(in) :: scale(:)
-        type(state_type), intent(inout) :: moved
-        real(wp), parameter :: small = 1.0e-7_wp
-
-        moved%t = state%t
-        moved%dq(:) = state%dq + small*scale*self%direction_q
-        moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, 1.0_wp)
-    end subroutine set_direction
-
-    !> Learn from the rates at the displaced state. The product of two stretches in a row is right for a pair of eigenvalues too.
-    subroutine learn_eigenvalue(self, state, scale, moved)
+    !> A step of the power iteration, from the rates at a state that is displaced a little along the direction. The product of two
+    !> stretches in a row is right for a pair of eigenvalues too.
+    subroutine look_at_eigenvalue(self, chart, state)
         class(switching_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        real(wp), intent(in) :: scale(:)
-        !> Complete.
-        type(state_type), intent(in) :: moved
+        real(wp), parameter :: small = 1.0e-7_wp
         real(wp) :: before, after, unit, stretch, largest
+        integer :: stat
 
-        ! Velocities count in units of the eigenvalue.
-        unit = 1.0_wp/max(self%lambda, 1.0_wp)
-        before = sqrt(sum(((moved%q - state%q)/scale)**2) + unit**2*sum(((moved%qd - state%qd)/scale)**2))
-        after = sqrt(sum(((moved%qd - state%qd)/scale)**2) + unit**2*sum(((moved%qdd - state%qdd)/scale)**2))
-        if (.not. (before > 0.0_wp .and. after > 0.0_wp .and. after <= huge(after))) return
-        stretch = after/before
-        if (self%stretch > 0.0_wp) self%lambda = sqrt(stretch*self%stretch)
-        self%stretch = stretch
-        self%direction_q = (moved%qd - state%qd)/scale
-        self%direction_qd = unit*(moved%qdd - state%qdd)/scale
-        largest = max(maxval(abs(self%direction_q)), maxval(abs(self%direction_qd)), tiny(1.0_wp))
-        self%direction_q = self%direction_q/largest
-        self%direction_qd = self%direction_qd/largest
-    end subroutine learn_eigenvalue
+        associate (moved => self%moved, scale => self%scale)
+            moved%t = state%t
+            moved%dq(:) = state%dq + small*scale*self%direction_q
+            moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, 1.0_wp)
+            call chart%hold()
+            call chart%restore_position(moved%t, moved%dq, moved%q, stat)
+            if (stat == status_ok) call chart%restore_velocity(moved%t, moved%q, moved%dqd, moved%qd, stat)
+            if (stat == status_ok) call chart%solve_dynamics(moved%t, moved%q, moved%qd, moved%qdd, stat)
+            call chart%release()
+            if (stat /= status_ok) return
+            ! Velocities count in units of the eigenvalue.
+            unit = 1.0_wp/max(self%lambda, 1.0_wp)
+            before = sqrt(sum(((moved%q - state%q)/scale)**2) + unit**2*sum(((moved%qd - state%qd)/scale)**2))
+            after = sqrt(sum(((moved%qd - state%qd)/scale)**2) + unit**2*sum(((moved%qdd - state%qdd)/scale)**2))
+            if (.not. (before > 0.0_wp .and. after > 0.0_wp .and. after <= huge(after))) return
+            stretch = after/before
+            if (self%stretch > 0.0_wp) self%lambda = sqrt(stretch*self%stretch)
+            self%stretch = stretch
+            self%direction_q = (moved%qd - state%qd)/scale
+            self%direction_qd = unit*(moved%qdd - state%qdd)/scale
+            largest = max(maxval(abs(self%direction_q)), maxval(abs(self%direction_qd)), tiny(1.0_wp))
+            self%direction_q = self%direction_q/largest
+            self%direction_qd = self%direction_qd/largest
+        end associate
+    end subroutine look_at_eigenvalue
 
     !> Whether there were enough implicit steps to ask for the explicit method again.
     pure logical function is_due(self, tries)

@@ -1,0 +1,95 @@
+! SPDX-License-Identifier: MIT
+!> What there is to see of a run: states at times within the last step, at any state looked at its multipliers and energies, and
+!> what all of it has cost.
+submodule(tandem_simulation) tandem_simulate_answers
+    use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
+    implicit none (type, external)
+
+contains
+
+    module procedure look_at
+        integer :: stat
+
+        call self%check_ready(error)
+        if (allocated(error)) return
+        call self%dense%look_at(t, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, self%start, &
+            self%next, self%state, self%errors, stat)
+        if (stat == status_ok) return
+        if (stat == status_invalid_option) then
+            call set_error(error, stat, 't = '//to_text(t)//' is not within the last step', &
+                'ask for times that the last step has passed')
+        else
+            call self%fail(stat, 'between steps at t = '//to_text(t), error)
+        end if
+        call self%look_back()
+    end procedure look_at
+
+    module procedure look_back
+        if (self%is_ready) call self%dense%look_back(self%state, self%errors, self%model, self%chart)
+    end procedure look_back
+
+    module procedure multipliers
+        integer :: stat
+
+        lambda = 0.0_wp
+        if (self%is_ready) call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
+    end procedure multipliers
+
+    module procedure kinetic_energy
+        energy = 0.0_wp
+        stat = status_invalid_option
+        if (.not. self%is_ready) return
+        if (associated(self%model%kinetic_energy)) then
+            self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
+            if (associated(self%model%timer)) call self%model%timer%begin_call(of_kinetic_energy)
+            call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
+            if (associated(self%model%timer)) call self%model%timer%end_call()
+        else
+            call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
+        end if
+    end procedure kinetic_energy
+
+    module procedure potential_energy
+        energy = 0.0_wp
+        stat = status_invalid_option
+        if (.not. self%is_ready) return
+        self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
+        if (associated(self%model%timer)) call self%model%timer%begin_call(of_potential_energy)
+        call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
+        if (associated(self%model%timer)) call self%model%timer%end_call()
+    end procedure potential_energy
+
+    module procedure statistics
+        statistics_ = self%tally
+        ! Where an implicit stepper has taken over, that was heeded.
+        statistics_%is_stiff = self%stiffness%is_stiff .and. self%switching%switches == 0
+        statistics_%stiff_from = self%stiffness%since
+        statistics_%stiff_steps = self%stiffness%steps
+        statistics_%dense_error = self%dense%largest_error
+        statistics_%event_evaluations = self%watch%evaluations
+        statistics_%switches = self%switching%switches
+        statistics_%implicit_steps = self%switching%count_implicit(self%tally%steps)
+        if (associated(self%model) .and. .not. self%switching%is_on) call weigh_implicit(self, statistics_)
+        if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
+        associate (local => self%local_error)
+            if (local%steps == 0) return
+            statistics_%local_error = local%largest
+            statistics_%local_error_steps = local%steps
+            ! Steps in no full window count like the others.
+            statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
+        end associate
+    end procedure statistics
+
+    !> What an implicit stepper would have cost, and whether it is worth advice: estimates are right to a factor of two.
+    subroutine weigh_implicit(self, statistics_)
+        class(simulation_type), intent(in) :: self
+        type(statistics_type), intent(inout) :: statistics_
+        real(wp), parameter :: worth = 0.5_wp
+
+        associate (s => statistics_, model => self%model)
+            s%implicit_part = self%stiffness%part_of_implicit(s%steps + s%rejected + s%failed, self%method%stages, &
+                merge(0, model%n, model%provides_derivatives == need_all_derivatives))
+            if (s%implicit_part > 0.0_wp .and. s%implicit_part < worth) s%advised = implicit_advice
+        end associate
+    end subroutine weigh_implicit
+end submodule tandem_simulate_answers

@@ -1,0 +1,413 @@
+! SPDX-License-Identifier: MIT
+!> The events that a run watches: their functions are followed from step to step, their zeros found within a step, and their actions
+!> judged. The caller gives the motion within the step as a curve: nothing here knows how a run makes steps.
+module tandem_simulate_event_watch
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use tandem_error, only: error_type, set_error, to_text
+    use tandem_kinds, only: long, wp
+    use tandem_model, only: label_length, model_type
+    use tandem_pack, only: pack_type
+    use tandem_simulate_event, only: event_type, threshold_event_type
+    use tandem_simulate_root, only: sign_of, zeros_type
+    use tandem_status, only: status_callback_failed, status_event_limit, status_not_finite
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: curve_type, event_watch_type
+
+    !> Places of the samples within the step. Those beside the ends tell an extremum at an end from one before or behind it.
+    integer, parameter :: n_samples = 7
+    real(wp), parameter :: aside = 1.0_wp/256
+    real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
+    !> Zeros are located to this part of the step; events closer than twice that are at once.
+    real(wp), parameter :: resolution = 1.0e-13_wp
+    !> Below this part of the largest |g| in the step a sample is zero.
+    real(wp), parameter :: zero = 1.0e-13_wp
+    !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
+    integer, parameter :: most_zeros = 2*n_samples
+    !> Events without an advance of time, one after the other, before they count as endless.
+    integer, parameter :: most_at_once = 100
+
+    !> The motion within a step, and the place of it that is looked at.
+    type, abstract :: curve_type
+        !> Start and end of the step (s).
+        real(wp) :: t_from = 0.0_wp, t_to = 0.0_wp
+        !> The state at the place that is looked at.
+        type(state_type), pointer :: state => null()
+    contains
+        procedure(go_to_interface), deferred :: go_to
+        procedure(multipliers_interface), deferred :: multipliers
+    end type curve_type
+
+    !> An event and what the search remembers of it.
+    type :: watched_type
+        class(event_type), pointer :: event => null()
+        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step.
+        real(wp) :: value = 0.0_wp, largest = 0.0_wp
+        integer :: sign_before = 0
+        !> Whether a zero at the current state is still to be judged: at the start of the run, or at the end of the last step.
+        logical :: is_open = .true.
+        !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
+        logical :: rests = .false.
+        integer :: direction = 0
+        !> While it rests: what rounding of the state makes of g.
+        real(wp) :: noise = 0.0_wp
+        !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
+        !> have gone on otherwise, and g before it.
+        logical :: is_due = .false., is_sent_back = .false.
+        real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
+    end type watched_type
+
+    !> Events, and what the search for their zeros remembers from step to step.
+    type :: event_watch_type
+        !> How many there are.
+        integer :: n = 0
+        !> Whether the action of one is due at the current state.
+        logical :: has_to_act = .false.
+        !> Evaluations of their functions so far.
+        integer(long) :: evaluations = 0
+        !> The zeros that the last search has found.
+        type(zeros_type) :: found
+        type(watched_type), allocatable, private :: watched(:)
+        real(wp), allocatable, private :: lambda(:)
+        !> g of each event at the samples of a step, and soon after an event.
+        real(wp), allocatable, private :: samples(:, :)
+        logical, private :: lambda_is_current = .false., values_are_stale = .true.
+        !> Events one after the other without an advance of time.
+        integer, private :: n_at_once = 0
+    contains
+        procedure :: add, name, forget_values, search, find_cut, pass, settle, renew, prepare_actions, act, judge_actions
+        procedure :: pack_state
+        procedure, private :: evaluate
+    end type event_watch_type
+
+    abstract interface
+        !> Make `state` that of a place of the step.
+        subroutine go_to_interface(self, x, error)
+            import :: curve_type, error_type, wp
+            implicit none (type, external)
+            class(curve_type), intent(inout) :: self
+            !> 0 at the start of the step, 1 at its end.
+            real(wp), intent(in) :: x
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine go_to_interface
+
+        !> The multipliers (nh + nd) at `state`.
+        subroutine multipliers_interface(self, lambda)
+            import :: curve_type, wp
+            implicit none (type, external)
+            class(curve_type), intent(inout) :: self
+            real(wp), intent(out), contiguous :: lambda(:)
+        end subroutine multipliers_interface
+    end interface
+
+    interface
+        !> Find the zeros of all events in the step that was just accepted.
+        module subroutine search(self, curve, is_last, error)
+            implicit none (type, external)
+            class(event_watch_type), intent(inout) :: self
+            class(curve_type), intent(inout) :: curve
+            !> Whether no step may follow: a zero at the end counts now.
+            logical, intent(in) :: is_last
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine search
+    end interface
+
+contains
+
+    !> Watch an event from the current state on; it must outlive this.
+    subroutine add(self, event, model)
+        class(event_watch_type), intent(inout) :: self
+        class(event_type), intent(inout), target :: event
+        class(model_type), intent(inout), target :: model
+        type(watched_type), allocatable :: longer(:)
+
+        allocate (longer(self%n + 1))
+        if (self%n > 0) longer(:self%n) = self%watched
+        self%n = self%n + 1
+        longer(self%n)%event => event
+        call move_alloc(longer, self%watched)
+        select type (event)
+        class is (threshold_event_type)
+            if (event%quantity == 'lambda') event%needs_multipliers = .true.
+            event%told_by => model
+        end select
+        if (.not. allocated(self%lambda)) allocate (self%lambda(model%n_constraints()), source=0.0_wp)
+        if (allocated(self%samples)) deallocate (self%samples)
+        allocate (self%samples(self%n, n_samples + 1), source=0.0_wp)
+        call self%found%allocate(most_zeros*self%n)
+        self%values_are_stale = .true.
+    end subroutine add
+
+    !> The name of an event.
+    pure function name(self, number)
+        class(event_watch_type), intent(in) :: self
+        integer, intent(in) :: number
+        character(len=label_length) :: name
+
+        name = self%watched(number)%event%name
+    end function name
+
+    !> The motion goes on from another state than that of the last step's end.
+    pure subroutine forget_values(self)
+        class(event_watch_type), intent(inout) :: self
+
+        self%values_are_stale = .true.
+    end subroutine forget_values
+
+    !> Where the first event that stops the run or changes the motion cuts the step, with what happens at once with it: all of them
+    !> have passed their zeros at the cut.
+    pure subroutine find_cut(self, curve, cut_at, at_once)
+        class(event_watch_type), intent(in) :: self
+        class(curve_type), intent(in) :: curve
+        !> Place of the cut, beyond the step where there is none; zeros that are this near to it are at once with it.
+        real(wp), intent(out) :: cut_at, at_once
+        integer :: k
+
+        at_once = max(2*resolution, 4*spacing(abs(curve%t_to))/(curve%t_to - curve%t_from))
+        cut_at = 2.0_wp
+        associate (zeros => self%found)
+            do k = 1, zeros%n
+                associate (event => self%watched(zeros%number(k))%event)
+                    if (.not. (event%stops .or. event%changes)) cycle
+                end associate
+                cut_at = maxval(zeros%place(k:zeros%n), zeros%place(k:zeros%n) <= zeros%place(k) + at_once)
+                return
+            end do
+        end associate
+    end subroutine find_cut
+
+    !> Let all events go on to the next step from the end of one that was searched and not cut.
+    subroutine pass(self, is_last)
+        class(event_watch_type), intent(inout) :: self
+        !> Whether a zero at the end has counted, as a crossing.
+        logical, intent(in) :: is_last
+        integer :: i, k
+
+        do i = 1, self%n
+            associate (watched => self%watched(i), value => self%samples(i, :n_samples))
+                watched%value = value(n_samples)
+                do k = 1, n_samples
+                    associate (s => sign_of(value(k), max(zero*watched%largest, watched%noise)))
+                        if (s /= 0) watched%rests = .false.
+                        if (s /= 0) watched%sign_before = s
+                        if (s == 0 .and. k == n_samples .and. is_last) watched%sign_before = -watched%sign_before
+                    end associate
+                end do
+                if (.not. watched%rests) watched%noise = 0.0_wp
+            end associate
+        end do
+    end subroutine pass
+
+    !> The step ends at events: what they ask for, and where all functions go on from.
+    subroutine settle(self, x, at_once, has_advanced, stopper, is_endless)
+        class(event_watch_type), intent(inout) :: self
+        !> Place of the cut; zeros that are this near to it are at once with it.
+        real(wp), intent(in) :: x, at_once
+        !> Whether the time has advanced until there.
+        logical, intent(in) :: has_advanced
+        !> The event that stops the run, 0 where none does.
+        integer, intent(out) :: stopper
+        !> Whether too many events have followed each other at once.
+        logical, intent(out) :: is_endless
+        integer :: i, k
+
+        stopper = 0
+        self%n_at_once = merge(0, self%n_at_once + 1, has_advanced)
+        is_endless = self%n_at_once > most_at_once
+        if (is_endless) return
+        self%watched%rests = .false.
+        self%watched%noise = 0.0_wp
+        do k = 1, self%found%n
+            if (self%found%place(k) > x) exit
+            if (self%found%place(k) < x - at_once) cycle
+            associate (watched => self%watched(self%found%number(k)))
+                watched%rests = .true.
+                watched%direction = self%found%direction(k)
+                watched%is_due = watched%event%changes
+                watched%is_sent_back = .false.
+                if (watched%is_due) self%has_to_act = .true.
+                if (watched%event%stops .and. stopper == 0) stopper = self%found%number(k)
+            end associate
+        end do
+        do i = 1, self%n
+            if (x < 1.0_wp) self%watched(i)%is_open = .false.
+            ! The sign before the cut, for those that do not happen there.
+            do k = 1, n_samples
+                if (place(k) > x) exit
+                associate (s => sign_of(self%samples(i, k), zero*self%watched(i)%largest))
+                    if (s /= 0) self%watched(i)%sign_before = s
+                end associate
+            end do
+        end do
+    end subroutine settle
+
+    !> The values of all functions at the current state, from which the motion goes on.
+    subroutine renew(self, curve, error)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(inout) :: curve
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        self%lambda_is_current = .false.
+        do i = 1, self%n
+            associate (watched => self%watched(i))
+                call self%evaluate(curve, i, watched%value, error)
+                if (allocated(error)) return
+                if (watched%rests) call measure_noise(self, curve, i, watched%noise)
+                associate (s => sign_of(watched%value, max(zero*watched%largest, watched%noise)))
+                    if (s /= 0) watched%sign_before = s
+                end associate
+            end associate
+        end do
+    end subroutine renew
+
+    !> g of one event at the current state.
+    subroutine evaluate(self, curve, number, value, error)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(inout) :: curve
+        integer, intent(in) :: number
+        real(wp), intent(out) :: value
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stat
+
+        associate (event => self%watched(number)%event, state => curve%state)
+            if (event%needs_multipliers .and. .not. self%lambda_is_current) then
+                call curve%multipliers(self%lambda)
+                self%lambda_is_current = .true.
+            end if
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            self%evaluations = self%evaluations + 1
+            if (stat == 0 .and. ieee_is_finite(value)) return
+            if (stat == 0) then
+                call set_error(error, status_not_finite, 'the function of the event "'//trim(event%name)// &
+                    '" gives a NaN or an infinity at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            else
+                call set_error(error, status_callback_failed, 'the function of the event "'//trim(event%name)// &
+                    '" returned the status '//to_text(stat)//' at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+            end if
+        end associate
+    end subroutine evaluate
+
+    !> How far rounding of time, state and multipliers may move g.
+    subroutine measure_noise(self, curve, number, noise)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(inout) :: curve
+        integer, intent(in) :: number
+        real(wp), intent(out) :: noise
+        real(wp), parameter :: eps = 4*epsilon(1.0_wp)
+        real(wp) :: up(size(curve%state%q)), value, moved
+        integer :: stat, i
+
+        noise = 0.0_wp
+        associate (event => self%watched(number)%event, state => curve%state)
+            up = [(1.0_wp + merge(-eps, eps, mod(i, 2) == 0), i=1, size(curve%state%q))]
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat == 0) call event%evaluate(state%t*(1.0_wp + eps), up*state%q, up*state%qd, (1.0_wp + eps)*self%lambda, &
+                moved, stat)
+            self%evaluations = self%evaluations + 2
+            if (stat == 0 .and. ieee_is_finite(moved - value)) noise = abs(moved - value)
+        end associate
+    end subroutine measure_noise
+
+    !> Before actions: see how far the functions of those that are due would go.
+    subroutine prepare_actions(self, curve)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(in) :: curve
+        real(wp) :: reach
+        integer :: i
+
+        do i = 1, self%n
+            if (.not. self%watched(i)%is_due) cycle
+            call measure_rate(self, curve, i, reach)
+            self%watched(i)%reach = reach
+            self%watched(i)%value_before = self%watched(i)%value
+        end do
+    end subroutine prepare_actions
+
+    !> Take the actions that are due, in the order of the events' numbers.
+    subroutine act(self, model, state, error)
+        class(event_watch_type), intent(inout) :: self
+        class(model_type), intent(inout) :: model
+        type(state_type), intent(inout) :: state
+        type(error_type), allocatable, intent(out) :: error
+        integer :: i
+
+        self%has_to_act = .false.
+        do i = 1, self%n
+            associate (watched => self%watched(i))
+                if (.not. watched%is_due) cycle
+                watched%is_due = .false.
+                watched%is_sent_back = watched%reach*watched%direction > 0.0_wp
+                call watched%event%act(model, state%t, state%q, state%qd, error)
+            end associate
+            if (allocated(error)) return
+        end do
+    end subroutine act
+
+    !> After actions: have they sent g back to where it came from, at this zero?
+    subroutine judge_actions(self, curve)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(in) :: curve
+        real(wp) :: reach_after
+        integer :: i
+
+        do i = 1, self%n
+            if (.not. self%watched(i)%is_sent_back) cycle
+            call measure_rate(self, curve, i, reach_after)
+            associate (watched => self%watched(i))
+                watched%is_sent_back = reach_after*watched%direction <= 0.0_wp .and. &
+                    abs(watched%value) <= max(1.0e-9_wp*abs(watched%reach), 4*abs(watched%value_before))
+                watched%reach = abs(watched%reach)
+                watched%judged_until = curve%state%t + (curve%t_to - curve%t_from)
+            end associate
+        end do
+    end subroutine judge_actions
+
+    !> How far g would go in a step as long as the last: a difference along the motion, the multipliers as they are.
+    subroutine measure_rate(self, curve, number, reach)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(in) :: curve
+        integer, intent(in) :: number
+        real(wp), intent(out) :: reach
+        real(wp), parameter :: part = 1.0e-3_wp
+        real(wp) :: h, value, value_ahead
+        integer :: stat
+
+        associate (event => self%watched(number)%event, state => curve%state)
+            reach = 0.0_wp
+            h = part*(curve%t_to - curve%t_from)
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat /= 0) return
+            call event%evaluate(state%t + h, state%q + h*state%qd, state%qd + h*state%qdd, self%lambda, value_ahead, stat)
+            self%evaluations = self%evaluations + 2
+            if (stat == 0 .and. ieee_is_finite(value_ahead - value)) reach = (value_ahead - value)/part
+        end associate
+    end subroutine measure_rate
+
+    !> What is remembered between steps.
+    subroutine pack_state(self, pack)
+        class(event_watch_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i
+
+        call pack%item(self%values_are_stale)
+        call pack%item(self%n_at_once)
+        call pack%item(self%lambda)
+        call pack%item(self%lambda_is_current)
+        call pack%item(self%evaluations)
+        do i = 1, self%n
+            associate (watched => self%watched(i))
+                call watched%event%pack_state(pack)
+                call pack%item(watched%value)
+                call pack%item(watched%sign_before)
+                call pack%item(watched%is_open, watched%rests)
+                call pack%item(watched%direction)
+                call pack%item(watched%noise)
+                call pack%item(watched%is_sent_back)
+                call pack%item(watched%judged_until, watched%reach)
+            end associate
+        end do
+    end subroutine pack_state
+end module tandem_simulate_event_watch

@@ -1,0 +1,231 @@
+! SPDX-License-Identifier: MIT
+!> The events of a run: what has happened in a step is recorded in the order of the times, and the step cut where an event asks for
+!> it. After an action the motion restarts: the position must be on the constraints, the velocity is brought there in the mass
+!> metric.
+submodule(tandem_simulation) tandem_simulate_events
+    use tandem_simulate_event_watch, only: curve_type
+    use tandem_status, only: status_event_limit
+    implicit none (type, external)
+
+    !> The last step of a run, by its dense output.
+    type, extends(curve_type) :: step_curve_type
+        class(simulation_type), pointer :: run => null()
+    contains
+        procedure :: go_to
+        procedure :: multipliers => multipliers_there
+    end type step_curve_type
+
+contains
+
+    module procedure add_event
+        if (.not. self%is_ready) return
+        call self%watch%add(event, self%model)
+        if (.not. allocated(self%events)) allocate (self%events(0))
+    end procedure add_event
+
+    !> On an error without a cut the step has not been searched to its end.
+    module procedure look_for_events
+        type(step_curve_type) :: curve
+        real(wp) :: cut_at, at_once
+        integer :: k
+
+        is_cut = .false.
+        call follow(self, curve)
+        call self%watch%search(curve, is_last, error)
+        if (allocated(error)) then
+            call self%look_back()
+            return
+        end if
+        call self%watch%find_cut(curve, cut_at, at_once)
+        is_cut = cut_at <= 1.0_wp
+        associate (found => self%watch%found)
+            do k = 1, found%n
+                if (found%place(k) > cut_at) exit
+                call record(self, curve, found%number(k), found%direction(k), found%place(k), error)
+                if (.not. allocated(error)) cycle
+                ! The run ends at the event that is one too many.
+                is_cut = .true.
+                call cut_step(self, found%place(k))
+                return
+            end do
+        end associate
+        if (is_cut) then
+            call begin_events(self, curve, cut_at, at_once, error)
+        else
+            call self%look_back()
+            call self%watch%pass(is_last)
+        end if
+    end procedure look_for_events
+
+    !> Give the last step of a run as a curve.
+    subroutine follow(self, curve)
+        class(simulation_type), intent(inout), target :: self
+        type(step_curve_type), intent(out) :: curve
+
+        curve%run => self
+        curve%state => self%state
+        curve%t_from = self%start%t
+        curve%t_to = self%next%t
+    end subroutine follow
+
+    subroutine go_to(self, x, error)
+        class(step_curve_type), intent(inout) :: self
+        real(wp), intent(in) :: x
+        type(error_type), allocatable, intent(out) :: error
+
+        if (x >= 1.0_wp) then
+            call self%run%look_back()
+        else
+            call self%run%look_at(self%t_from + x*(self%t_to - self%t_from), error)
+        end if
+    end subroutine go_to
+
+    subroutine multipliers_there(self, lambda)
+        class(step_curve_type), intent(inout) :: self
+        real(wp), intent(out), contiguous :: lambda(:)
+
+        call self%run%multipliers(lambda)
+    end subroutine multipliers_there
+
+    !> Keep what has happened.
+    subroutine record(self, curve, number, direction, x, error)
+        class(simulation_type), intent(inout) :: self
+        type(step_curve_type), intent(inout) :: curve
+        integer, intent(in) :: number, direction
+        real(wp), intent(in) :: x
+        type(error_type), allocatable, intent(out) :: error
+        type(event_record_type), allocatable :: longer(:)
+
+        call curve%go_to(x, error)
+        if (allocated(error)) return
+        if (self%n_events >= self%options%max_events) then
+            call set_error(error, status_event_limit, 'max_events = '//to_text(self%n_events)//' until t = '//to_text(self%state%t))
+            return
+        end if
+        if (self%n_events == size(self%events)) then
+            allocate (longer(max(16, 2*self%n_events)))
+            longer(:self%n_events) = self%events
+            call move_alloc(longer, self%events)
+        end if
+        self%n_events = self%n_events + 1
+        associate (state => self%state)
+            self%events(self%n_events) = event_record_type(number, self%watch%name(number), direction, state%t, state%q, state%qd)
+        end associate
+    end subroutine record
+
+    !> End the step at the state that is looked at. What the chart keeps stays that of the whole step, for its dense output.
+    subroutine cut_step(self, x)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: x
+
+        if (.not. x > 0.0_wp) then
+            call self%look_back()
+            call self%state%copy(self%start)
+        end if
+        call self%dense%stay(self%chart)
+        self%last_step = self%state%t - self%start%t
+        self%renewal = by_event
+    end subroutine cut_step
+
+    !> End the step at events: what they ask for, and where all functions go on from.
+    subroutine begin_events(self, curve, x, at_once, error)
+        class(simulation_type), intent(inout) :: self
+        type(step_curve_type), intent(inout) :: curve
+        !> Place of the cut; zeros that are this near to it are at once with it.
+        real(wp), intent(in) :: x, at_once
+        type(error_type), allocatable, intent(out) :: error
+        integer :: stopper
+        logical :: is_endless
+
+        call curve%go_to(x, error)
+        if (allocated(error)) return
+        call cut_step(self, x)
+        call self%watch%settle(x, at_once, self%last_step > 4*spacing(abs(self%state%t)), stopper, is_endless)
+        if (is_endless) then
+            call set_error(error, status_event_limit, 'at t = '//to_text(self%state%t))
+            return
+        end if
+        self%is_stopped = stopper > 0
+        if (self%is_stopped) self%stopped_by = self%watch%name(stopper)
+        call self%measure_errors(error)
+        if (.not. allocated(error)) call self%watch%renew(curve, error)
+    end subroutine begin_events
+
+    !> Take the actions that are due, in the order of the events' numbers, and make the motion ready to go on.
+    module procedure act_on_events
+        type(step_curve_type) :: curve
+
+        call self%dense%keep(self%state, self%errors)
+        call follow(self, curve)
+        call self%watch%prepare_actions(curve)
+        call self%watch%act(self%model, self%state, error)
+        if (.not. allocated(error)) call restart_here(self, error)
+        if (.not. allocated(error)) call self%watch%renew(curve, error)
+        if (allocated(error)) then
+            call self%dense%give_back(self%state, self%errors)
+            return
+        end if
+        call self%watch%judge_actions(curve)
+    end procedure act_on_events
+
+    !> After an action: the position must be on the constraints, the velocity is brought there, the acceleration is made anew.
+    subroutine restart_here(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: before(size(self%state%qd))
+        integer :: rows(3), stat
+
+        before = self%state%qd
+        associate (state => self%state, chart => self%chart)
+            if (.not. (all(ieee_is_finite(state%q)) .and. all(ieee_is_finite(state%qd)))) then
+                call set_error(error, status_not_finite, 'an event at t = '//to_text(state%t)//' has made the state infinite', &
+                    'see what its action computes')
+                return
+            end if
+            call self%control%restart()
+            call self%local_error%restart()
+            call self%stiffness%smoothness%restart()
+            ! Where a loss of rank was ahead before, it need not be so now.
+            call self%lost_rank%forget_ahead()
+            call chart%forget_model()
+            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            if (stat == status_ok .and. self%errors(1) > self%options%constraint_tolerance) then
+                call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &
+                    ' has moved the position off the constraint "'//self%model%row_name(rows(1))//'" by '// &
+                    to_text(self%errors(1))//' of its natural scale', 'let its action leave the position on the constraints')
+                return
+            end if
+            if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then
+                call chart%project_velocity(state%t, state%q, state%qd, stat)
+                if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+                if (stat == status_ok .and. allocated(self%model%impulses)) call find_impulses(self, before, stat)
+            end if
+            self%tally%velocity_jump = max(self%tally%velocity_jump, self%dense%jump(state%qd))
+            if (stat /= status_ok) then
+                call self%fail(stat, 'after the event at t = '//to_text(state%t), error)
+                return
+            end if
+        end associate
+        call self%measure_errors(error)
+    end subroutine restart_here
+
+    !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
+    !> the acceleration that they are asked for.
+    subroutine find_impulses(self, before, stat)
+        class(simulation_type), intent(inout) :: self
+        !> Velocities before they were brought there (n).
+        real(wp), intent(in) :: before(:)
+        integer, intent(out) :: stat
+        real(wp) :: jump(size(before)), at_rest(size(self%model%impulses))
+
+        associate (state => self%state, chart => self%chart)
+            jump = 0.0_wp
+            call chart%multipliers(state%t, state%q, state%qd, jump, at_rest, stat)
+            if (stat /= status_ok) return
+            jump = state%qd - before
+            call chart%multipliers(state%t, state%q, state%qd, jump, self%model%impulses, stat)
+            self%model%impulses = self%model%impulses - at_rest
+        end associate
+    end subroutine find_impulses
+end submodule tandem_simulate_events
